@@ -39,7 +39,7 @@ class ArmdynError(Exception):
     """Root of all errors that armdyn raises on purpose. Its message is bounded, and can be written anywhere."""
 
     def __reduce__(self) -> tuple[object, ...]:
-        """What makes it again in another process, whatever its class is made of."""
+        """Arguments with which another process makes the error again."""
         return _made_again, (type(self), self.args), vars(self)
 
     def __str__(self) -> str:

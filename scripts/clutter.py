@@ -42,32 +42,11 @@ def arm(name: str) -> ad.Robot:
     return ad.Robot.from_library(name, **ARMS[name])
 
 
-def read(path: Path) -> Any:
-    """What a YAML file says."""
-    return yaml.load(path.read_text(), yaml.CSafeLoader)
-
-
-def obstacles_of(scene: dict[str, Any]) -> tuple[ad.Box | ad.Cylinder, ...]:
-    """Boxes and cylinders of a MoveIt scene."""
-    out = []
-    for thing in scene["world"]["collision_objects"]:
-        for shape, pose in zip(thing["primitives"], thing["primitive_poses"], strict=True):
-            x, y, z, w = pose["orientation"]
-            at = pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(pose["position"]))
-            if shape["type"] == "box":
-                out.append(ad.Box(shape["dimensions"], at.homogeneous, name=thing["id"]))
-            else:
-                height, radius = shape["dimensions"]
-                along = at.rotation[:, 2] * height / 2
-                out.append(ad.Cylinder(at.translation - along, at.translation + along, radius, name=thing["id"]))
-    return tuple(out)
-
-
 def problem_of(folder: Path, name: str, k: int) -> ad.MinimumTimeProblem:
     """Problem number k of a set."""
     robot = arm(name.rsplit("_", 1)[1])
-    request = read(folder / name / f"request{k:04d}.yaml")
-    obstacles = obstacles_of(read(folder / name / f"scene{k:04d}.yaml"))
+    request = yaml.load((folder / name / f"request{k:04d}.yaml").read_text(), yaml.CSafeLoader)
+    obstacles = ad.load_scene(folder / name / f"scene{k:04d}.yaml").obstacles
     state = request["start_state"]["joint_state"]
     start = dict(zip(state["name"], state["position"], strict=True))
     goal = {one["joint_name"]: one["position"] for one in request["goal_constraints"][0]["joint_constraints"]}
@@ -111,32 +90,41 @@ class Meshes:
         self.names = [(names[i], names[j]) for i, j in self.pairs]
         for solid in solids:
             solid.geometry.computeLocalAABB()
-        self.centers = np.array([solid.geometry.aabb_center for solid in solids])
-        self.radii = np.array([solid.geometry.aabb_radius for solid in solids])
+        boxes = [solid.geometry.aabb_local for solid in solids]
+        self.middles = np.array([(np.array(box.min_) + box.max_) / 2 for box in boxes])
+        self.halves = np.array([(np.array(box.max_) - box.min_) / 2 for box in boxes])
         self.hulls = [hull_of(solid.geometry) for solid in solids]
         self.geometry = pin.GeometryData(self.model)
 
-    def place(self, q: np.ndarray) -> np.ndarray:
-        """Place the solids; lower bounds on the distances of all pairs [m], by balls around the solids."""
+    def place(self, q: np.ndarray) -> None:
+        """Place the solids."""
         pin.updateGeometryPlacements(
             self.robot.model, self.data, self.model, self.geometry, self.robot.configuration(q)
         )
-        at = np.array([place.act(center) for place, center in zip(self.geometry.oMg, self.centers, strict=True)])
+
+    def bounds(self, poses: np.ndarray) -> np.ndarray:
+        """Lower bounds on all distances [m], shape (poses, pairs): balls around first solids, boxes around second."""
+        frames = np.empty((len(poses), len(self.halves), 3, 4))
+        for here, q in zip(frames, poses, strict=True):
+            self.place(q)
+            for k, place in enumerate(self.geometry.oMg):
+                here[k, :, :3], here[k, :, 3] = place.rotation, place.translation
         first, second = np.array(self.pairs).T
-        return np.linalg.norm(at[first] - at[second], axis=1) - self.radii[first] - self.radii[second]
+        centers = np.einsum("pkij,kj->pki", frames[..., :3], self.middles) + frames[..., 3]
+        away = np.einsum("pkji,pkj->pki", frames[:, second, :, :3], centers[:, first] - centers[:, second])
+        beyond = np.maximum(np.abs(away) - self.halves[second], 0)
+        return np.linalg.norm(beyond, axis=-1) - np.linalg.norm(self.halves, axis=-1)[first]
 
     def distance(self, k: int, below: float = np.inf) -> float:
         """Distance of a pair where the solids are [m]; a lower bound if that is not below a distance."""
-        (i, j), places = self.pairs[k], self.geometry.oMg
+        (i, j), places, solids = self.pairs[k], self.geometry.oMg, self.model.geometryObjects
         out = np.inf
-        for solids in (self.hulls, [solid.geometry for solid in self.model.geometryObjects]):
-            result = coal.DistanceResult()
-            out = coal.distance(
-                solids[i], to_coal(places[i]), solids[j], to_coal(places[j]), coal.DistanceRequest(), result
-            )
-            if out >= below or solids[i] is self.model.geometryObjects[i].geometry:
+        for a, b in ((self.hulls[i], self.hulls[j]), (solids[i].geometry, solids[j].geometry)):
+            result, at = coal.DistanceResult(), (to_coal(places[i]), to_coal(places[j]))
+            out = float(coal.distance(a, at[0], b, at[1], coal.DistanceRequest(), result))
+            if out >= below:
                 break
-        return float(out)
+        return out
 
     def distances(self, q: np.ndarray, which: np.ndarray) -> np.ndarray:
         """Distances of some pairs at joint positions q [m]; infinite for the others."""
@@ -146,12 +134,15 @@ class Meshes:
     def least(self, motion: ad.Trajectory, allowed: tuple[tuple[str, str], ...]) -> float:
         """Least distance of pairs that may not touch at even times of a motion [m]."""
         least, kept = np.inf, np.array([name not in set(allowed) for name in self.names])
-        for q in motion(np.linspace(motion.t[0], motion.t[-1], SAMPLES)).q:
-            bounds = np.where(kept, self.place(q), np.inf)
-            for k in np.argsort(bounds):
-                if bounds[k] >= least:
-                    break
-                least = min(least, self.distance(int(k), least))
+        poses = motion(np.linspace(motion.t[0], motion.t[-1], SAMPLES)).q
+        bounds = np.vstack([np.where(kept, self.bounds(part), np.inf) for part in np.array_split(poses, 10)])
+        for m in np.argsort(np.min(bounds, axis=1)):
+            near = np.flatnonzero(bounds[m] < least)
+            if near.size:
+                self.place(poses[m])
+            for k in near[np.argsort(bounds[m, near])]:
+                if bounds[m, k] < least:
+                    least = min(least, self.distance(int(k), least))
         return float(least)
 
 
@@ -200,7 +191,7 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
     row |= {"bound": solution.lower_bound, "sure": clearance is not None and clearance.sure}
     if not solution.usable:
         row["why"] = solution.message
-    free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False))
+    free = ad.solve_minimum_time(problem.variant(obstacles=(), self_collision=False, allowed_contacts=()))
     row["free"] = free.duration if free.usable else None
     if solution.usable:
         model = Meshes(problem.robot, problem.obstacles, problem.collision_model().pairs)

@@ -24,6 +24,7 @@ COMMANDS = {
     "mintime-cart_pole": "mintime cart_pole --q-start 0,0 --q-goal 0,pi",
     "post": "mintime panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal 0.8,0.3,0,-1.9,0,2.2,0.785"
     " --obstacle box:0.12,0.12,0.6@0.55,0,0.3 --out results/post",
+    "bins": "mintime examples/bins.toml --out results/bins",
     "track-rr": "track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12",
     "optimality-rr": "optimality rr toppra.npz --payload 0.1006",
     "pid-rr": "pid rr --payload 0.1006 --q-start=-pi/2,pi/84 --q-goal=pi/20,-pi/84 --form torque --gains 60,100,4",
@@ -71,7 +72,7 @@ class Shot:
 
         report = page_file.name == "report.html"
         ready = "window.armdyn !== undefined" if report else "document.readyState === 'complete'"
-        with open_page(page_file, *self.size, ready=ready) as (page, _, errors):
+        with open_page(page_file, *self.size, ready=ready, drawn=True) as (page, _, errors):
             page.emulate_media(color_scheme="dark" if self.dark else "light")
             page.wait_for_timeout(300)  # pages redraw themselves in the other scheme
             if report:
@@ -86,6 +87,7 @@ SHOTS = {
     "report_dark.png": Shot("mintime-panda", 0.25, dark=True),
     "report_phone.png": Shot("mintime-ur5", 0.3, (390, 844)),
     "obstacles.png": Shot("post", 0.3, part="#pane"),
+    "bins.png": Shot("bins", 0.357, part="#pane"),
     "cart_pole.png": Shot("mintime-cart_pole", 0.6),
     "compare.png": Shot("compare-rr", 0.16),
     "paper_page.png": Shot("paper", size=(1280, 1400)),

@@ -66,7 +66,7 @@ def build_later(library: Path, compiler: str, source: str) -> None:
 
 
 def abandon() -> None:
-    """End what is being built, with the compiler."""
+    """End the build under way, and its compiler."""
     while _builders:
         builder, line = _builders.pop()
         builder.terminate()

@@ -1,4 +1,4 @@
-"""Settings of cases: which there are, what their values must be, and their units."""
+"""Settings of cases: their names, kinds and units."""
 
 from __future__ import annotations
 

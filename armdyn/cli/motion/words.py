@@ -95,7 +95,7 @@ def _way(solution: Solution) -> dict[str, str]:
     """The nearest obstacle, the via points and the goals."""
     facts = {}
     if solution.clearance is not None:
-        proof = "nothing is missed between looks" if solution.clearance.sure else "looked at 10,000 times at most"
+        proof = "proven at all times" if solution.clearance.sure else "not proven between samples"
         facts["nearest"] = f"{solution.clearance} ({proof})"
     if solution.via_times:
         facts["via points"] = "at " + ", ".join(f"{t:.4f}" for t in solution.via_times) + " s"

@@ -143,7 +143,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
 
 
 def _given(facts: Facts) -> dict[str, Any]:
-    """What a result says of a payload or a tool."""
+    """Payload or tool of a result."""
     return {name: value for name, value in facts.values.items() if value is not None}
 
 

@@ -1,1 +1,1 @@
-"""What an arm is among: its own bodies, obstacles, goals, and how far it is from them."""
+"""The scene of an arm: its bodies, obstacles and goals, and the distances between them."""

@@ -22,7 +22,7 @@ from armdyn.reprs import brief
 @brief
 @dataclass(frozen=True)
 class Scene:
-    """What stands around an arm.
+    """Obstacles around an arm, and the contacts that are allowed.
 
     Attributes:
         obstacles: in the world, each with a name of its own.

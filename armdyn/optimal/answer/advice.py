@@ -1,4 +1,4 @@
-"""What may help where an answer lacks something: one line for each thing.
+"""Advice for an answer that is not usable or not certified: one line for each shortcoming.
 
 Names in backticks are arguments of `MinimumTimeProblem` and `MinimumTimeOptions`, and options of the command line.
 """
@@ -23,7 +23,7 @@ _LITTLE = 0.1
 def advice(
     problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[ConstraintReport], arcs: bool
 ) -> dict[str, str]:
-    """What may help, by what is missing: "lands", "limits", "conditions", "extremal", "gap".
+    """Advice for each check that failed: "lands", "limits", "conditions", "extremal", "gap".
 
     A motion that is not usable is to become so first: nothing is said of its optimality. A curve with a gap cannot
     become extremal by anything that is asked: the gap says instead how far it may be from the least time.

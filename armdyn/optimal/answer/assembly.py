@@ -1,4 +1,4 @@
-"""A solution made of the optima that a solve has come to: which is the answer, and what is said of it."""
+"""A solution from the optima of a solve: choose the answer and write its message."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -65,7 +65,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
 
 
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
-    """What there is to say where no motion was found. Arguments as of `assembled`."""
+    """The solution where no motion was found. Arguments as of `assembled`."""
     attempt, worst = found.failed[0], found.failed[0].worst_violation
     ended = task.stop.cut_short and not task.stop.interrupted
     why = ended_by_time(task.options.time_limit) if ended else attempt.message
@@ -130,7 +130,7 @@ def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
-    """The same motion with what a later check says of it, in its message, too."""
+    """The same solution with another certificate, and its message."""
     before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 

@@ -1,4 +1,4 @@
-"""What comes out of a solve, converged or not."""
+"""The result of a solve, converged or not."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Solution:
     met: str = ""
 
     def __str__(self) -> str:
-        """A paragraph: duration, verdict, what decides the time, the bound."""
+        """A paragraph: duration, verdict, limits that decide the time, bound."""
         return paragraph(self)
 
     def _words(self) -> list[str]:
@@ -90,7 +90,7 @@ class Solution:
         return [called(self.problem.robot.name), found, verdict(self)]
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """A table and a picture, for notebooks."""
         return renderer().card(self)
 
     @property
@@ -125,7 +125,7 @@ class Solution:
 
     @property
     def what_to_do(self) -> tuple[str, ...]:
-        """A line for each thing that is missing, of what may help; empty if it is usable and certified."""
+        """Advice, a line for each check that failed; empty if the motion is usable and certified."""
         if self.certified and self.usable:
             return ()
         return tuple(advice(self.problem, self.certificate, self.constraint_reports, self.phases is not None).values())

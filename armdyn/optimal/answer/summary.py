@@ -1,4 +1,4 @@
-"""A solution as plain values, for what is kept of a run."""
+"""A solution as plain values, for result files."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from armdyn.optimal.proof.certificate import Certificate
 
 
 def minimum_time_summary(solution: Solution) -> dict[str, object]:
-    """A solution as JSON says it: what is not finite, or no motion's duration, is null, units as in `Solution`."""
+    """A solution as JSON values: null where a number is not finite or no motion was found; units as in `Solution`."""
     worst, certificate, near, by = (
         solution.worst_violation,
         solution.certificate,
@@ -49,13 +49,13 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
 
 
 def reserve_summary(problem: MinimumTimeProblem) -> dict[str, list[float]] | None:
-    """What is kept for feedback, parts of every joint's limits [-]; None if nothing is."""
+    """Reserves for feedback, as parts of every joint's limits [-]; None: there are none."""
     kept = problem.reserves
     return {"effort": kept.effort.tolist(), "velocity": kept.velocity.tolist()} if kept.any else None
 
 
 def _checks(certificate: Certificate) -> dict[str, object]:
-    """What was checked, by name."""
+    """Results of the checks, by name."""
     return _plain(
         certificate, "ok", "replay", "growth", "segment_error", "correction", "correction_share", "goal_error",
         "goal_velocity_error", "hamiltonian_spread", "switching_violation", "adjoint_error", "transversality", "lands",

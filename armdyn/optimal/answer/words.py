@@ -17,7 +17,7 @@ _ROUNDING = 1e-9
 
 
 def verdict(solution: Solution) -> str:
-    """What can be said for a motion's optimality, in a few words."""
+    """How near to the optimum a motion is proven to be, in a few words."""
     if not solution.usable:
         return "certified, but cannot stay at the goal" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None
@@ -94,7 +94,7 @@ def _bound(solution: Solution) -> tuple[bool | None, str]:
 
 
 def paragraph(solution: Solution) -> str:
-    """A solution for who prints it: duration, assessment, replay, what decides the time, how it was found."""
+    """A solution in words: duration, verdict, replay, limits that decide the time, how it was found."""
     robot = solution.problem.robot
     name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
     said = [assessment(solution)]
@@ -119,7 +119,7 @@ def paragraph(solution: Solution) -> str:
 
 
 def replay_words(certificate: Certificate) -> str:
-    """What the replay of a motion has shown: open loop, or by segments and under feedback."""
+    """Result of a motion's replay in words: open loop, or by segments and under feedback."""
     growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
     if certificate.replay == "open loop":
         grown = f" (growth {growth})" if growth else ""
@@ -137,7 +137,7 @@ def replay_words(certificate: Certificate) -> str:
 
 
 def _decided(solution: Solution) -> str:
-    """What decides the time, and what a change is worth; empty where that is not known."""
+    """Limits that decide the time, and the time that a change of them saves; empty where that is not known."""
     if not solution.decides or not solution.usable:
         return ""
     most = solution.decides[0]

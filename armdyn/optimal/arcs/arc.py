@@ -12,7 +12,7 @@ from armdyn.reprs import brief
 
 
 class Mode(StrEnum):
-    """What determines a joint's torque on an arc."""
+    """How a joint's torque is determined on an arc: by a limit, or freely."""
 
     UPPER = "torque upper"
     LOWER = "torque lower"
@@ -76,7 +76,7 @@ class Event:
 
 
 def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float) -> list[Arc]:
-    """Arcs of given length from the modes at the start and what changes them.
+    """Arcs of given lengths from the modes at the start and the changes between them.
 
     Args:
         first: modes at the start, one per joint.

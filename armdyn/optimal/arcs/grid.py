@@ -45,7 +45,7 @@ class Density:
 
 
 def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[NDArray[np.int_], Array]:
-    """Intervals for every arc: a few at least, the rest by what it deserves.
+    """Number of intervals of every arc: a few at least, the rest in proportion to weights.
 
     Args:
         durations: of the arcs [s].
@@ -69,7 +69,7 @@ def deal(durations: Array, intervals: int, density: Density | None, per_arc: int
 
 
 def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_density: float) -> Density:
-    """What a solution on one mesh says about the next.
+    """Density of the next mesh by the errors on the last.
 
     The error of an interval falls with some power p of its length; the same everywhere (de Boor's
     equidistribution) it is at a density of error^(1/p) / length. The error shows in the highest coefficient of a

@@ -1,4 +1,4 @@
-"""A structure of arcs as the numbers of a nonlinear program: where it starts, and bounds that say what is held."""
+"""A structure of arcs as numbers of a nonlinear program: initial guess and bounds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ class TiedArcs:
 
 @dataclass(frozen=True, eq=False)
 class PhaseAim:
-    """What phases are to come to, and what is known of them already.
+    """Goal of the phases, and durations and costates that are known already.
 
     Attributes:
         offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where the
@@ -175,7 +175,7 @@ def _line_bounds(
 
 @dataclass(frozen=True, eq=False)
 class _Narrowed:
-    """Bounds that are narrowed, in place, to what arcs say."""
+    """Bounds, narrowed in place to the modes of the arcs."""
 
     problem: MinimumTimeProblem
     layout: Layout

@@ -1,4 +1,4 @@
-"""What a multi-phase problem comes to: durations of its arcs, the motion on them, and costates."""
+"""Solution of a multi-phase problem: durations of its arcs, the motion on them, and costates."""
 
 from dataclasses import dataclass
 

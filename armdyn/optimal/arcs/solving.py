@@ -71,7 +71,7 @@ def solve_phases(
 
 
 def prepare_phases(task: Task, intervals: int) -> None:
-    """Build, if it is not there, what `solve_phases` needs for arcs without free torques."""
+    """Build the functions that `solve_phases` needs for arcs without free torques, unless they are built."""
     if not task.stop:
         _solver(task, build_nlp, intervals, near=True, iterations=task.policy.arcs.held_iterations)
 

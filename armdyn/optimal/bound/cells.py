@@ -53,7 +53,7 @@ class Cells:
         return cls(side, _positions(leg, side, v, longest), v, longest)
 
     def cut(self, leg: BoundLeg, half: float) -> Cells:
-        """Shorter sides, with what is known of the velocities there."""
+        """Shorter sides, with bounds on the velocities there."""
         new = Cells.of(leg, half, self.longest)
         old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
         first = np.searchsorted(old, begin[:-1] * (1 - _EDGE))
@@ -65,7 +65,7 @@ class Cells:
         return new.narrowed(leg, joined([*within[: new.middle], middle, *within[new.middle :]]))
 
     def narrowed(self, leg: BoundLeg, v: Interval) -> Cells:
-        """The same with what else is known of the velocities."""
+        """The same with further bounds on the velocities."""
         v = self.v.meet(v)
         return Cells(self.side, self.q.meet(_positions(leg, self.side, v, self.longest)), v, self.longest)
 

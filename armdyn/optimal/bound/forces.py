@@ -59,7 +59,7 @@ class Forces:
         return Forces(self.terms[boxes], self.v[boxes], self.limits, self.friction)
 
     def rate(self, w: Array, way: Interval | None = None, steps: Interval | None = None) -> Interval:
-        """What λᵀ v + ẇᵀ M(q) v + wᵀ (τ + e(q, v)) may be, shape (boxes, m).
+        """Enclosure of λᵀ v + ẇᵀ M(q) v + wᵀ (τ + e(q, v)), shape (boxes, m).
 
         Args:
             w: multipliers, shape (nv, m) or (boxes, nv, m).

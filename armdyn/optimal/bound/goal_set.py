@@ -64,7 +64,7 @@ class GoalSet:
 
     @cached_property
     def levers(self) -> Array:
-        """How far, roughly, each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,): what is cut first."""
+        """Rough distance that each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,)."""
         robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
         beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
         for joint in reversed(_chain(robot, self.goal)):
@@ -74,7 +74,7 @@ class GoalSet:
         return levers
 
     def times(self, boxes: Interval) -> Array:
-        """What every joint needs at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
+        """Time of every joint at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
         away = (boxes - Interval.at(self.q_start)).mignitude
         return np.maximum(down(away / self.velocity), 0.0)
 
@@ -143,7 +143,7 @@ class GoalSet:
 
 
 def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> Interval:
-    """What is left of boxes where equations hold: those without any such point are dropped.
+    """Boxes narrowed to where equations may hold; boxes without such a point are dropped.
 
     Args:
         boxes: shape (boxes, nv).

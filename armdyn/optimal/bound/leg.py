@@ -88,12 +88,12 @@ class BoundLeg:
 
     @property
     def kinematic(self) -> Array:
-        """What every joint needs at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""
+        """Time of every joint at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""
         return np.maximum(down(self.away.mignitude / self.velocity), 0.0)
 
     @property
     def shortest(self) -> float:
-        """What the velocity limits allow [s]."""
+        """Shortest duration within the velocity limits [s]."""
         return float(np.max(self.kinematic))
 
 

@@ -108,7 +108,7 @@ def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: Bou
 
 
 def _other_turns(problem: MinimumTimeProblem) -> float:
-    """What velocity limits need at least for any way round that is not among a problem's goals [s], rounded down.
+    """Least time by velocity limits to any turn of the goal that is not among a problem's goals [s], rounded down.
 
     Each joint's listed goals are a turn apart. A way that is not listed has some joint a turn further out, or is one of
     those that `ways_round` leaves off behind the last of its list.

@@ -73,7 +73,7 @@ def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Region:
-    """Some boxes that touch, and what is proven of all goals in them.
+    """Boxes that touch, and a duration bound proven for all goals in them.
 
     Attributes:
         bound: lower bound on the duration [s], and the joint that decides it.

@@ -152,7 +152,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
 
 
 def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
-    """What cells give to the nodes that they begin at, and take from those that they end at."""
+    """Flow balance at the nodes: cells add at their first node and subtract at their last."""
     none = csr_matrix((nv, blocks.shape[1]))
     return csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
 

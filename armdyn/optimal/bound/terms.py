@@ -26,7 +26,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What they are over boxes: at the centre, and how they change from there with ε, |ε_k| ≤ 1 at the box's faces.
+    """Terms over boxes: values at the centre, and slopes by ε, |ε_k| ≤ 1 at the box's faces.
 
     Attributes:
         inertia: M at ε = 0 and all of it that is not linear in ε [kg m²], shape (boxes, nv, nv).

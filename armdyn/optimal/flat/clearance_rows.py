@@ -19,7 +19,7 @@ Index = NDArray[np.int_]
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Distances near one curve: `distances + jacobian @ step`, each with what is asked of it.
+    """Distances near one curve, linearised: `spare + jacobian @ step` is not to be negative.
 
     Attributes:
         spare: distances less those that are asked [m], shape (rows,).

@@ -179,7 +179,7 @@ def _add_rates(
 
 
 def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
-    """Limits of how fast torques change: leg by leg, where legs meet, and from and to what holds the arm."""
+    """Limits of torque rates: within legs, where legs meet, and from and to the holding torques."""
     problem = task.problem
     rates = torque_rates(task, spec.constraints)
     if rates is None:
@@ -226,7 +226,7 @@ def _fix_ends(
 
 
 def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
-    """Whether acceleration is zero where the arm is at rest: jerks are limited, or torques begin with what holds it."""
+    """Whether acceleration is zero at rest: jerks are limited, or torques begin at the holding torques."""
     if problem.jerk_limit is not None or not problem.continuous_torque:
         return problem.jerk_limit is not None
     hold = problem.robot.holding_torque(q)

@@ -103,7 +103,7 @@ def solve_among_obstacles(
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
-    """Build, if it is not there, what `solve_curve` needs from a guess, and from what comes out.
+    """Build the functions that `solve_curve` needs, cold and warm, unless they are built.
 
     Args and raises: as of `solve_curve`.
     """

@@ -70,7 +70,7 @@ def _corrected(task: Task, pieces: Pieces, replay: Trajectory) -> Pieces:
 
 
 def _smallest(rows: Array, target: Array, bounds: tuple[Array, Array], rank: float) -> Array:
-    """The least-norm y of rows y = target; what leaves its bounds is held on them and the rest solved again."""
+    """The least-norm y of rows y = target within bounds, by holding components that leave them."""
     lower, upper = bounds
     free, y = np.ones(lower.size, dtype=bool), np.zeros(lower.size)
     while True:

@@ -29,7 +29,7 @@ def can_be_slowed(problem: MinimumTimeProblem) -> bool:
 
 
 def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
-    """Whether what a motion exceeds is mended by slowing it down, at little cost.
+    """Whether slowing a motion down a little makes it keep its limits.
 
     Args:
         problem: of the motion.

@@ -28,7 +28,7 @@ _MOST_WHEN_LATE = 30_000
 def replay_torques(
     robot: Robot, trajectory: Trajectory, rtol: float = RTOL, stop: Callable[[], bool] | None = None
 ) -> Trajectory:
-    """What the arm does when it starts like a trajectory and is given its torques, open loop.
+    """Motion of the arm under a trajectory's torques from its first state, open loop.
 
     Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew wherever the torque has a corner or a jump.
 
@@ -122,7 +122,7 @@ def dense(motion: Trajectory, samples: int) -> Trajectory:
 
 
 def under_linear_torque(robot: Robot) -> Callable[[Array, Array, Array], Array]:
-    """What `replay_torques` makes of two samples: (t, x, tau) ↦ the state at the second, shape (2 nv,).
+    """One sample of `replay_torques`: (t, x, tau) of two samples ↦ the state at the second, shape (2 nv,).
 
     t are their times [s], shape (2,); x is the state (q, v) at the first, shape (2 nv,); tau their torques, shape
     (2, nv). Where the states leave what numbers can hold, they are not finite.

@@ -24,7 +24,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
 
 
 def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ...]:
-    """What a problem asks along the way: by its keywords, and as `path_constraints`."""
+    """Path constraints of a problem: those of its keywords, and its `path_constraints`."""
     by_keyword = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
     found = [constraint for constraint in by_keyword if constraint is not None]
     for constraint in problem.path_constraints:

@@ -68,7 +68,7 @@ class StageRows:
 
 @dataclass(frozen=True, eq=False)
 class RowValues:
-    """What rows are to be.
+    """Numbers of rows and their bounds.
 
     Attributes:
         lower: least values, of all rows in all intervals: shape (intervals, rows), or what broadcasts to it.

@@ -97,7 +97,7 @@ class TightenedConstraints:
         return replace(self, path_constraints=tuple(constraint.tightened(problem, kept) for constraint, kept in pairs))
 
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
-        """Aimed beside via points and goal by what the replay misses them by."""
+        """Aimed beside via points and goal by the replay's misses."""
         return replace(self, aim=self.aim.corrected(problem, replay, passing))
 
     def on_finer_mesh(self) -> Self:

@@ -1,4 +1,4 @@
-"""Where to aim instead of via points and goal: beside them, by what a replay missed them by."""
+"""Points to aim at instead of via points and goal, corrected by the misses of a replay."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -25,7 +25,7 @@ class Aim:
     end_velocity: Array | float = 0.0
 
     def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
-        """Aim further by what a replay misses via points and goal by.
+        """Correct the aim by a replay's misses at via points and goal.
 
         Args:
             problem: its poses.

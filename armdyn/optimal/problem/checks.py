@@ -1,4 +1,4 @@
-"""What a problem is refused for, and warned of."""
+"""Checks of a problem: errors and warnings."""
 
 import warnings
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
 
 
 def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:
-    """Refuse an arm of which nothing moves, and what needs a motor at every joint."""
+    """Refuse an arm without motors, and options that need a motor at every joint."""
     if np.all(limits.passive):
         raise ProblemError(
             f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs "
@@ -136,7 +136,7 @@ def contacts(pairs: object, what: str, robot: Robot, obstacles: Sequence[Obstacl
 
 
 def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec, ...]:
-    """The conditions; refuse what is none."""
+    """The path constraints as a tuple; refuse anything else."""
     found = []
     for i, constraint in enumerate(several(path_constraints, "path_constraints")):
         if isinstance(constraint, type) or not isinstance(constraint, PathConstraintSpec):

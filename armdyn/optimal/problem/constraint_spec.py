@@ -1,4 +1,4 @@
-"""What a problem knows of the constraints that it is given: no more than this."""
+"""Path constraints as a problem sees them."""
 
 from typing import Protocol, Self, runtime_checkable
 

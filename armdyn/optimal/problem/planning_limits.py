@@ -1,4 +1,4 @@
-"""The limits that a motion is planned with: the robot's or those given, less what is kept for feedback."""
+"""The limits that a motion is planned with: the robot's or those given, less the reserves for feedback."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -43,7 +43,7 @@ class Reserve:
         return bool(np.any(self.effort) or np.any(self.velocity))
 
     def left(self, limits: JointLimits, joints: Sequence[str]) -> JointLimits:
-        """What of the limits is left to the motion: (1 - r) of torques and velocities.
+        """Limits less the reserves r: (1 - r) of torques and velocities.
 
         Raises:
             ProblemError: a joint's torque limits are both above zero, or both below, and nothing nearer to zero lies
@@ -67,7 +67,7 @@ class Reserve:
 
 
 def kept_words(part: float, left: float, unit: str) -> str:
-    """What is kept of a limit, as the end of what a message says of it; empty if nothing is.
+    """The reserve of a limit as the end of a message about it; empty if there is none.
 
     Args:
         part: that is kept [-].

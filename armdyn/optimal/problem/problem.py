@@ -1,4 +1,4 @@
-"""What is to be solved: from one pose to another within limits, as fast as can be."""
+"""A minimum-time problem: from one pose to another within limits, as fast as possible."""
 
 from __future__ import annotations
 
@@ -161,17 +161,17 @@ class MinimumTimeProblem:
         return [called(self.robot.name), *ends] + ([f"with {asked[2:]}"] if asked else [])
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table and a picture."""
+        """A table and a picture, for notebooks."""
         return renderer().card(self)
 
     @property
     def reserves(self) -> Reserve:
-        """What is kept for feedback."""
+        """Parts of the limits that are kept for feedback."""
         return Reserve(np.asarray(self.reserve), np.asarray(self.velocity_reserve))
 
     @property
     def path_constraint_names(self) -> tuple[str, ...]:
-        """Names of what is asked besides the limits; only the collocation's mesh knows it, not its arcs."""
+        """Names of the path constraints; the mesh and curves keep them, arcs do not."""
         asked = {
             "obstacles": bool(self.obstacles),
             "self-collision": self.self_collision,
@@ -313,7 +313,7 @@ class MinimumTimeProblem:
             object.__setattr__(self, name, array)
 
     def _resolve_course(self) -> None:
-        """Check what is asked along the way, and keep it as tuples and arrays."""
+        """Check via points, obstacles and path constraints, and keep them as tuples and arrays."""
         via = [pose_given(self.robot, q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
         for i, q in enumerate(via):
             check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]", self.reserves.velocity)

@@ -1,4 +1,4 @@
-"""How a solve ended, and what was worst about it."""
+"""How a solve ended, and its worst violation."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -36,7 +36,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """What is worst violated, in scaled numbers (1 is as large as a limit or a whole motion).
+    """The worst violation, scaled (1 is as large as a limit or a whole motion).
 
     Attributes:
         constraint: what it is: "position defect", "velocity defect", "dynamics", "torque limit", "jerk limit", …

@@ -168,7 +168,7 @@ def _pattern(sparsity: ca.Sparsity) -> tuple[Index, Index]:
 
 
 def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
-    """The sparse matrix of nonzeros, each in its row and column; what falls on the same place is added."""
+    """The sparse matrix of nonzeros, each in its row and column; entries of the same place are added."""
     rows, cols = rows.ravel(order="F"), cols.ravel(order="F")
     places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # column by column, as CasADi stores
     sparsity = ca.Sparsity.triplet(*shape, (places % shape[0]).tolist(), (places // shape[0]).tolist())

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _ScaledStages:
-    """One interval: unknowns y = (knot, inner, next knot), parameters p, and what follows from them at its stages."""
+    """One interval: unknowns y = (knot, inner, next knot), parameters p, states and torques at its stages."""
 
     y: ca.SX
     p: ca.SX
@@ -102,7 +102,7 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """One interval in SI units, a column for every stage: what path constraints are written in.
+    """One interval in SI units, a column for every stage, for path constraints.
 
     Attributes:
         y: its unknowns.
@@ -136,7 +136,7 @@ class Stages:
 
 
 class IntervalView(Protocol):
-    """An interval of some program, as path constraints see it; equal ones share what is made of them.
+    """An interval of some program, as path constraints see it; equal ones share their functions.
 
     Attributes:
         compile: its derivatives as machine code, see `compiled`.

@@ -1,4 +1,4 @@
-"""Where in the unknowns, equations and parameters of a program what stands, by name: the only place that counts.
+"""Indices of a program's unknowns, equations and parameters, by name; no other module counts them.
 
 The unknowns stand in the order of time, and the final time is copied to every knot:
 
@@ -88,7 +88,7 @@ class EquationFields:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where in the program of an arm of `nv` joints what stands."""
+    """Indices into the program of an arm of `nv` joints."""
 
     nv: int
     scheme: Scheme
@@ -152,7 +152,7 @@ class Layout:
         return knots, blocks[:, self.knot.size :]
 
     def joined(self, knots: Array, inner: Array) -> Array:
-        """All unknowns of their blocks: what `split` takes apart."""
+        """All unknowns from their blocks: the inverse of `split`."""
         return np.concatenate([np.concatenate([knots[:-1], inner], axis=1).ravel(), knots[-1]])
 
     def intervals(self, N: int) -> Index:
@@ -184,7 +184,7 @@ class Layout:
         return self.inners(N)[:, self.inner.torques].reshape(N, -1, self.nv)
 
     def equation(self, row: int) -> tuple[str, int]:
-        """What an interval's equation says, and of which joint; the last, of times, counts as a position."""
+        """Kind and joint of an interval's equation; the last, of times, counts as a position."""
         if row < self.equations.defects.start:
             return "equation of motion", row % self.nv
         row = (row - self.equations.defects.start) % (2 * self.nv)
@@ -239,7 +239,7 @@ class CondensedLayout:
 
 @dataclass(frozen=True)
 class Parameters:
-    """What an interval's equations depend on beside the unknowns: numbers, or symbols for them.
+    """Parameters of an interval's equations: numbers, or symbols for them.
 
     Attributes:
         fraction: of the interval, of the whole duration.

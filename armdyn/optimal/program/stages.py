@@ -88,7 +88,7 @@ class StageFunctions:
 
 
 def _shared(columns: list[ca.SX]) -> list[ca.SX]:
-    """The same columns; what they have in common is computed once."""
+    """The same columns, with common subexpressions computed once."""
     ends = np.cumsum([0] + [column.numel() for column in columns]).tolist()
     return list(ca.vertsplit(ca.cse(ca.vertcat(*columns)), ends))
 
@@ -118,7 +118,7 @@ class _Acceleration:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """What `second_order` says of a point of the interval, in symbols.
+    """A point of the interval in symbols, with its derivatives to second order.
 
     Attributes:
         a: the acceleration.

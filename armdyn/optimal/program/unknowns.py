@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scales:
-    """What is one in the scaled problem.
+    """Units of the scaled problem.
 
     Attributes:
         time: [s].

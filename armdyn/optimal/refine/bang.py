@@ -131,7 +131,7 @@ def _resolvable(task: Task) -> bool:
 
 
 def _read(task: Task, attempt: Attempt, left: float) -> tuple[Optimum, float]:
-    """What a mesh's solution comes to within a budget of integrator steps, and what is left of it."""
+    """The extremal that a mesh's solution leads to within a budget of integrator steps, and the budget's rest."""
     motion = attempt.trajectory
     if _resolvable(task):
         budget = Budget(task.stop, left)
@@ -153,7 +153,7 @@ def _enough(task: Task, step: _Reached) -> bool:
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:
-    """The best of the meshes; or what there is."""
+    """The best optimum of the meshes, or the last attempt where none converged."""
     problem, best = task.problem, step.best
     if best is None:
         motion, (message, violation) = step.guess.trajectory, step.resisted

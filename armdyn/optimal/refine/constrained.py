@@ -64,7 +64,7 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """What is asked of the next mesh: how many intervals it has, what is demanded, and the duration to settle on."""
+    """Specification of the next mesh: number of intervals, tightened constraints, duration to settle on."""
 
     intervals: int
     constraints: TightenedConstraints
@@ -103,7 +103,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
-    """What to ask of the next mesh; None: nothing, it is well, or no mesh mends it."""
+    """Specification of the next mesh; None: the last is good, or no mesh mends it."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
     finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
@@ -133,7 +133,7 @@ def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
 
 
 def _replayed(task: Task, attempt: Attempt) -> Trajectory:
-    """The replay, with samples so near each other that what is read between them is what the arm does."""
+    """The replay, sampled so densely that interpolation between samples is exact enough for the checks."""
     return replay_of(task, dense(attempt.trajectory, task.policy.refinement.slow_samples))
 
 

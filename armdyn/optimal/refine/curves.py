@@ -37,7 +37,7 @@ _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
-    """The fastest curves, replayed: as far as the first that lands and keeps what is asked.
+    """The fastest curves, replayed, as far as the first that lands and keeps the path constraints.
 
     Args:
         task: any problem.
@@ -132,7 +132,7 @@ def _trouble(task: Task, refined: RefinedCurve) -> bool:
 
 
 def _guesses(task: Task, count: int) -> list[Curve]:
-    """What is started from: the straight way, the options' guesses, then ways through random poses.
+    """Initial guesses: the straight way, the options' guesses, then ways through random poses.
 
     Args:
         task: any problem.

@@ -53,7 +53,7 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
-    """Aim an extremal beside the goal, by what its torques as lines do not say, until its replay is on it; certify it.
+    """Aim an extremal beside the goal until the replay of its sampled torques ends there; certify it.
 
     Args:
         task: what is solved.
@@ -85,7 +85,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
 
 
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
-    """On finer meshes while H strays; with the replay, and what went wrong."""
+    """Solve on finer meshes while the Hamiltonian strays; the replay, and the reason of a failure."""
     numbers = task.policy.refinement
     finest = max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs))
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:

@@ -69,7 +69,7 @@ class Optimum:
 
     @property
     def error(self) -> float:
-        """What is worst about it: of the goal [rad or m], or of a limit, as a part of it."""
+        """The worst error: distance from the goal [rad or m], or excess over a limit as a part of it."""
         return max(self.certificate.goal_error, self.certificate.limit_violation)
 
     @property

@@ -103,13 +103,13 @@ def _at_speed(task: Task, *motions: Trajectory) -> bool:
 
 
 def _rank(optimum: Optimum) -> tuple[bool, float]:
-    """Sorts: those that land within their limits by duration, then the others by what is worst about them."""
+    """Sort key: optima that land within their limits by duration, then the others by their worst error."""
     good = optimum.error <= max(GOAL_TOLERANCE, LIMIT_TOLERANCE)
     return not good, optimum.trajectory.duration if good else optimum.error
 
 
 def prepare_resolving(task: Task) -> None:
-    """Build, if it is not there, what `resolve` is most likely to need."""
+    """Build the functions that `resolve` most likely needs, unless they are built."""
     if has_switching(task):
         prepare_switching(task)
         return
@@ -216,7 +216,7 @@ class _Structures:
 
 
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
-    """The extremal that a structure comes to when it is mended, or what is nearest to one."""
+    """The extremal that a structure leads to when it is mended, or the nearest attempt."""
     shooting = shooting_problem(task, attempt.trajectory.duration)
     best, least = RefinedExtremal(None, np.inf, ""), (np.inf, np.inf)
     structures = _Structures(task, attempt, shooting)

@@ -105,7 +105,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
-    """What there is to say where none of the attempts has led to an optimum, the most telling first."""
+    """Reports of attempts that led to no optimum, the most telling first."""
     told = [*resisted, *attempts]
     if task.stop:
         told.insert(0, replace(told[0], status=task.stop.status, message=task.stop.word))
@@ -120,7 +120,7 @@ def _failed(task: Task, phases: Unresolved) -> Attempt:
 
 
 def _no_optimum(phases: Phases, stray: float) -> Attempt:
-    """What converged, but on no mesh becomes an optimum."""
+    """Report of an attempt that converged, but on no mesh becomes an optimum."""
     size = phases.arc_of.size
     message = f"what converged on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
     return Attempt(Status.FAILED, message, phases.torques, size, phases.iterations, None)
@@ -140,7 +140,7 @@ def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
 
 @dataclass(frozen=True, eq=False)
 class _Lead:
-    """What may come to an optimum.
+    """An attempt that may lead to an optimum.
 
     Attributes:
         promise: J [s], as low as it may yet be; 0: nothing is known of it.
@@ -209,7 +209,7 @@ class _Settling:
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:
-        """Another structure, or a finer mesh; where neither converges, or is to be had, what is rough is let go."""
+        """Try another structure, or a finer mesh; where neither converges, give the attempt up."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
         if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):

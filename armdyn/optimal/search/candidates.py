@@ -23,7 +23,7 @@ from armdyn.parallel import in_processes
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a search has come to.
+    """Result of a search.
 
     Attributes:
         attempts: the best optima, best first; none: the search found no motion.
@@ -96,7 +96,7 @@ def _searched(
     extra_jobs: Sequence[Job] = (),
     known: Sequence[Attempt] = (),
 ) -> list[Attempt]:
-    """Attempts from guesses through random poses, and from changes of what these have led to, and of what is known.
+    """Attempts from guesses through random poses, and from changes of their optima and of known ones.
 
     Many guesses are several lineages, each of as many as a search has by default: one alone forgets what is not among
     its best.
@@ -117,7 +117,7 @@ def _searched(
 
 
 def _extra_jobs(task: Task) -> list[Job]:
-    """What is solved on the fine mesh at once: the options' guesses."""
+    """Guesses that are solved on the fine mesh at once: those of the options."""
     intervals, settings = task.options.intervals, task.fine()
     jobs: list[Job] = []
     for guess in task.options.guesses:

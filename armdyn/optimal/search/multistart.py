@@ -17,7 +17,7 @@ Job = Callable[[], Attempt]
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """What guesses are solved on in turn: what one hides another may show.
+    """Meshes and solvers that guesses are solved with in turn.
 
     Attributes:
         meshes: intervals of each; guesses take turns on them.

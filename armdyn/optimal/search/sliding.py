@@ -38,7 +38,7 @@ def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
 
 
 def _time(away: Array, speed: Array, numbers: GoalPolicy) -> float:
-    """What the slowest joint needs [s], and a little of what all need, which tells ties apart."""
+    """Time of the slowest joint [s], plus a small part of all joints' times, which breaks ties."""
     return float(np.max(np.abs(away) / speed) + numbers.others * np.sum(np.abs(away) / speed))
 
 

@@ -31,7 +31,7 @@ def via_guesses(
     wide: tuple[float, float] = (1.0, 0.0),
     policy: SearchPolicy | None = None,
 ) -> list[list[Array]]:
-    """What `spline` makes guesses of: first the straight way, then ways through random poses.
+    """Poses for `spline`'s guesses: first the straight way, then ways through random poses.
 
     Args:
         problem: what is to be solved.
@@ -79,7 +79,7 @@ def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
 
 @cache
 def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
-    """What poses weigh in a path's samples, in their slopes and in their curvatures, each of shape (samples, poses).
+    """Weights of poses in a path's samples, slopes and curvatures, each of shape (samples, poses).
 
     Between poses the path is of fifth degree; it has no curvature in them, at the ends no slope.
     """

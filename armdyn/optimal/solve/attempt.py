@@ -1,4 +1,4 @@
-"""What comes of one guess on one mesh."""
+"""Result of one guess on one mesh."""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Attempt:
-    """What IPOPT, or the stagewise method in its words, made of one guess on one mesh.
+    """Result of IPOPT, or of the stagewise method, from one guess on one mesh.
 
     Attributes:
         status: how it ended.
@@ -40,7 +40,7 @@ class Attempt:
 
     @classmethod
     def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
-        """A guess that was not solved, because of what has stopped all."""
+        """A guess that was not solved, because the solve was stopped before."""
         return cls(stop.status, stop.word, guess, intervals, 0, None)
 
     @property

@@ -53,7 +53,7 @@ def solve_quickly(
 
 
 def has_stagewise(task: Task) -> bool:
-    """Whether the stagewise method solves the task's programs, whatever the mesh: IPOPT would build one for each."""
+    """Whether the stagewise method solves the task's programs: it needs none of its own for each mesh."""
     return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
 
 
@@ -71,7 +71,7 @@ def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: Solver
 
 
 def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> None:
-    """Build, if it is not there, what `solve_quickly` is likely to need."""
+    """Build the functions that `solve_quickly` likely needs, unless they are built."""
     if task.stop:
         return
     if condensable(task):

@@ -121,7 +121,7 @@ def _fix_legs(
 
 
 def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
-    """Build, if it is not there and there is time, what `solve_on_mesh` needs."""
+    """Build the functions that `solve_on_mesh` needs, if there is time and they are not built."""
     if task.stop:
         return
     with suppress(LateError):

@@ -28,7 +28,7 @@ class Monitor(ca.Callback):
             self._stop = None
 
     def get_n_in(self) -> int:
-        """What nlpsol puts out goes in."""
+        """The outputs of nlpsol are its inputs."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:

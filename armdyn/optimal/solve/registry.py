@@ -29,7 +29,7 @@ def solver_for(task: Task, settings: SolverSettings, build: Callable[..., P], *a
 
 
 def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
-    """What a function of the task's scheme builds: by the deadline, in machine code only where there is time for that.
+    """Call a builder with the task's scheme: by the deadline, compiled only where there is time for that.
 
     Args:
         task: whose scheme and deadline they are.

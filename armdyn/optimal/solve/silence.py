@@ -1,4 +1,4 @@
-"""What a solver says of itself, kept from the terminal: CasADi warns through Python's streams, and has no option."""
+"""Keep a solver's output from the terminal: CasADi warns through Python's streams, and has no option."""
 
 import sys
 import threading

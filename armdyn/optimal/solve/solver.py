@@ -1,4 +1,4 @@
-"""Solvers of nonlinear programs: what they take and return.
+"""Solvers of nonlinear programs: their inputs and results.
 
 minimise f(x, p) subject to lower ≤ x ≤ upper and lower ≤ g(x, p) ≤ upper.
 """

@@ -1,4 +1,4 @@
-"""An extremal as phases: its motion and costates at the stages of intervals, with what limits of the state pull."""
+"""An extremal as phases: motion, costates and state limits' multipliers at the stages of intervals."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -210,7 +210,7 @@ class _At:
 
 
 def _carried(rollout: Rollout, step: NDArray[np.int_], part: Array) -> tuple[Array, Array, Array]:
-    """States within steps, what they answer to the steps' starts, and ẋ there."""
+    """States within steps, their sensitivities to the steps' starts, and ẋ there."""
     first, last = rollout.torques.tau
     some = np.pad(step, (0, -step.size % STEPS), mode="edge")
     s = np.pad(part, (0, -step.size % STEPS))

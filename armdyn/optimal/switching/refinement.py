@@ -22,7 +22,7 @@ from armdyn.optimal.task.task import Task
 
 @dataclass(frozen=True, eq=False)
 class RefinedExtremal:
-    """What a structure has come to.
+    """Result of refining a structure.
 
     Attributes:
         extremal: the best; at the worst a motion that lands within its limits; None: there was none.
@@ -56,12 +56,12 @@ def has_switching(task: Task) -> bool:
 
 
 def shooting_problem(task: Task, duration: float) -> ShootingProblem:
-    """What a task's structures, of about so long a duration [s], are integrated by."""
+    """Integrator of a task's structures of about so long a duration [s]."""
     return ShootingProblem.of(task, _flow(task), duration)
 
 
 def prepare_switching(task: Task) -> None:
-    """Build, if it is not there, what structures are integrated by: before a fork, so that every worker has it."""
+    """Build the integrator of structures, unless it is built: before a fork, so that every worker has it."""
     if not task.stop:
         _flow(task)
 
@@ -131,7 +131,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
 def _tried(
     shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
-    """What a structure leads to, within a part of the budget where others wait; and whether it was given up."""
+    """The extremal that a structure leads to within a part of the budget, and whether it was given up."""
     if not waiting or not isinstance(stop, Budget):
         found = fastest(shooting, structure, stop)
         return found, bool(stop)
@@ -156,7 +156,7 @@ class _Others:
         self._seen, self._instead = dict[StructureKey, float](), list[SwitchingStructure]()
 
     def add(self, structures: list[SwitchingStructure], reason: object = None) -> None:
-        """Structures, the likeliest first, which is tried next; the reason is what is tried before it."""
+        """Add structures to be tried next, the likeliest first, with the reason to try them."""
         self.left = [each for each in self.left if each[0] not in structures]
         self.left += [(structure, None) for structure in reversed(structures[1:])]
         self.left += [(structure, reason) for structure in structures[:1]]
@@ -201,7 +201,7 @@ class _Others:
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
-    """Whether time does not determine what some joint does for more than half of the motion.
+    """Whether the duration leaves some joint's motion open for more than half of the time.
 
     Such a joint is better moved gently than from limit to limit.
 

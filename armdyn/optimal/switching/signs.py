@@ -1,4 +1,4 @@
-"""What an extremal lacks to be Pontryagin's: torques on the wrong limit, limits overlooked, touches not wanted."""
+"""Violations of Pontryagin's conditions: torques on the wrong limit, missed limits, contacts of the wrong sign."""
 
 from dataclasses import dataclass
 

@@ -182,7 +182,7 @@ def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end:
 
 
 def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int) -> SingularControl:
-    """What comes nearest to a joint's torque between two times [s], with some freedom more.
+    """The polynomial nearest to a joint's torque between two times [s].
 
     Args:
         extremal: its torques.

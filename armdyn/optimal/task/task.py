@@ -82,7 +82,7 @@ class Task:
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:
-        """The same about another problem, with what was changed of the policy."""
+        """The task of another problem, with the same changes of the policy."""
         policy = self.policy.about(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
         return replace(self, problem=problem, dynamics=dynamics, scheme=policy.scheme(self.options), policy=policy)
@@ -102,7 +102,7 @@ class Task:
         return self.options.coarse_intervals or self.policy.search.meshes
 
     def coarse(self) -> list[SolverSettings]:
-        """What IPOPT needs for the search; guesses take turns on these."""
+        """Settings of IPOPT for the search; guesses take turns on them."""
         numbers = self.policy.program
         return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
 

@@ -89,12 +89,12 @@ const armdynScene = (pane, data, options) => {
     for (const end of [a, b]) add(new THREE.SphereGeometry(.006 * data.reach, 16, 12), end);
     const rod = add(new THREE.CylinderGeometry(.003 * data.reach, .003 * data.reach, Math.max(a.distanceTo(b), 1e-6), 8), a.clone().lerp(b, .5));
     if (a.distanceTo(b) > 1e-6) rod.quaternion.setFromUnitVectors(new Vector3(0, 1, 0), b.clone().sub(a).normalize());
-    const canvas = Object.assign(document.createElement("canvas"), { width: 256, height: 64 }), pen = canvas.getContext("2d");
+    const canvas = Object.assign(document.createElement("canvas"), { width: 384, height: 64 }), pen = canvas.getContext("2d");
     Object.assign(pen, { font: "600 40px system-ui, sans-serif", textAlign: "center", lineWidth: 8, strokeStyle: "#fff", fillStyle: "#b01020" });
-    pen.strokeText(mark.label, 128, 46);
-    pen.fillText(mark.label, 128, 46);
+    pen.strokeText(mark.label, 192, 46);
+    pen.fillText(mark.label, 192, 46);
     const label = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false, transparent: true }));
-    label.scale.set(.16 * data.reach, .04 * data.reach, 1);
+    label.scale.set(.24 * data.reach, .04 * data.reach, 1);
     label.position.copy(a.clone().lerp(b, .5)).add(new Vector3(0, 0, .035 * data.reach));
     label.renderOrder = 10;
     group.add(label);

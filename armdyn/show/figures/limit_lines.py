@@ -12,7 +12,7 @@ from armdyn.show.figures.style import INK, SOFT, color
 
 @dataclass(frozen=True)
 class Panel:
-    """Axes, what they show in which unit, and the joints drawn there."""
+    """Axes, their quantity and unit, and the joints drawn there."""
 
     axes: Axes
     quantity: str

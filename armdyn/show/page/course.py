@@ -61,7 +61,7 @@ def until(motion: Trajectory, end: float | None) -> Trajectory:
 
 
 def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
-    """All curves at common times from 0 on, with limits, what limit each joint is on, and switching instants.
+    """All curves at common times from 0 on, with limits, each joint's active limit, and switching instants.
 
     Args:
         moves: one or more, of the same joints.

@@ -106,7 +106,8 @@ def mark_of(clearance: Facts, always: bool = False) -> dict[str, Any] | None:
     ends = [Facts({"end": end}).numbers("end") for end in points] if isinstance(points, list | tuple) else []
     if distance is None or len(ends) != 2 or any(len(end) != 3 or None in end for end in ends):
         return None
-    return {"time": None if always else clearance.number("time"), "points": ends, "label": f"{1e3 * distance:.1f} mm"}
+    label = f"{abs(1e3 * distance):.1f} mm{' inside' if distance < 0 else ''}"
+    return {"time": None if always else clearance.number("time"), "points": ends, "label": label}
 
 
 def _red(shape: VisualShape) -> VisualShape:

@@ -134,7 +134,7 @@ def course_section(facts: Facts) -> Section | None:
     near = facts.part("clearance")
     if (distance := near.number("distance")) is not None:
         between = f"{near.text('body')} and {near.text('other')}, {distance:.4f} m at {seconds(near.number('time'))}"
-        rows.append(("nearest", between + ("" if near.true("sure") else " (looked at 10,000 times at most)")))
+        rows.append(("nearest", between + ("" if near.true("sure") else " (not proven between samples)")))
     if via := [x for x in facts.numbers("via_times") if x is not None]:
         rows.append(("via points", "at " + ", ".join(f"{t:.4f}" for t in via) + " s"))
     for kept, what in (("effort", "of torque limits"), ("velocity", "of velocity limits")):

@@ -73,7 +73,7 @@ class StudyTask(Protocol):
 def result_of(
     task: StudyTask, settings: Mapping[str, Value], guess: bytes, revisit: bool = False
 ) -> tuple[CaseResult, float]:
-    """Do one case, and turn whatever is raised into a result; with the time that it took [s]."""
+    """Do one case; its result, also for an error, and its time [s]."""
     began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:  # thousands of cases would flood the terminal
         warnings.simplefilter("always", ArmdynWarning)

@@ -22,7 +22,7 @@ Indices = NDArray[np.intp]
 
 
 class Enclosure(Protocol):
-    """What a Function is evaluated in: arrays whose first axis are places."""
+    """An arithmetic for evaluating a Function: its numbers are arrays, whose first axis counts boxes."""
 
     @property
     def parts(self) -> tuple[Array, ...]:

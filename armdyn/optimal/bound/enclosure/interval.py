@@ -189,7 +189,7 @@ def up(x: Array) -> Array:
 
 
 def rounding(terms: int, sizes: Array) -> Array:
-    """What a sum of terms, products perhaps, errs by at most, the sum of their sizes given; with room to spare.
+    """Upper bound on the rounding error of a sum of products, from the sum of their sizes.
 
     Four times γ: that sum and what is done with the result are rounded, too.
     """

@@ -71,7 +71,7 @@ class PartialLimit(PathConstraint):
     part: float = field(default=1.0, kw_only=True)
 
     def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
-        """Ask for less by what the replay exceeds the limit by; for more again where it stays below."""
+        """Lower the limit by the replay's excess; raise it again where the replay stays below."""
         spare = self.policy.rate_spare if kept.reasons else 0.0
         part = (1 - spare) * self.part / max(float(kept.share or 1), 1e-6)
         fitting = float(np.clip(part, self.policy.least_part, 1))

@@ -80,7 +80,7 @@ class TorqueRateLimit(PathConstraint):
         )
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        """One either way; nothing beside what holds the arm."""
+        """Bounds of ±1, and none where the holding torque itself is out of reach."""
         ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
@@ -112,7 +112,7 @@ class TorqueRateLimit(PathConstraint):
         return ConstraintReport(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
-        """What holds the arm in a state [N m or N], and how far from it each torque may be: 0, or inf if it is free."""
+        """Holding torques in a state [N m or N], and how far from them each torque may be: 0, or inf if it is free."""
         robot, limits, n = problem.robot, problem.limits, problem.robot.nv
         hold = robot.holding_torque(x[:n])
         able = limits.actuators.allows(hold, x[:n], x[n:])

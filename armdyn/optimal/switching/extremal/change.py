@@ -23,7 +23,7 @@ class Carrier:
 
 @dataclass(frozen=True)
 class Change:
-    """What happens at one time.
+    """A change of one joint's mode at one time.
 
     Attributes:
         joint: its number.

@@ -71,7 +71,7 @@ class Flow:
     rate: ca.Function
 
     def rolled_out(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
-        """Any multiple of `STEPS` steps, as many at a time: what `rollout` gives, a row for each step.
+        """`rollout` for any multiple of `STEPS` steps, a row for each step.
 
         Args:
             own: states that steps begin with, shape (steps, 2 nv).
@@ -89,14 +89,14 @@ class Flow:
         return ends, state_transition, torque_sensitivities.reshape(-1, 2, size).transpose(0, 2, 1), rates
 
     def switchings(self, *columns: Array) -> Array:
-        """S of any multiple of 2 `STEPS` rows of what `switching` takes, likewise."""
+        """`switching` for any multiple of 2 `STEPS` rows."""
         starts = range(0, len(columns[0]), 2 * STEPS)
         parts = [_called(self.switching, *(each[first : first + 2 * STEPS] for each in columns)) for first in starts]
         return np.concatenate([part for (part,) in parts])
 
 
 def _called(function: ca.Function, *rows: Array) -> list[Array]:
-    """What a Function of dense matrices gives, rows for columns, without a copy that is not needed."""
+    """Result of a Function of dense matrices, transposed, without needless copies."""
     buffer, evaluate = function.buffer()
     given = [np.ascontiguousarray(each, float) for each in rows]
     found = [np.empty(function.size_out(i)[::-1]) for i in range(function.n_out())]
@@ -171,7 +171,7 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
 
     def accelerated(torque: ca.SX) -> ca.SX:
-        """Accelerations by a torque and by what the carrying joint adds to it."""
+        """Accelerations by a torque and by the reaction of the joint that carries it."""
         alone = _solved(inertia, free * torque)
         return alone - by_carrier * ca.dot(lifted, alone) / reach
 

@@ -24,7 +24,7 @@ def landed(
     in_one: bool = False,
     tied: bool = False,
 ) -> LinearizedRollout | None:
-    """A motion that ends in the goal and keeps what is held, by the least change; None: none is near.
+    """The nearest motion that ends in the goal and keeps its held limits; None: none is near.
 
     Args:
         shooting: the shooting problem.
@@ -58,7 +58,7 @@ def landed(
 
 
 def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
-    """What closes gaps and misses, to first order, and leaves a part of every segment; and how much of it may be.
+    """The first-order correction of gaps and misses, and the part of it that leaves every segment some length.
 
     The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
     millionfold, and a least change of the times alone would throw it about.

@@ -1,4 +1,4 @@
-"""A rollout to first and to second order: what closes it, and the duration on the manifold of motions that it is on."""
+"""A rollout to first and second order: its closing correction, and the duration on the manifold of closed motions."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class LinearizedRollout:
-    """A rollout to first order: the states that close its gaps, and what is asked of it, by its times.
+    """A rollout to first order: corrections that close its gaps, and its conditions, by its times.
 
     Attributes:
         rollout: what is linearised.
@@ -68,7 +68,7 @@ class LinearizedRollout:
 
     @cached_property
     def planes(self) -> "Planes":
-        """What must not become negative."""
+        """Quantities that must not become negative."""
         structure, lengths, (slack, by_room) = (
             self.rollout.structure,
             lengths_of(self.rollout.structure),
@@ -88,7 +88,7 @@ class LinearizedRollout:
 
     @cached_property
     def _response(self) -> tuple[float, Array, Array]:
-        """Slope of the duration along the tangents beside what planes hold back; multipliers; those of tight planes."""
+        """Slope of the duration along the tangents less the active planes' part; all multipliers; the planes' own."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
@@ -98,7 +98,7 @@ class LinearizedRollout:
 
     @property
     def gradient_norm(self) -> float:
-        """Of the duration along the tangents, beside what free torques on limits and empty segments hold back."""
+        """Norm of the duration's gradient along the tangents, less the part of active limits and empty segments."""
         return self._response[0]
 
     @property

@@ -138,7 +138,7 @@ class Rollout:
 
     @property
     def finite(self) -> bool:
-        """Whether no number has left what numbers can hold."""
+        """Whether all numbers are finite."""
         return bool(np.all(np.isfinite(self.end)) and np.all(np.isfinite(self.state_transition)))
 
     @cached_property
@@ -153,7 +153,7 @@ class Rollout:
 
     @cached_property
     def held_states(self) -> list[tuple[int, int, float]]:
-        """What limits of the state ask for: number of the change, place in (q, v), and the value there."""
+        """Conditions of state limits: number of the change, place in (q, v), and the value there."""
         n, limits = self.shooting.problem.robot.nv, self.shooting.problem.limits
         out: list[tuple[int, int, float]] = []
         modes = self.structure.modes()
@@ -195,7 +195,7 @@ class Rollout:
 
     @cached_property
     def unit(self) -> Array:
-        """What counts as one in (q, v): a radian, and the largest speed, shape (2 nv,)."""
+        """Units of (q, v): a radian, and the largest speed, shape (2 nv,)."""
         n = self.shooting.problem.robot.nv
         return np.repeat([1.0, max(1e-3, float(np.max(np.abs(self.end[:, n:]))))], n)
 
@@ -251,7 +251,7 @@ class Rollout:
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
-        """What free torques are from both limits [`torque_unit`], and by the unknowns, (rows, width)."""
+        """Distances of free torques from both limits [`torque_unit`], and slopes by the unknowns, (rows, width)."""
         return self.torques.slack(self.shooting.problem.limits, self.shooting.torque_unit)
 
     def perturbed(self, by: Array, states: Array) -> Self:

@@ -1,4 +1,4 @@
-"""The singular control of a free torque: a polynomial over its segment, and what other joints' limits add to it.
+"""The singular control of a free torque: a polynomial over its segment plus terms of other joints' limits.
 
 Where time leaves a torque free, S̈ = 0 says what it is: a function of the state, the costate and the other torques,
 smooth but where one of these jumps.
@@ -57,7 +57,7 @@ class SingularControl:
         return type(self)((*self.smooth, *more), tuple(sorted(leaps.items())))
 
     def terms(self, s: Array, signs: Array) -> Array:
-        """What each coefficient multiplies, shape (samples, size).
+        """Basis functions of the coefficients, shape (samples, size).
 
         Args:
             s: from 0 at the segment's begin to 1 at its end, shape (samples,).

@@ -90,7 +90,7 @@ class _Overlooked:
         return [k for k in structure.within(self.begin, self.end) if structure.changes[k].is_of(self.joint)]
 
     def after(self, structure: SwitchingStructure) -> Change:
-        """The change to what the joint is in when that time is over."""
+        """The change to the joint's mode at the end of that time."""
         before = (structure.changes[k] for k in structure.within(-np.inf, self.end))
         own = [change for change in before if change.is_of(self.joint)]
         return own[-1] if own else Change(self.joint, structure.first[self.joint])
@@ -115,7 +115,7 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
 
 
 def _mode_after(structure: SwitchingStructure, joint: int, time: float) -> Mode:
-    """What a joint is in at a time [s]."""
+    """Mode of a joint at a time [s]."""
     return structure.modes()[int(np.searchsorted(structure.times, time, side="right"))][joint]
 
 

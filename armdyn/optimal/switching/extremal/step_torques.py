@@ -1,4 +1,4 @@
-"""What moves a rollout: torques at the ends of its steps, and how free ones answer to the unknowns."""
+"""Torques of a rollout: at the ends of its steps, with the free ones' slopes by the unknowns."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -83,7 +83,7 @@ class Torques:
         return [self.free_mask * (number == k + 1) for k in range(max(1, int(np.max(number))))]
 
     def slack(self, limits: JointLimits, unit: Array) -> tuple[Array, Array]:
-        """What free torques are from both limits, and by the unknowns, shape (rows, width).
+        """Distances of free torques from both limits, and slopes by the unknowns, shape (rows, width).
 
         Args:
             limits: of the torques.

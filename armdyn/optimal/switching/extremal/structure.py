@@ -172,7 +172,7 @@ class SwitchingStructure:
         ]
 
     def swapped(self, k: int, after: int) -> Self:
-        """With two changes, and what lies between them, at one time, and the two in the other order."""
+        """The structure with two changes at one time, in the other order."""
         order = [*range(k), after, *range(k + 1, after), k, *range(after + 1, self.size)]
         times = self.times.copy()
         times[k : after + 1] = np.mean(times[k : after + 1])
@@ -207,7 +207,7 @@ class SwitchingStructure:
         return replace(self, changes=changes, times=np.array(times, float), states=np.array(states))
 
     def without(self, segments: Iterable[Segment]) -> Self:
-        """Without segments whose length has gone to nothing: what changes there, changes at once."""
+        """The structure without segments of no length: their changes happen at once."""
         first, gone, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
             if segment.begin in gone or segment.end in gone:

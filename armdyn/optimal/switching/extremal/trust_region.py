@@ -23,7 +23,7 @@ _CHANGES = 4
 
 @dataclass(frozen=True, eq=False)
 class QuadraticForm:
-    """What is made small: slope·y + yᵀ bend y / 2.
+    """The objective slope·y + yᵀ bend y / 2.
 
     Attributes:
         gradient: shape (k,).

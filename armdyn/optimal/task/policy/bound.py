@@ -1,4 +1,4 @@
-"""Tuned numbers of the lower bound. The bound holds whatever they are; they decide how tight it is, and its seconds."""
+"""Tuned numbers of the lower bound. The bound holds for any of them; they decide its tightness and its seconds."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -10,7 +10,7 @@ from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramPolicy:
-    """How a motion becomes a nonlinear program, and what IPOPT is told of it."""
+    """How a motion becomes a nonlinear program, and IPOPT's options."""
 
     cases: ClassVar = "by definition"
 
@@ -48,7 +48,7 @@ class ProgramPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchPolicy:
-    """How many guesses, of what, and which of their optima go on."""
+    """How many guesses are made and how, and which of their optima are refined."""
 
     cases: ClassVar = PLANAR
 

@@ -87,7 +87,7 @@ class ContactPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SingularPolicy:
-    """Where a singular control takes the place of bang arcs, and what it is at first."""
+    """Where a singular control takes the place of bang arcs, and its first guess."""
 
     cases: ClassVar = PAIRS
 

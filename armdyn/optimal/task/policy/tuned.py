@@ -1,4 +1,4 @@
-"""A tuned number: its value, its unit, why it is what it is, and the cases that it was chosen on."""
+"""A tuned number: its value, unit, reason, and the cases that it was chosen on."""
 
 from collections.abc import Iterator
 from dataclasses import field, fields, is_dataclass
