@@ -70,6 +70,8 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
         (["--obstacle", "sphere:0.05@0,0,-0.2"], "inside"),
         (["--goal-pose", "tip:9,0,0"], "cannot reach"),
         (["--goal-pose", "9,0,0"], "FRAME:X,Y,Z"),
+        (["--goal-pose", "tip:0.3,0,0.1,0,0,0,1", "--goal-free", "up"], "--goal-free or --goal-tolerance: free is"),
+        (["--goal-free", "rz"], "belong to --goal-pose"),
         (["--via", "1"], "via"),
     ):
         done = run_here("mintime", "rr", *wrong, cwd=tmp_path)

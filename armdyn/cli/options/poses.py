@@ -121,7 +121,10 @@ class GoalOptions:
         if goal is not None:
             free = tuple(part.strip() for part in self.goal_free.split(",")) if self.goal_free else ()
             within = numbers(self.goal_tolerance, "--goal-tolerance") if self.goal_tolerance else ()
-            goal = replace(goal, free=free, tolerance=tuple(within))
+            try:
+                goal = replace(goal, free=free, tolerance=tuple(within))
+            except ProblemError as error:
+                raise ProblemError(f"--goal-free or --goal-tolerance: {error}") from error
         return {
             "q_start": self.poses.start(robot, name, "minimum_time"),
             "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,

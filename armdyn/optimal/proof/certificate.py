@@ -203,13 +203,15 @@ class Certificate:
 
     @property
     def _against_pontryagin(self) -> tuple[str, ...]:
-        return _beyond(
+        apart = self.transversality or 0.0
+        unchecked = ("whether another joint position of the goal is faster is not checked",) if apart == np.inf else ()
+        return unchecked + _beyond(
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
             ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
             (
                 "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",
-                self.transversality or 0.0,
+                0.0 if unchecked else apart,
                 TRANSVERSALITY_TOLERANCE,
             ),
         )

@@ -37,10 +37,17 @@ def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array,
         goal: where a frame is to be; None: the goal is a point.
         q: joint positions at the goal [rad or m], shape (nv,).
         phases: of the motion there, with costates; None: they are not known.
+
+    Returns:
+        inf where it is not known, as in a region with tolerances; None: no other joint position is near.
     """
-    if goal is None or not free_directions(problem.robot, goal, q).size:
+    if goal is None:
         return None
-    if phases is None or any(goal.tolerance):  # multipliers of a tolerance's bounds are not checked
+    if any(goal.tolerance):  # multipliers of its bounds are not checked
+        return float("inf")
+    if not free_directions(problem.robot, goal, q).size:
+        return None
+    if phases is None:
         return float("inf")
     way = np.linalg.norm(q - problem.poses[-2])
     return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)

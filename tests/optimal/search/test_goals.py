@@ -60,6 +60,19 @@ def test_a_curve_chooses_its_end_within_a_region(region):
         np.testing.assert_allclose(motion.q[-1], q, atol=1e-6)
 
 
+def test_arcs_to_a_region_are_usable_and_not_called_extremal():
+    robot = paper_arm("rr")
+    at = placement(robot, np.array([0.2, 0.5]))
+    goals = [ad.GoalPose(robot.tip, at.translation, tolerance=(size, 0, size, 0, 0, 0)) for size in (0.0, 0.01)]
+    exact, near = (
+        ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[-1.0, 0.3], goal_pose=goal)) for goal in goals
+    )
+    assert exact.certified and near.usable and not near.certificate.extremal
+    assert "whether another joint position of the goal is faster is not checked" in near.message
+    off = placement(robot, near.problem.x_goal[:2]).translation - at.translation
+    assert np.all(np.abs(off) <= [0.01 + 1e-8, 1e-8, 0.01 + 1e-8]) and near.duration < exact.duration
+
+
 @pytest.mark.slow
 def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     robot = ad.Robot.from_library("ur5")
