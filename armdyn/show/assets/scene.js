@@ -204,6 +204,8 @@ const armdynScene = (pane, data, options) => {
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },
+    // The camera's place [m].
+    camera: () => viewer.scene.worldToLocal(viewer.camera.position.clone()).toArray(),
     // A frame's place [m] in the scene that is drawn; null where there is none of that name.
     linkPosition(name, k = 0) {
       const point = tip.get(name);
