@@ -26,7 +26,7 @@ import casadi as ca
 from armdyn.codegen.background import build_later
 from armdyn.codegen.cache import cache_directory, private_folder, protected
 from armdyn.codegen.compiler import FLAGS, CompilerError, built
-from armdyn.codegen.deadline import NoTimeError, left
+from armdyn.codegen.deadline import NoTimeError, left, part_of_time
 from armdyn.errors import ArmdynWarning
 from armdyn.files import read_sealed, write_sealed
 
@@ -178,9 +178,10 @@ def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = F
         if later:
             build_later(library, recipe.compiler, recipe.source)
         return None
-    if recipe.instructions * _EACH > left() / 2:  # half of the time is for the solve
-        raise NoTimeError
-    data = built(recipe.source, recipe.compiler, folder)
+    with part_of_time(0.5):  # the other half is for the solve
+        if recipe.instructions * _EACH > left():
+            raise NoTimeError
+        data = built(recipe.source, recipe.compiler, folder)
     try:
         fast = recipe.load(data, folder)
     except RuntimeError as error:

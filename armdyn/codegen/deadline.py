@@ -28,6 +28,16 @@ def until(deadline: float, stopped: Callable[[], bool] = lambda: False) -> Itera
         _stopped.reset(tokens[1])
 
 
+@contextmanager
+def part_of_time(part: float) -> Iterator[None]:
+    """Context in which only so much of the time that is left may be spent."""
+    token = _deadline.set(time.perf_counter() + part * left())
+    try:
+        yield
+    finally:
+        _deadline.reset(token)
+
+
 def left() -> float:
     """Time left [s]; 0 once stopped, infinite without a deadline."""
     return 0.0 if _stopped.get()() else _deadline.get() - time.perf_counter()

@@ -16,7 +16,7 @@ import pytest
 
 from armdyn.codegen.cache import protected
 from armdyn.codegen.compiled import compiled
-from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.codegen.deadline import NoTimeError, left, until
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
@@ -303,8 +303,10 @@ def test_a_compiler_that_takes_too_long_is_left(own_cache, monkeypatch, tmp_path
     slow.chmod(0o755)
     monkeypatch.setenv("CC", str(slow))
     monkeypatch.setattr("armdyn.codegen.compiled._EACH", 0.0)
-    with until(time.perf_counter() + 0.2), pytest.raises(NoTimeError):
-        compiled([function()], True)
+    with until(time.perf_counter() + 4.0):
+        with pytest.raises(NoTimeError):
+            compiled([function()], True)
+        assert left() > 0.5  # of the half that is kept for the solve without machine code
     assert not any(own_cache.iterdir())
 
 
