@@ -25,6 +25,7 @@ COMMANDS = {
     "post": "mintime panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal 0.8,0.3,0,-1.9,0,2.2,0.785"
     " --obstacle box:0.12,0.12,0.6@0.55,0,0.3 --out results/post",
     "bins": "mintime examples/bins.toml --out results/bins",
+    "shelf": "mintime examples/shelf.toml --out results/shelf",
     "track-rr": "track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12",
     "optimality-rr": "optimality rr toppra.npz --payload 0.1006",
     "pid-rr": "pid rr --payload 0.1006 --q-start=-pi/2,pi/84 --q-goal=pi/20,-pi/84 --form torque --gains 60,100,4",
@@ -88,6 +89,7 @@ SHOTS = {
     "report_phone.png": Shot("mintime-ur5", 0.3, (390, 844)),
     "obstacles.png": Shot("post", 0.3, part="#pane"),
     "bins.png": Shot("bins", 0.357, part="#pane"),
+    "shelf.png": Shot("shelf", 1.331, part="#pane"),
     "cart_pole.png": Shot("mintime-cart_pole", 0.6),
     "compare.png": Shot("compare-rr", 0.16),
     "paper_page.png": Shot("paper", size=(1280, 1400)),

@@ -169,5 +169,6 @@
     get cursors() { return curves.cursors; },
     get seen() { return curves.seen; },
     linkPosition: (name, k = 0) => scene && scene.linkPosition(name, k),
+    get camera() { return scene && scene.camera(); },
   };
 })();

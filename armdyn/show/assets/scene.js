@@ -148,7 +148,18 @@ const armdynScene = (pane, data, options) => {
     node.castShadow = !(options.overlay && k) && !!node.parent && /^(shape|obstacle)/.test(node.parent.name);
   }));
 
-  const look = new Vector3(...(data.planar ? (lanes > 1 ? [-.34, -1, .3] : [-.16, -1, .16]) : [1.25, -1, .55])).normalize();
+  const drawn = v => new Vector3(v.x, v.z, -v.y);  // three.js has y up
+  // From where the fewest obstacles hide the tip's way.
+  const hidden = look => {
+    const solids = [], ray = new THREE.Raycaster();
+    viewer.scene.updateMatrixWorld(true);
+    object(root(0)).traverse(node => { if (node.isMesh && node.parent && /^obstacle/.test(node.parent.name)) solids.push(node); });
+    return places.flat().filter((_, k) => k % 8 === 1)
+      .filter(p => { ray.set(drawn(p), drawn(look)); return ray.intersectObjects(solids).length; }).length;
+  };
+  const looks = (data.planar ? [lanes > 1 ? [-.34, -1, .3] : [-.16, -1, .16]]
+    : [[1.25, -1, .55], [1.25, 1, .55], [-1.25, -1, .55], [-1.25, 1, .55]]).map(v => new Vector3(...v).normalize());
+  const hides = looks.map(hidden), look = looks[hides.indexOf(Math.min(...hides))];
   function fit() {
     viewer.set_3d_pane_size();
     const all = places.flat(), right = new Vector3(-look.y, look.x, 0).normalize(), up = look.clone().cross(right);
@@ -163,9 +174,8 @@ const armdynScene = (pane, data, options) => {
       (Math.abs(off.dot(up)) + pad) / (cover.high * high), (Math.abs(off.dot(right)) + pad) / (cover.wide * wide))));
     middle.addScaledVector(up, -cover.up * away * high);
     middle.addScaledVector(right, -cover.right * away * wide);
-    const drawn = v => [v.x, v.z, -v.y];  // three.js has y up
-    viewer.controls.target.set(...drawn(middle));
-    viewer.camera.position.set(...drawn(middle.addScaledVector(look, away)));
+    viewer.controls.target.copy(drawn(middle));
+    viewer.camera.position.copy(drawn(middle.addScaledVector(look, away)));
     viewer.controls.update();
     viewer.set_dirty();
   }
@@ -194,6 +204,8 @@ const armdynScene = (pane, data, options) => {
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },
+    // The camera's place [m].
+    camera: () => viewer.scene.worldToLocal(viewer.camera.position.clone()).toArray(),
     // A frame's place [m] in the scene that is drawn; null where there is none of that name.
     linkPosition(name, k = 0) {
       const point = tip.get(name);

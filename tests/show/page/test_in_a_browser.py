@@ -6,9 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from armdyn.models.scene.obstacles import Box
 from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject, report_html, report_of
+from oracles import robot_named
 from show.browser import left_the_page, open_page, screenshot, wait_until
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import judged
@@ -46,6 +48,17 @@ def agree(page, time, pixels):
     np.testing.assert_allclose(page.evaluate("armdyn.cursors"), time, atol=pixels)
     assert float(page.locator("#scrubber").input_value()) == pytest.approx(time / duration, abs=pixels / duration)
     assert float(page.locator("#clock").inner_text().split()[0]) == pytest.approx(time, abs=pixels + 1e-4)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_camera_is_where_a_wall_does_not_hide_the_arm(tmp_path, side):
+    robot = robot_named("panda")
+    motion = quintic(robot, np.zeros(7), np.array([1.0, 0.5, 0, -1.5, 0, 2, 0]), 1.0, "swing")
+    wall = Box((3, 0.02, 3), (0, 0.9 * side, 1.5), name="wall")
+    path = tmp_path / "report.html"
+    path.write_text(report_html(report_of(Subject.of(robot, [wall]), [ShownMotion("swing", motion, Facts())], "panda")))
+    with open_page(path, drawn=True) as (page, _, errors):
+        assert side * page.evaluate("armdyn.camera")[1] < 0 and not errors
 
 
 @pytest.mark.parametrize("size", [{}, PHONE])
