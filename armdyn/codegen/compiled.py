@@ -47,7 +47,7 @@ _EACH = 2e-4
 def compiled(
     functions: Sequence[ca.Function], compile_mode: bool | None = None, later: bool = False
 ) -> list[ca.Function]:
-    """The same functions in machine code; they evaluate, and cannot be differentiated.
+    """Functions in machine code, which can be evaluated but not differentiated.
 
     Args:
         functions: without free variables, with different names.

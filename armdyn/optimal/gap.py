@@ -68,7 +68,7 @@ class MotionCheck:
         return said if self.growth > OPEN_LOOP_GROWTH else ""
 
     def facts(self) -> dict[str, object]:
-        """As JSON says it; of a replay that diverges null."""
+        """The check as JSON values; null for a replay that diverges."""
         return {
             "feasible": self.feasible,
             "worst_violation": None if self.worst_violation is None else str(self.worst_violation),
@@ -129,12 +129,12 @@ class TimeOptimality(MotionCheck):
 
     @property
     def duration(self) -> float:
-        """Of the motion [s]."""
+        """Duration of the motion [s]."""
         return self.trajectory.duration
 
     @property
     def optimal_duration(self) -> float:
-        """Of the optimum [s]; NaN if the solver did not land on one."""
+        """Duration of the optimum [s]; NaN if the solver found none."""
         return self.solution.duration if self.solution.success else float("nan")
 
     @property
@@ -148,7 +148,7 @@ class TimeOptimality(MotionCheck):
         return self.duration - self.optimal_duration
 
     def __str__(self) -> str:
-        """A few lines for people."""
+        """The comparison in a few lines: durations, gap, limits."""
         if self.solution.success:
             word = "certified" if self.solution.certified else "not certified"
             head = f"{self.duration:.4f} s, {self.ratio:.3f} of the optimum of {self.optimal_duration:.4f} s ({word})"

@@ -140,7 +140,7 @@ def _extend(tree: Tree, target: Array, is_free: IsFree, options: PlannerOptions,
 
 
 def length(path: Array) -> float:
-    """Of a path, shape (m, n), by the largest component of every segment."""
+    """Length of a path, shape (m, n), by the largest component of every segment."""
     return float(np.sum(np.max(np.abs(np.diff(path, axis=0)), axis=1)))
 
 

@@ -55,7 +55,7 @@ class SuccessRate:
     high: float
 
     def __str__(self) -> str:
-        """In words."""
+        """The rate and its confidence interval in words."""
         return (
             f"{self.settled} of {self.count} ({100 * self.rate:.4g} %; 95 % interval {100 * self.low:.4g} to "
             f"{100 * self.high:.4g} %)"

@@ -66,7 +66,7 @@ class Written:
     seconds: float
 
     def with_files(self, more: Sequence[Path]) -> Self:
-        """The same with more files."""
+        """The results with more files."""
         return replace(self, files=[*self.files, *more])
 
     @property

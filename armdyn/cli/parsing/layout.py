@@ -98,7 +98,7 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
 
 
 def _told(param: Any) -> RenderableType:
-    """One option: its name, its value, its description."""
+    """An option's entry in the help: name, value, description."""
     from rich.console import Group as Rows
     from rich.padding import Padding
     from rich.text import Text

@@ -111,7 +111,7 @@ def _known(name: str) -> str | None:
 
 
 def _file(name: str) -> str | None:
-    """A file with a robot that is here."""
+    """The name, if it is that of a robot's file that exists; else None."""
     return name if name.lower().endswith(_ROBOT_FILES) and Path(name).is_file() else None
 
 

@@ -95,7 +95,7 @@ class Loop:
 
     @property
     def period(self) -> float:
-        """One tick [s]."""
+        """Time from one tick of the controller to the next [s]."""
         return 1.0 / self.rate
 
     @property

@@ -74,7 +74,7 @@ class GainRegion:
         return cls(1 / B, -S / B, F / B)
 
     def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
-        """Its characteristic polynomial, highest power first; of degree 2 without ki."""
+        """Characteristic polynomial of the loop, highest power first; of degree 2 without ki."""
         p, i, d = (number(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
         cubic = (self.inertia, d + self.damping, p + self.stiffness, i)
         return cubic if i else cubic[:3]

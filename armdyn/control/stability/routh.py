@@ -68,7 +68,7 @@ class RouthTable:
         return self.right_half_plane == 0 and self.on_axis == 0
 
     def markdown(self) -> str:
-        """As a table of Markdown, numbers to six digits."""
+        """The table in Markdown, numbers to six digits."""
         width = len(self.rows[0])
         lines = ["| power | " + " | ".join([f"column {k + 1}" for k in range(width)] + ["remedy"]) + " |"]
         lines.append("|---|" + "---:|" * width + "---|")

@@ -207,7 +207,7 @@ class Bare:
 
 
 def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Element, source: str) -> None:
-    """Refuse moving joints with more than rigid bodies, friction and armature.
+    """Refuse moving joints with springs, offset zeros or couplings.
 
     Args:
         joints: of `Bare`.

@@ -47,7 +47,7 @@ class Balls:
 
     @classmethod
     def of(cls, own: tuple[Body, ...], scene: SceneGeometry) -> "Balls":
-        """Those of a scene."""
+        """Balls and boxes of a scene."""
         ends = np.array([[body.capsule.a, body.capsule.b] for body in own])
         part = (np.arange(BALLS) + 0.5) / BALLS
         half_step = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (2 * BALLS)

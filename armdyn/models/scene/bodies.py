@@ -205,7 +205,7 @@ def _around(points: Array, thickness: ArrayLike) -> Capsule:
 
 
 def _distances(ends: Array, points: Array) -> Array:
-    """Of points from the segment between two ends, shape (6,) together."""
+    """Distances of points from the segment between two ends, shape (6,) together."""
     a, d = ends[:3], ends[3:] - ends[:3]
     t = np.clip((points - a) @ d / max(float(d @ d), 1e-300), 0, 1)
     return np.asarray(np.linalg.norm(points - a - t[:, None] * d, axis=1))

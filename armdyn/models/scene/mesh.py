@@ -157,7 +157,7 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
 
 
 def _volume(parts: Sequence[Array]) -> float:
-    """Of the hulls of corners, shape (m, 3), together [m³]."""
+    """Volume of the hulls of corners, shape (m, 3), together [m³]."""
     from scipy.spatial import ConvexHull  # loaded for meshes alone
 
     return float(sum(ConvexHull(part).volume for part in parts))
@@ -203,7 +203,7 @@ class Group(Obstacle):
         object.__setattr__(self, "members", tuple(members))
 
     def solids(self) -> list[tuple[Array, Any]]:
-        """Those of its members."""
+        """Solids of all members."""
         return [solid for one in self.members for solid in one.solids()]
 
 

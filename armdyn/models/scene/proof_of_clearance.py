@@ -66,7 +66,7 @@ class _Piece:
     distances: Array
 
     def only(self, which: NDArray[np.bool_]) -> "_Piece":
-        """The same with some of the pairs."""
+        """The piece with some of its pairs."""
         return _Piece(self.ends, self.pairs[which], self.distances[:, which])
 
 

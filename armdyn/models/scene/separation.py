@@ -44,7 +44,7 @@ def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
 
 
 def _hull(solid: Any) -> Hull:
-    """Of an obstacle, in the world."""
+    """Hull of an obstacle, in the world."""
     import coal
 
     shape = solid.geometry
@@ -103,7 +103,7 @@ class MotionBounds:
 
     @classmethod
     def of(cls, robot: Robot, motion: Trajectory) -> "MotionBounds":
-        """Those of a motion, between whose samples joints follow cubics.
+        """Bounds for a motion whose joints follow cubics between its samples.
 
         The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
         acceleration is J a plus the second derivatives of its position times the velocities, and a second

@@ -176,7 +176,7 @@ def ended_by_time(limit: float) -> str:
 
 
 def _worst(optimum: Optimum) -> Violation | None:
-    """Of the mesh that did not converge; else of the limits, where they are not kept; else of the conditions."""
+    """Worst violation: of the mesh that did not converge, else of the limits, else of the path constraints."""
     if optimum.worst_violation is not None:
         return optimum.worst_violation
     if not optimum.within_limits:

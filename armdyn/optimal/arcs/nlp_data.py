@@ -40,7 +40,7 @@ class TiedArcs:
 
     @classmethod
     def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
-        """Of a motion with such arcs."""
+        """Tied arcs of a motion."""
         return cls(motion, np.array([arc.duration for arc in arcs]))
 
     def at_stages(self, arc_of: Index, part: Array) -> Array:

@@ -71,7 +71,7 @@ class Cells:
 
     @property
     def lengths(self) -> Array:
-        """Of all cells but the middle one [s], shape (2 k,)."""
+        """Lengths of all cells but the middle one [s], shape (2 k,)."""
         return np.concatenate([self.side, self.side[::-1]])
 
     @property

@@ -124,7 +124,7 @@ def _other_turns(problem: MinimumTimeProblem) -> float:
 
 
 def _sum_down(durations: list[float]) -> float:
-    """Their sum [s], rounded down."""
+    """Sum of durations [s], rounded down."""
     total = 0.0
     for duration in durations:
         total = duration if total == 0 else float(down(np.array(total + duration)))

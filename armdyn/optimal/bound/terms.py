@@ -74,7 +74,7 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
 
 
 def _constant(forms: Affine) -> Interval:
-    """All of the forms that is not linear."""
+    """Part of the affine forms that is not linear."""
     return Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
 
 
@@ -101,7 +101,7 @@ def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
 
 @built_once(maxsize=16)
 def _programs(dynamics: Dynamics) -> tuple[LevelledFunction, LevelledFunction]:
-    """Of q: the lower triangle of M, then g; and the derivatives of that triangle, joint after joint."""
+    """Functions of q: the lower triangle of M, then g; and derivatives of the triangle, joint after joint."""
     q = ca.SX.sym("q", dynamics.nv)
     inertia = dynamics.crba(q)
     triangle = ca.vertcat(*(inertia[int(a), int(b)] for a, b in zip(*np.tril_indices(dynamics.nv), strict=True)))

@@ -52,7 +52,7 @@ class Basis:
 
     @property
     def intervals(self) -> int:
-        """Of the mesh."""
+        """Number of the mesh's intervals."""
         return self.breaks.size - 1
 
     @property

@@ -120,7 +120,7 @@ class Curve:
         return np.cumsum([leg.duration for leg in self.legs])[:-1]
 
     def slower(self, factor: float) -> Self:
-        """The same path, slowed down by a factor."""
+        """The curve, slowed down by a factor."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
     def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True) -> Trajectory:

@@ -147,7 +147,7 @@ def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
 
 @built_once(maxsize=16)
 def torque_end_equations(joints: int) -> IntervalFunctions:
-    """The same between a given torque and a point, where the motion begins or ends.
+    """Torque rates between a given torque and a point, where the motion begins or ends.
 
     Unknowns: the scaled torques at the point, the leg's duration.
     Parameters: the given torques, scaled likewise, shape (nv,); the part of the duration; half the range over

@@ -95,7 +95,7 @@ class _Numbers:
         self.upper: list[Array] = []
 
     def add(self, parameters: Array, lower: Array, upper: Array) -> None:
-        """Those of one block."""
+        """Add parameters and bounds of one block."""
         for numbers, more in ((self.parameters, parameters), (self.lower, lower), (self.upper, upper)):
             numbers.append(np.ravel(more))
 

@@ -334,7 +334,7 @@ class Sequential:
         return NlpResult(status, word, iterations, at.x, lam_x / self._whole, lam_g / self._whole)
 
     def _multipliers(self, step: QpSolution, lam_x: Array, lam_g: Array) -> None:
-        """Those of torque limits and of velocity limits, as IPOPT has them."""
+        """Multipliers of torque limits and velocity limits, with IPOPT's signs."""
         problem = self.problem
         low, high = (side[problem.torques].ravel() for side in problem.numbers.x_bounds)
         upper, lower = np.split(step.multipliers[1], [np.count_nonzero(np.isfinite(high))])

@@ -35,7 +35,7 @@ class Pieces:
         return cls(np.append(t[starts], t[-1]), tau[starts])
 
     def trajectory(self, like: Trajectory, samples: int) -> Trajectory:
-        """The same as samples, with the states of a motion that they are near to.
+        """The pieces as samples, with the states of the motion near them.
 
         Args:
             like: that motion; its times are scaled.

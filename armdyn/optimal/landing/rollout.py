@@ -105,7 +105,7 @@ def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[
 
 
 def dense(motion: Trajectory, samples: int) -> Trajectory:
-    """The same torques with samples that are so near each other that slower ones are lines between them, too.
+    """The torques, sampled so densely that they stay linear between samples when slowed down.
 
     Args:
         motion: whose torques are; its states are not looked at, and are no longer right.

@@ -101,7 +101,7 @@ class Segments:
 
 
 def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
-    """The same motion with samples that are at most some time apart.
+    """The motion with samples at most some time apart.
 
     Args:
         robot: the arm.

@@ -150,7 +150,7 @@ class PathConstraint(ABC):
         raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
 
     def under(self, policy: PathConstraintPolicy) -> Self:
-        """The same constraint with the tuned numbers of a policy."""
+        """The constraint with the tuned numbers of a policy."""
         return replace(self, policy=policy)
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
@@ -194,11 +194,11 @@ class PathConstraint(ABC):
         """
 
     def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
-        """The same, asked for more strictly where a motion of the mesh did not keep it between the points."""
+        """The constraint, tightened where a motion of the mesh missed it between the points."""
         return self
 
     def on_finer_mesh(self) -> Self:
-        """The same for a mesh twice as fine, on which it may not have to be so strict."""
+        """The constraint for a mesh twice as fine, on which it may be less strict."""
         return self
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:

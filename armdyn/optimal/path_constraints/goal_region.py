@@ -28,7 +28,7 @@ class GoalRegion(PathConstraint):
     name = "goal region"
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Of the last interval."""
+        """Rows of the last interval."""
         return (StageRows(_deviations, (self.goal.frame, self._limited, self.goal.axis), numbers=12, where="last"),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:

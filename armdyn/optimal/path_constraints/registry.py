@@ -40,7 +40,7 @@ def options() -> dict[str, type[PathConstraint]]:
 
 
 def path_constraint_named(name: str) -> type[PathConstraint]:
-    """The one that `--limit NAME=…` means.
+    """The path constraint that `--limit NAME=…` means.
 
     Raises:
         ProblemError: none; with the nearest name.

@@ -68,7 +68,7 @@ class TightenedConstraints:
 
     @classmethod
     def of(cls, task: Task) -> Self:
-        """As strict as the task's problem itself."""
+        """Path constraints of a task's problem, not tightened."""
         numbers = task.policy.path_constraints
         return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
 

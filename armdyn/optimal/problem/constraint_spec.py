@@ -34,7 +34,7 @@ class PathConstraintSpec(Protocol):
         ...
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """The same for an arm, checked against it and against the motion's ends.
+        """The constraint for an arm, checked against it and against the motion's ends.
 
         Args:
             robot: the arm.

@@ -115,7 +115,7 @@ def resolved_limits(
 
 
 def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:
-    """One part per joint."""
+    """A part for each joint, shape (nv,)."""
     parts = per_joint(value, joints, name, error=ProblemError)
     for i, part in enumerate(parts):
         if not 0 <= part < 1:

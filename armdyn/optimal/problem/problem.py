@@ -193,7 +193,7 @@ class MinimumTimeProblem:
         return collision_model(self.robot, tuple(self.obstacles), self.self_collision, *contacts)
 
     def without_obstacles(self) -> Self:
-        """The same in free space, where the arm may go through itself."""
+        """The problem in free space, where the arm may go through itself."""
         return self.variant(obstacles=(), self_collision=False, allowed_contacts=(), end_contacts=())
 
     @property
@@ -218,7 +218,7 @@ class MinimumTimeProblem:
 
     @property
     def from_rest_to_rest(self) -> bool:
-        """It begins and ends without velocity."""
+        """Whether the motion begins and ends at rest."""
         n = self.robot.nv
         return not (np.any(self.x_start[n:]) or np.any(self.x_goal[n:]))
 
@@ -265,7 +265,7 @@ class MinimumTimeProblem:
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
 
     def variant(self, **changes: Any) -> Self:
-        """The same with some fields changed, without a second warning of a goal that cannot be held."""
+        """The problem with some fields changed, without a second warning of a goal that cannot be held."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ArmdynWarning)
             return replace(self, **changes)
@@ -292,7 +292,7 @@ class MinimumTimeProblem:
         return float(np.sum(self.leg_bounds()))
 
     def leg_bounds(self) -> Array:
-        """The same for every leg, from one of `poses` to the next [s], shape (legs,)."""
+        """Lower bounds on the legs' durations, from one of `poses` to the next [s], shape (legs,)."""
         return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
 
     def _joints(self, value: Any, name: str) -> Array:

@@ -54,12 +54,12 @@ class Stop:
 
     @property
     def status(self) -> Status:
-        """Of a solve that it stopped."""
+        """Status of a solve that was stopped."""
         return Status.INTERRUPTED if self.interrupted else Status.TIME_LIMIT
 
     @property
     def word(self) -> str:
-        """The same for people."""
+        """The status in words."""
         return "interrupted" if self.interrupted else "time limit reached"
 
     def __bool__(self) -> bool:

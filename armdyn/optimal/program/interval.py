@@ -166,7 +166,7 @@ class Collocated:
 
     @property
     def compile(self) -> bool | None:
-        """As the scheme says."""
+        """Whether the scheme compiles."""
         return self.scheme.compile
 
     def stages(self) -> Stages:

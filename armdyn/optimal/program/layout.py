@@ -27,13 +27,13 @@ _BODY = 10
 
 
 def _after(before: slice, size: int) -> slice:
-    """The next so many places."""
+    """The next indices, as many as asked for."""
     return slice(before.stop, before.stop + size)
 
 
 @dataclass(frozen=True)
 class KnotFields:
-    """Of a knot's block.
+    """Indices of a knot's block.
 
     Attributes:
         q: positions.
@@ -54,7 +54,7 @@ class KnotFields:
 
 @dataclass(frozen=True)
 class InnerFields:
-    """Of an interval's own block.
+    """Indices of an interval's own block.
 
     Attributes:
         states: (q, v) of the stages that are no knots, one stage after the other.
@@ -71,7 +71,7 @@ class InnerFields:
 
 @dataclass(frozen=True)
 class EquationFields:
-    """Of an interval's equations.
+    """Indices of an interval's equations.
 
     Attributes:
         balances: inverse dynamics at all stages; empty if the dynamics are forward.
@@ -193,7 +193,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class CondensedLayout:
-    """The same without inner stages, with the final time once: `condensed` says when that will do.
+    """A layout without inner stages and with one final time: `condensed` says when it is enough.
 
     w = [x_0 | u_0 | x_1 | u_1 | … | x_N | T], with u_N only if the torque is linear between knots.
     """

@@ -50,12 +50,12 @@ class StageFunctions:
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
-        """All of them."""
+        """All functions."""
         return self.rate, self.second_order, self.middle, self.weigh, self.equations, self.assemble
 
     @classmethod
     def of(cls, dynamics: Dynamics) -> Self:
-        """Of an arm whose torque is constant in every interval.
+        """Functions for an arm whose torque is constant in every interval.
 
         Args:
             dynamics: with a free last body.
@@ -171,7 +171,7 @@ class _Multipliers:
 
 @dataclass(frozen=True, eq=False)
 class _Interval:
-    """Its parts in symbols, all scaled.
+    """An interval's unknowns in symbols, all scaled.
 
     Attributes:
         n: joints.

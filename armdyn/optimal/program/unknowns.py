@@ -51,7 +51,7 @@ class Scales:
         return Parameters(fractions, self.time, self.length, self.speed, weights, self.effort, last_body).packed()
 
     def weights(self, effort_weight: float, tie: float = 0.0) -> Array:
-        """Of the squares of scaled torques, shape (nv,).
+        """Weights of the squares of scaled torques, shape (nv,).
 
         Args:
             effort_weight: the problem's w [1/(N m)²].

@@ -122,7 +122,7 @@ class Certificate:
 
     @property
     def lands(self) -> bool:
-        """Its replay ends near enough to the goal to be used, and its states are those that its torques lead to."""
+        """Whether the replay ends near the goal, and its states are those that its torques lead to."""
         return self.goal_error <= self.landing and self.repeats
 
     @property
@@ -132,7 +132,7 @@ class Certificate:
 
     @property
     def keeps_limits(self) -> bool:
-        """Its replay exceeds no limit of torque, velocity or position by more than `LIMIT_TOLERANCE` of it."""
+        """Whether the replay exceeds no limit of torque, velocity or position by more than `LIMIT_TOLERANCE` of it."""
         return self.limit_violation <= LIMIT_TOLERANCE
 
     @property
@@ -142,12 +142,12 @@ class Certificate:
 
     @property
     def on_goal(self) -> bool:
-        """Its replay ends so near the goal that its duration is that of a motion there."""
+        """Whether the replay ends so near the goal that its duration is that of a motion to the goal."""
         return self.goal_error <= GOAL_TOLERANCE and self.repeats
 
     @property
     def extremal(self) -> bool:
-        """Its costates are known, and keep Pontryagin's conditions: |H|, signs, adjoint equations; it ends on the goal.
+        """Whether the costates are known and keep Pontryagin's conditions, and the motion ends on the goal.
 
         Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
         reach the pose may be faster: they are motions of their own.

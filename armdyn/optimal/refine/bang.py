@@ -103,7 +103,7 @@ def _first(task: Task, attempt: Attempt, budget: float) -> _Reached:
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """One mesh more."""
+    """Solve on one mesh more."""
     attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
     iterations = step.iterations + attempt.iterations
     if not attempt.usable:

@@ -167,7 +167,7 @@ class _Settling:
 
     @property
     def durations(self) -> tuple[float, ...]:
-        """Of all optima met, resolved or not, but for guesses, which are of other problems [s]."""
+        """Durations of all optima met, resolved or not, except guesses from other problems [s]."""
         coarse = (lead.motion for lead in self._waiting if lead.promise and isinstance(lead.motion, Trajectory))
         return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
 

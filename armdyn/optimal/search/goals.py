@@ -116,7 +116,7 @@ def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
 
 
 def _tried(task: Task) -> _Screened:
-    """One coarse solve from the straight way; no duration: it did not converge, or was not begun."""
+    """Solve a goal coarsely from the straight way; without a duration where that did not converge or begin."""
     if not task.policy.strategy.curves_alone:
         attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)

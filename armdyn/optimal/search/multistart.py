@@ -28,7 +28,7 @@ class SearchSettings:
     settings: Sequence[SolverSettings]
 
     def of(self, k: int) -> tuple[int, SolverSettings]:
-        """Those of a guess."""
+        """Settings for a guess."""
         return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
 
 

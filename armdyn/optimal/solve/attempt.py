@@ -50,5 +50,5 @@ class Attempt:
 
     @property
     def usable(self) -> bool:
-        """It is a motion of the arm: it converged."""
+        """Whether the attempt converged, and so is a motion of the arm."""
         return self.status is Status.SOLVED

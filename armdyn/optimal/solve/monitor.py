@@ -36,7 +36,7 @@ class Monitor(ca.Callback):
         return 1
 
     def get_name_in(self, i: int) -> str:
-        """As nlpsol calls it."""
+        """Name of an input, as nlpsol calls it."""
         return str(ca.nlpsol_out(i))
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:

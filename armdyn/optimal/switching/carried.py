@@ -83,7 +83,7 @@ def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: se
 
 
 def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
-    """The same of stretches of one joint."""
+    """Contacts of stretches of one joint."""
     structure, j = extremal.structure, wrong[0].joint
     near = extremal.shooting.policy.contacts.near * structure.duration
     begin, end = worst_stretch(wrong, near)

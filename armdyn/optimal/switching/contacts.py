@@ -108,7 +108,7 @@ class _Contact:
 
     @classmethod
     def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
-        """Of a segment; None: it takes no time."""
+        """Contact of a segment; None: the segment takes no time."""
         structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]
         begin, end = structure.span(segment)
@@ -148,7 +148,7 @@ class _Contact:
 
     @property
     def largest(self) -> float:
-        """Of the limit's pulls, per second and at once, in the time of the contact."""
+        """Largest multiplier of the limit during the contact, by density or impulse."""
         return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
 
     def unwilling(self, largest: float) -> tuple[float, float] | None:

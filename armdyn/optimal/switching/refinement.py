@@ -162,7 +162,7 @@ class _Others:
         self.left += [(structure, reason) for structure in structures[:1]]
 
     def next(self) -> SwitchingStructure:
-        """The next one."""
+        """The structure to be tried next."""
         structure, reason = self.left.pop()
         self.refused.add(reason)
         return structure

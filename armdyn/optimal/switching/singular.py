@@ -98,7 +98,7 @@ class _FreeTorque:
 
     @classmethod
     def of(cls, extremal: Extremal, k: int) -> Self:
-        """The one that a change begins."""
+        """The free torque that a change begins."""
         rollout, joint = extremal.rollout, extremal.structure.changes[k].joint
         limits = rollout.shooting.problem.limits
         own = np.flatnonzero((rollout.arc > k) & (rollout.arc <= extremal.structure.end_of(k)))

@@ -88,7 +88,7 @@ class Task:
         return replace(self, problem=problem, dynamics=dynamics, scheme=policy.scheme(self.options), policy=policy)
 
     def with_options(self, **changes: Any) -> Self:
-        """The same with some options changed."""
+        """The task with some options changed."""
         return replace(self, options=replace(self.options, **changes))
 
     @property
@@ -107,16 +107,16 @@ class Task:
         return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
 
     def fine(self) -> SolverSettings:
-        """The same where the guess is a solution on another mesh, and shall not be left."""
+        """Settings for a guess that is a solution on another mesh, and is to be stayed near."""
         return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
 
     def sharp(self) -> SolverSettings:
-        """The same where switches are located on finer and finer meshes."""
+        """Settings for locating switches on finer and finer meshes."""
         numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
         return SolverSettings(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
 
     def alone(self) -> SolverSettings:
-        """The same for a guess that has to do without a search."""
+        """Settings for a guess without a search."""
         return self._settings(self.options.tolerance, SolverSettings.barrier)
 
     def _settings(self, tolerance: float, barrier: float) -> SolverSettings:

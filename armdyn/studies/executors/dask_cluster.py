@@ -85,7 +85,7 @@ class DaskCluster:
         return self._size
 
     def wanted(self, left: int) -> int:
-        """Size of the next batch, while there are few batches in the cluster."""
+        """Number of cases to be given now as a batch; 0 while the cluster has enough batches."""
         if self._alone or len(self._under_way) >= _AHEAD * self._size:
             return 0
         return self._batch.cases(left, self._size) if left else 0

@@ -31,7 +31,7 @@ class LocalProcesses:
         return self._workers.count
 
     def wanted(self, left: int) -> int:
-        """One case, while a process is idle."""
+        """Number of cases to be given now: 1 while a process is idle."""
         return min(self._workers.idle, left, 1)
 
     def give(self, cases: Sequence[StudyCase]) -> None:
@@ -75,7 +75,7 @@ class InProcess:
         self._task, self._waiting = task, deque[StudyCase]()
 
     def wanted(self, left: int) -> int:
-        """One case, while there is none."""
+        """Number of cases to be given now: 1 while there is none."""
         return min(left, 1 - len(self._waiting))
 
     def give(self, cases: Sequence[StudyCase]) -> None:
@@ -96,7 +96,7 @@ class Threads:
         self._under_way, self._done = 0, queue.SimpleQueue[Future[Ended]]()
 
     def wanted(self, left: int) -> int:
-        """One case, while there are few."""
+        """Number of cases to be given now: 1 while few wait."""
         return min(left, 1, _AHEAD * self.size - self._under_way)
 
     def give(self, cases: Sequence[StudyCase]) -> None:

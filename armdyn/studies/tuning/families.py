@@ -178,7 +178,7 @@ class Ramps:
         return Parameter("ramp", *self.duration)
 
     def reference(self, robot: Robot, values: Values) -> Trajectory:
-        """The one of a duration."""
+        """The ramp of a given duration [s]."""
         duration = expect(values, Mapping, "values", '{"ramp": 0.5}').get("ramp")  # type: ignore[type-abstract]
         return ramp(robot, self.q_start, self.q_goal, number(duration, "values: ramp", unit="s", sign="positive"))
 
@@ -189,7 +189,7 @@ def chosen(family: ControllerFamily, reference: Trajectory | Ramps) -> tuple[Par
 
 
 def by_name(parameters: Sequence[Parameter], logarithms: Array) -> dict[str, float]:
-    """Values of a point of the search, shape (n,)."""
+    """Parameters by name from a point of the search, shape (n,)."""
     return {one.name: float(np.exp(x)) for one, x in zip(parameters, logarithms, strict=True)}
 
 

@@ -57,7 +57,7 @@ class Worth:
         return self.index * (1 + max(self.overshoot / most - 1, 0.0))
 
     def __str__(self) -> str:
-        """In words."""
+        """The performance in words."""
         time = f"worst settled time {self.settled_time:.4f} s" if self.settled == self.count else "not all settle"
         return f"{self.settled} of {self.count} settle, {time}, overshoot {100 * self.overshoot:.2f} % of the travel"
 

@@ -168,7 +168,7 @@ class _Reading:
         return self._held[place]
 
     def levelled(self) -> LevelledFunction:
-        """The same, operations of one depth and kind together, their results side by side."""
+        """The instructions, grouped by depth and kind, with the results of a group side by side."""
         groups: dict[tuple[int, int], list[tuple[int, int, int]]] = defaultdict(list)
         for code, name, a, b in self.operations:
             groups[self._depth[name], code].append((name, a, b))

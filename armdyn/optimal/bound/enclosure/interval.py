@@ -145,7 +145,7 @@ class Interval:
         return Interval(self.lower.reshape(shape), self.upper.reshape(shape))
 
     def spread(self, shape: tuple[int, ...]) -> Interval:
-        """The same for all of a greater shape, as numpy broadcasts."""
+        """The interval broadcast to a greater shape."""
         return Interval(np.broadcast_to(self.lower, shape), np.broadcast_to(self.upper, shape))
 
     def dot(self, other: Interval) -> Interval:
@@ -174,7 +174,7 @@ class Interval:
 
 
 def joined(parts: Sequence[Interval]) -> Interval:
-    """One after the other along the first axis."""
+    """Intervals joined along the first axis."""
     return Interval(np.concatenate([x.lower for x in parts]), np.concatenate([x.upper for x in parts]))
 
 

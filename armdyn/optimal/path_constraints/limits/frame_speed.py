@@ -49,7 +49,7 @@ class FrameSpeedLimit(PartialLimit):
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """One number; the frame as it is."""
+        """The constraint from the one number and the frame of an option."""
         if len(values) != 1:
             raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
         return cls(values[0], frame)

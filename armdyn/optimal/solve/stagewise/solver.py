@@ -71,7 +71,7 @@ class Stagewise:
         return cls(library, CondensedLayout(Layout(dynamics.nv, scheme)), intervals, settings)
 
     def solve(self, data: NlpData, stop: Stop, middles: tuple[Array, Array] | None = None) -> NlpResult:
-        """One call of the method.
+        """Solve one program.
 
         Args:
             data: the program in numbers; bounds of the first and the last state coincide, all equations are zero.

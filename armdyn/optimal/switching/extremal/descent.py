@@ -40,7 +40,7 @@ class Extremal:
 
     @property
     def multipliers(self) -> Array:
-        """Of the equations."""
+        """Multipliers of the equations."""
         return self.linear.multipliers
 
     @cached_property
@@ -60,7 +60,7 @@ class Extremal:
 
     @property
     def structure(self) -> SwitchingStructure:
-        """Its structure."""
+        """Structure of the extremal."""
         return self.rollout.structure
 
 
@@ -209,7 +209,7 @@ def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) ->
 
 
 def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
-    """The same motion without segments whose length has gone to nothing.
+    """The motion without segments of no length.
 
     On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
     """

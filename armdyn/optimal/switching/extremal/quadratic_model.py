@@ -103,7 +103,7 @@ class LinearizedRollout:
 
     @property
     def multipliers(self) -> Array:
-        """Of the equations, shape (equations,)."""
+        """Multipliers of the equations, shape (equations,)."""
         return self._response[1]
 
     @property
@@ -177,7 +177,7 @@ def _gradient(rollout: Rollout, costates: tuple[Array, Array]) -> tuple[Array, A
 
 
 def lengths_of(structure: SwitchingStructure) -> Array:
-    """Of the segments by the unknowns, shape (segments, width)."""
+    """Slopes of the segments' lengths by the unknowns, shape (segments, width)."""
     segments: list[Segment] = list(structure.segments())
     out = np.zeros((len(segments), structure.width))
     for row, segment in zip(out, segments, strict=True):

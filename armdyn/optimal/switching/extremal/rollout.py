@@ -56,7 +56,7 @@ class ShootingProblem:
 
     @classmethod
     def of(cls, task: Task, flow: Flow, duration: float) -> Self:
-        """Of a task, whose motion takes about so long [s]."""
+        """Shooting problem of a task whose motion takes about so long [s]."""
         unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * duration)
         return cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
 
@@ -255,7 +255,7 @@ class Rollout:
         return self.torques.slack(self.shooting.problem.limits, self.shooting.torque_unit)
 
     def perturbed(self, by: Array, states: Array) -> Self:
-        """The same arcs, in the same steps, with other unknowns and states.
+        """The rollout with other unknowns and states, in the same arcs and steps.
 
         Args:
             by: what the unknowns change by, shape (width,).

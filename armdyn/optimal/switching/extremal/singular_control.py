@@ -29,7 +29,7 @@ class SingularControl:
 
     @property
     def size(self) -> int:
-        """Of all coefficients."""
+        """Number of all coefficients."""
         return len(self.values)
 
     @property

@@ -35,7 +35,7 @@ class Torques:
 
     @classmethod
     def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: NDArray[np.int_]) -> Self:
-        """Of a structure's steps.
+        """Torques of a structure's steps.
 
         Args:
             limits: of the torques.

@@ -68,7 +68,7 @@ class SwitchingStructure:
 
     @property
     def controls(self) -> dict[int, SingularControl]:
-        """Of free torques, by the number of the change that begins them."""
+        """Singular controls of free torques, by the number of the change that begins them."""
         return {k: change.control for k, change in enumerate(self.changes) if change.control}
 
     @property

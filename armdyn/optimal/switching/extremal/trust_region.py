@@ -34,7 +34,7 @@ class QuadraticForm:
     hessian: Array
 
     def at(self, y: Array) -> float:
-        """Its value, 0 at 0."""
+        """Value of the form at y; 0 at 0."""
         return float(self.gradient @ y + y @ self.hessian @ y / 2)
 
     def within(self, rows: Array, slack: Array, radius: float) -> tuple[Array, bool]:

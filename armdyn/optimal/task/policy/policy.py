@@ -133,7 +133,7 @@ class Policy:
         return rows(self)
 
     def changed(self, group: str, **numbers: object) -> Self:
-        """The same with other numbers in one group, to try them; policies of other problems keep them, see `about`."""
+        """The policy with other numbers in one group, to try them; other problems keep them, see `about`."""
         own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 

@@ -135,7 +135,7 @@ class ArcsPolicy:
 
     @property
     def at_switches(self) -> Self:
-        """The same for a mesh that is refined at its switches, whose knots keep to a limit that they are on."""
+        """Settings for a mesh refined at its switches, whose knots stay on their limits."""
         return replace(self, touching=self.refined, in_contact=self.refined, near_speed=self.refined_speed)
 
 
