@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.numeric import joint_inertia
+from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.landing.limit_violations import worst_violation
@@ -113,7 +114,10 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         None: it leaves the motion, because torque limits leave no room for corrections or a segment has too large a
         defect.
     """
-    ticks = ticked(robot, motion, FEEDBACK_TICK)
+    try:
+        ticks = ticked(robot, motion, FEEDBACK_TICK)
+    except TrajectoryError:  # between two samples the states leave what numbers can hold
+        return None
     if ticks is not motion:
         segments = Segments.of(robot, ticks)
     n, inertia = robot.nv, joint_inertia(robot)

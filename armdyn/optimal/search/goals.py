@@ -150,7 +150,7 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
         solved = solve_curve(task.about(problem), guess, spec)
         nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]
         exact = slid(problem.robot, pose, end, nothing, problem.limits) if solved.converged else None
-        if exact is not None and (one.chosen or solved.curve.duration < one.duration):
+        if exact is not None and solved.curve.duration < one.duration:
             return _Screened(problem.variant(q_goal=exact), solved.curve.duration, solved.curve, chosen=True)
     return one
 
