@@ -46,7 +46,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
         found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts)), True)
-        if len(found) == 1 and not (crowded or task.stop) and _trouble(task, found[0]):
+        if not (crowded or task.stop) and all(_trouble(task, one) for one in found):
             found += _refined(task, _guesses(task, numbers.more_starts)[1:])
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)

@@ -11,6 +11,7 @@ from armdyn.models.scene.reaching import free_directions, slid
 from armdyn.optimal.proof.transversality import end_gradient, transversality
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.task.task import Task
+from oracles import robot_named
 from problems import paper_arm
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], np.array([-1.5, -1.8, 1.6, -0.4, 0.3, 1.0])
@@ -110,3 +111,15 @@ def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pos
         assert missed > 1e-3 and not replace(other.certificate, transversality=missed).extremal
         slope = end_gradient(robot, pose, near, other.phases)
         assert slope @ (near - q) > 0
+
+
+@pytest.mark.slow
+def test_an_end_that_lies_on_a_position_limit_is_reached():
+    # The program chooses 2.8973 rad for joint 3, its limit. From the straight way IPOPT does not converge there.
+    start = [2.2234705, 0.03744724, 2.37184135, -2.30032929, 0.53262421, 0.92272373, 1.49919244]
+    goal = [1.64350303, -1.14522922, 2.89729946, -0.61737605, 0.27336133, 1.19623729, 1.34669916]
+    robot = robot_named("panda")
+    motion = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=[*goal[:2], 2.5, *goal[3:]]))
+    options = ad.MinimumTimeOptions(guesses=[motion.trajectory])  # one more guess, of no use here
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+    assert ad.solve_minimum_time(problem, options).duration == pytest.approx(0.7801, rel=2e-3)  # of the best seed
