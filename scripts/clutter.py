@@ -29,6 +29,7 @@ import pinocchio as pin
 import yaml
 
 import armdyn as ad
+from armdyn.codegen.background import awaited
 
 CLEARANCE = 1e-3
 SAMPLES = 5_000
@@ -205,7 +206,9 @@ def run(given: argparse.Namespace) -> None:
     done = {(row["set"], row["problem"]) for row in rows}
     todo = [(name, k) for k in range(given.first, given.last + 1) for name in given.sets if (name, k) not in done]
     for one in {name.rsplit("_", 1)[1]: (name, k) for name, k in todo}.values():
-        solved(given.folder, *one)  # builds what later solves find built
+        solved(given.folder, *one)  # builds what later solves find built, some of it in the background
+        while awaited():
+            time.sleep(1)
     with given.out.open("a") as out:
         for name, k in todo:
             row = solved(given.folder, name, k)
