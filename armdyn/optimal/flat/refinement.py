@@ -35,7 +35,7 @@ class RefinedCurve:
         curve: the motion.
         solved: the program's last solution; the curve may be slower.
         constraints: as strict as they had to be.
-        iterations: of IPOPT, over all rounds.
+        iterations: of IPOPT, or quadratic programs, over all rounds.
         excess: of a torque between the points, as a part of half its range; not positive: none.
         reports: the path constraints.
     """

@@ -16,7 +16,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
-from armdyn.optimal.flat.solve import Solved, solve_among_obstacles
+from armdyn.optimal.flat.solve import solve_among_obstacles
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
@@ -104,12 +104,13 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
     spec = CurveSpec(TightenedConstraints.of(task))
-    best: Solved | None = None
+    best, iterations = None, 0
     for guess in _guesses(task, planned):
         beaten = np.inf if best is None or not best.converged else best.curve.duration
         if task.stop or beaten < numbers.near_bound * bound:
             break
         solved = solve_among_obstacles(task, guess, spec, numbers.trust, numbers.coarse_enough, beaten)
+        iterations += solved.result.iterations
         task.progress(f"a way of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
             best = solved
@@ -117,7 +118,8 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
         return []
     fine = Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))
     refined = refine_among_obstacles(task, best.curve.on(fine))
-    return [replace(refined, curve=refined.curve.slower(1 + numbers.kept))]
+    curve, iterations = refined.curve.slower(1 + numbers.kept), iterations + refined.iterations
+    return [replace(refined, curve=curve, iterations=iterations)]
 
 
 def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
