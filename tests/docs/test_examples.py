@@ -4,6 +4,9 @@ import re
 import runpy
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import armdyn as ad
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -27,3 +30,16 @@ def test_goals():
 def test_there_is_no_example_that_no_test_runs():
     tests = "\n".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
     assert not [path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name not in tests]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("file", "seconds"), [("bins.toml", 0.6244), ("shelf.toml", 1.4815)])
+def test_cells_take_as_long_as_the_gallery_says(file, seconds):
+    problem = ad.read_problem(EXAMPLES / file)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.usable and solution.clearance.sure
+    assert solution.duration == pytest.approx(seconds, rel=1e-3)  # 1e-5 apart with another BLAS
+    model = problem.collision_model()
+    free = ad.solve_minimum_time(problem.without_obstacles())
+    assert np.min(model.distances(free.trajectory(np.linspace(0, free.duration, 200)).q)) < -0.05  # [m]
+    assert free.duration < solution.duration

@@ -109,7 +109,7 @@ def mintime(
     why. 4: it is, but --require certified (or extremal, or gap:0.5%) is not met.
 
     [dim]armdyn mintime rr --payload 0.1006
-    armdyn mintime rr --obstacle sphere:0.05@0.33,0,-0.12
+    armdyn mintime rr --obstacle sphere:0.05@0.34,0,-0.12
     armdyn mintime rr --reserve 0.1 --velocity-reserve 0.03
     armdyn mintime rr --payload 0.1006 --for-tracking
     armdyn mintime rr --limit tip-speed=2 --limit torque-rate=50

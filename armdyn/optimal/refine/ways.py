@@ -53,8 +53,8 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     Raises:
         ProblemError: the problem is none, or no path was found.
     """
-    numbers = Policy.of(problem).search
-    ways = list(ways_through(expect_problem(problem), numbers, whole(seed, "seed", least=0), Stop()))
+    numbers = Policy.of(expect_problem(problem)).search
+    ways = list(ways_through(problem, numbers, whole(seed, "seed", least=0), Stop()))
     if not ways:
         raise ProblemError(NO_WAY)
     best = min(ways, key=partial(_seconds, speed=_speed(problem, numbers)))

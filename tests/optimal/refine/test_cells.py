@@ -1,6 +1,4 @@
-"""Arms in cells: a payload over a wall, a gripper round a box, a box that leaves its table, a shelf."""
-
-from pathlib import Path
+"""Arms in cells: a payload over a wall, a gripper round a box, a box that leaves its table."""
 
 import numpy as np
 import pinocchio as pin
@@ -78,13 +76,3 @@ def test_a_box_slides_off_its_table_and_not_into_it():
     problem = ad.MinimumTimeProblem(robot, **given, end_contacts=pair)
     solution = ad.solve_minimum_time(problem)
     assert solution.usable and solution.clearance.sure and least(solution, problem) > -1.5e-4  # 0.1 mm, and GJK's
-
-
-@pytest.mark.slow
-def test_from_one_compartment_of_a_shelf_into_another():
-    problem = ad.read_problem(Path(__file__).parents[3] / "examples" / "shelf.toml")
-    solution = ad.solve_minimum_time(problem)
-    assert solution.usable and solution.clearance.sure and least(solution, problem) >= problem.clearance
-    through_the_boards = ad.solve_minimum_time(problem.without_obstacles())
-    assert least(through_the_boards, problem) < -0.05  # [m]
-    assert 1 < solution.duration / through_the_boards.duration < 1.01
