@@ -16,6 +16,7 @@ _HOLD = (
     "choose a goal that its motors can hold, carry less `payload`, raise `effort_limit`, or pass the goal in flight "
     "with `v_goal`"
 )
+_MORE_ROOM = "another `seed` plans other paths; a smaller `clearance` leaves more room"
 _LITTLE = 0.1
 """A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
 
@@ -35,6 +36,8 @@ def advice(
         arcs: its arcs were resolved.
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
+        if problem.crowded:
+            return {"lands": f"no motion was found: {_MORE_ROOM}"}
         return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
     lines = {}
     if not certificate.lands and certificate.replay == "segments":
@@ -47,10 +50,10 @@ def advice(
     if not certificate.keeps_limits:
         lines["limits"] = _for_limits(certificate) + _not_slowed(problem)
     if missed := [each.name for each in kept if each.reasons]:
-        lines["conditions"] = (
-            f"it does not keep {', '.join(missed)}: raise `max_intervals`, or ask for a little more than is needed"
-            + _not_slowed(problem)
+        more = (
+            _MORE_ROOM if missed == ["clearance"] else "raise `max_intervals`, or ask for a little more than is needed"
         )
+        lines["conditions"] = f"it does not keep {', '.join(missed)}: {more}{_not_slowed(problem)}"
     if lines:
         return lines
     if problem.unheld is not None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import armdyn as ad
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.status import Violation
@@ -50,6 +51,15 @@ def test_all_that_is_missing_of_usable_is_named():
     lines = said(Certificate(0.2, 0.1, 5.6e-4), [missed, ConstraintReport("jerk limits", "")])
     assert list(lines) == ["lands", "limits", "conditions"]
     assert "obstacles" in lines["conditions"] and "jerk" not in lines["conditions"]
+
+
+def test_among_obstacles_another_path_may_help():
+    asked, missed = {"obstacles": [ad.Sphere((5, 5, 5), 0.1)]}, ConstraintReport("clearance", "", None, ("touches",))
+    for line in (
+        said(Certificate(np.inf, np.inf, np.inf), **asked)["lands"],
+        said(LANDED, [missed], **asked)["conditions"],
+    ):
+        assert "`seed`" in line and "`clearance`" in line and "max_intervals" not in line
 
 
 @pytest.mark.parametrize(
