@@ -20,7 +20,7 @@ from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
-from armdyn.cli.parsing.layout import Command, Group
+from armdyn.cli.parsing.layout import Command, CommandGroup
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
 from armdyn.cli.sweeps.sweep import sweep
@@ -57,7 +57,7 @@ _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
 }
 
 app = typer.Typer(
-    cls=Group,
+    cls=CommandGroup,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",

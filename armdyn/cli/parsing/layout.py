@@ -35,7 +35,7 @@ class Command(TyperCommand):
         console.rich.print(*_page(self, ctx), sep="\n")
 
 
-class Group(TyperGroup):
+class CommandGroup(TyperGroup):
     """The application, whose help is laid out likewise: examples, options, commands by purpose."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
