@@ -20,7 +20,7 @@ TOOL_KEYS = (*PAYLOAD_KEYS, *_TIP)
 
 
 def payload_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None = None) -> Payload:
-    """A payload from what TOML or JSON says, such as {"mass": 0.5, "shapes": [{"type": "box", …}]}.
+    """A payload from a table of TOML or JSON, such as {"mass": 0.5, "shapes": [{"type": "box", …}]}.
 
     Args:
         entry: its keys.
@@ -35,7 +35,7 @@ def payload_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None
 
 
 def tool_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None = None) -> Tool:
-    """A tool from what TOML or JSON says: that of a payload, and its tip, a position and perhaps quaternion or rpy.
+    """A tool from a table of TOML or JSON: keys of a payload, and a tip, with quaternion or rpy if it is turned.
 
     Args:
         entry: its keys.
@@ -52,7 +52,7 @@ def tool_from(entry: Mapping[str, Any], folder: str | os.PathLike[str] | None = 
 
 
 def _arguments(entry: Mapping[str, Any], what: str, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
-    """Arguments of a `Payload`, with its shapes as they are meant."""
+    """Arguments of a `Payload`, with its shapes as obstacles."""
     shapes = entry.get("shapes", ())
     if not isinstance(shapes, Sequence) or isinstance(shapes, str):
         raise ProblemError(f"shapes of the {what} is {shown(shapes)}; it must be a list of tables, each with a type")

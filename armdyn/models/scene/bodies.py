@@ -54,7 +54,7 @@ class Body:
 
 @built_once(maxsize=16)
 def bodies(robot: Robot) -> tuple[Body, ...]:
-    """What a robot can touch with: its URDF's collision geometry, or else its visuals; then its tool and its payload.
+    """Solids of a robot: its URDF's collision geometry, or else its visuals; then its tool and its payload.
 
     Raises:
         ProblemError: a mesh is missing or unreadable, there is no geometry at all, or it was read from no URDF.

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 def cell_obstacles(
     file: Path, lock: Mapping[str, float], package_dirs: Sequence[str | os.PathLike[str]]
 ) -> tuple[Obstacle, ...]:
-    """The links of a cell's URDF that have collision geometry; if none has, what is drawn of them.
+    """The links of a cell's URDF that have collision geometry; if none has, those that have visuals.
 
     Args:
         file: the URDF.

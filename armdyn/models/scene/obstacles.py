@@ -45,7 +45,7 @@ _KEYS = {"path": "file", "placement": "position"}
 
 
 def obstacle_from(entry: Mapping[str, Any], where: str, folder: str | os.PathLike[str] | None = None) -> Obstacle:
-    """An obstacle from what a JSON file says, such as {"type": "box", "size": […], "position": […], "rpy": […]}.
+    """An obstacle from a table of JSON or TOML, such as {"type": "box", "size": […], "position": […], "rpy": […]}.
 
     Args:
         entry: the keys of its constructor, or, with "file", of its `from_file`.

@@ -72,7 +72,7 @@ def load_scene(
         raise ProblemError(
             f"{file}: a scene is a file .yaml or .scene of MoveIt, .urdf, or .json; this is none of them"
         )
-    frames = {} if robot is None else _fixed_frames(robot)
+    frames = {} if robot is None else _link_frames(robot)
     try:
         read = read_scene_text if kind == ".scene" else read_planning_scene
         obstacles, pairs = read(file, frames)
@@ -80,17 +80,12 @@ def load_scene(
         said = str(error)
         raise ProblemError(said if said.startswith(str(file)) else f"{file}: {said}") from None
     if robot is not None:
-        known = {*links_of(robot), *(one.name for one in obstacles)}
+        known = {*frames, *(one.name for one in obstacles)}
         pairs = tuple(pair for pair in pairs if known.issuperset(pair))
     return Scene(obstacles, pairs)
 
 
-def links_of(robot: Robot) -> list[str]:
-    """Names of a robot's links."""
-    return [frame.name for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
-
-
-def _fixed_frames(robot: Robot) -> dict[str, pin.SE3 | None]:
-    """Placements of a robot's links in the world; None: it moves."""
+def _link_frames(robot: Robot) -> dict[str, pin.SE3 | None]:
+    """Placements of a robot's links in the world, by name; None: the link moves."""
     frames = [frame for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
     return {frame.name: None if frame.parentJoint else frame.placement for frame in frames}

@@ -85,7 +85,7 @@ class Sphere(Obstacle):
         self._check(points=["center"], lengths=["radius"])
 
     def solid(self) -> tuple[Array, Any]:
-        """At its centre."""
+        """Placement at the centre, and coal's sphere."""
         import coal
 
         return homogeneous(self.center, "center"), coal.Sphere(self.radius)
@@ -114,11 +114,17 @@ class Capsule(Obstacle):
         self._check(points=["a", "b"], lengths=["radius"])
 
     def solid(self) -> tuple[Array, Any]:
-        """Along z of its placement."""
+        """Placement whose z axis is the capsule's, and coal's capsule."""
         import coal
 
-        a, b = np.array(self.a), np.array(self.b)
-        return _along((a + b) / 2, b - a), coal.Capsule(self.radius, float(np.linalg.norm(b - a)))
+        placement, length = _between(self.a, self.b)
+        return placement, coal.Capsule(self.radius, length)
+
+
+def _between(a: Point, b: Point) -> tuple[Array, float]:
+    """Placement in the middle of two points with its z axis from a to b, shape (4, 4), and their distance [m]."""
+    way = np.subtract(b, a)
+    return _along(np.add(a, b) / 2, way), float(np.linalg.norm(way))
 
 
 def _along(place: Array, z: Array) -> Array:
@@ -155,11 +161,11 @@ class Cylinder(Obstacle):
             raise ProblemError(f"a and b of obstacle {self.name!r} are the same point; a cylinder has two ends")
 
     def solid(self) -> tuple[Array, Any]:
-        """Along z of its placement."""
+        """Placement whose z axis is the cylinder's, and coal's cylinder."""
         import coal
 
-        a, b = np.array(self.a), np.array(self.b)
-        return _along((a + b) / 2, b - a), coal.Cylinder(self.radius, float(np.linalg.norm(b - a)))
+        placement, length = _between(self.a, self.b)
+        return placement, coal.Cylinder(self.radius, length)
 
 
 @dataclass(frozen=True)
@@ -185,7 +191,7 @@ class Plane(Obstacle):
             raise ProblemError(f"normal of obstacle {self.name!r} is {self.normal}; it must have a length")
 
     def solid(self) -> tuple[Array, Any]:
-        """Below z of its placement."""
+        """Placement on the plane with z along its normal, and coal's half space."""
         import coal
 
         return _along(np.array(self.point), np.array(self.normal)), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
@@ -220,7 +226,7 @@ class Box(Obstacle):
         return np.array(self.placement)
 
     def solid(self) -> tuple[Array, Any]:
-        """At its centre."""
+        """Placement at the centre, and coal's box."""
         import coal
 
         return self.pose, coal.Box(*self.size)

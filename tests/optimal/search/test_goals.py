@@ -122,4 +122,6 @@ def test_an_end_that_lies_on_a_position_limit_is_reached():
     motion = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=[*goal[:2], 2.5, *goal[3:]]))
     options = ad.MinimumTimeOptions(guesses=[motion.trajectory])  # one more guess, of no use here
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
-    assert ad.solve_minimum_time(problem, options).duration == pytest.approx(0.7801, rel=2e-3)  # of the best seed
+    solution = ad.solve_minimum_time(problem, options)
+    assert solution.duration == pytest.approx(0.7801, rel=2e-3)  # of the best seed
+    assert solution.usable and 0 < solution.gap < 0.01  # a proven bound, of which the search knows nothing

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from armdyn.optimal.task.policy.tuned import tuned
 
-TRAINED = "MotionBenchMaker, Panda, problems 10 to 14 of seven sets"
+TRAINED = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
 
 
 @dataclass(frozen=True, kw_only=True)
