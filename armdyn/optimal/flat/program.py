@@ -168,7 +168,7 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
     """
     n, parts = shape.joints, list[_Part]()
     for leg in shape.legs:
-        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 2, shared=True))
+        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 4, shared=True))
         parts += [
             _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]
