@@ -58,13 +58,13 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
 
     Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
     Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
-    the time; what a squared torque costs there, whatever T is, and what the squares of first and second derivatives
-    cost, over the scales of `Shared`; then `Shared`.
+    the time; what a squared torque costs there, whatever T is, and squared derivatives by the part of the time, over
+    the scales of `Shared`; then `Shared`.
     The chain from control points to (q, q', q'') is linear, so that dynamics are differentiated by these only.
     """
     n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
-    basis, part, tie, calm = (ca.SX.sym(*one) for one in (("basis", 3 * WINDOW), ("part", 1), ("tie", 1), ("calm", 2)))
+    basis, part, tie, calm = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie"), ca.SX.sym("calm")
     present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
     q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
     load = dynamics.rnea(q, dq / duration, ddq / duration**2, present) / shared.effort
@@ -72,9 +72,9 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, calm, shared.column())
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
     outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
-    moving = (calm[order - 1] * ca.sumsqr(at[order * n : (order + 1) * n] / shared.travel) for order in (1, 2))
+    moving = calm * ca.sumsqr(at[n : 2 * n] / shared.travel)
     effort = shared.hurry * part * duration * ca.dot(shared.weights, torque**2)
-    cost = (tie * ca.sumsqr(torque) + sum(moving) + effort) / 2
+    cost = (tie * ca.sumsqr(torque) + moving + effort) / 2
     inner = ca.vertcat(curve, duration)
     curvature = ca.hessian(ca.dot(lam, load), inner)[0]
     jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
@@ -96,6 +96,17 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
         hessian=fast[1],
         hessian_pattern=hessian.sparsity(),
     )
+
+
+@built_once(maxsize=16)
+def torque_step_cost(joints: int) -> IntervalFunctions:
+    """Cost of the squared change of torques from one point of a leg to the next; no equations.
+
+    Unknowns: the scaled torques at both points. Parameter: what a squared change costs.
+    """
+    y, price = ca.SX.sym("y", 2 * joints), ca.SX.sym("price")
+    cost = price * ca.sumsqr(y[joints:] - y[:joints]) / 2
+    return differentiated("torque_step", y, price, ca.SX(0, 1), cost, False)
 
 
 @built_once(maxsize=16)

@@ -49,14 +49,16 @@ class CurveSpec:
         constraints: path constraints, as strict as they have to be.
         margins: of every leg; empty: none is left.
         smooth: weight of the mean squared torque against the duration.
-        calm: likewise of the mean squared velocities and accelerations, over scales of every joint.
+        travel: likewise of the mean squared velocities, over scales of every joint.
+        steps: likewise of the squared changes of torques from point to point.
         least: duration [s] below which nothing is gained; 0: the fastest is asked for.
     """
 
     constraints: TightenedConstraints
     margins: tuple[TorqueMargin, ...] = ()
     smooth: float = 0.0
-    calm: tuple[float, float] = (0.0, 0.0)
+    travel: float = 0.0
+    steps: float = 0.0
     least: float = 0.0
 
 
@@ -120,9 +122,10 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     for k, leg in enumerate(guess.legs):
         s, weights = leg.basis.gauss(POINTS)
         basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
-        ties = np.array([spec.smooth, *spec.calm]) * leg.duration / whole / n
+        ties = np.array([spec.smooth, spec.travel]) * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
         numbers.add(np.hstack([basis, weights.reshape(-1, 1), weights.reshape(-1, 1) * ties]), nothing, nothing)
+        numbers.add(np.full(s.size - 1, spec.steps / n), np.array([]), np.array([]))
         _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
         points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
         lower[points], upper[points] = limits.position_lower, limits.position_upper

@@ -66,7 +66,7 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
-    """The curve near a fastest one whose joints travel and accelerate least for a share of its duration.
+    """The curve near a fastest one, slower by a share, whose joints travel least and whose torques change least.
 
     It is the fastest one that comes back where none is found, or only slower ones than that.
 
@@ -77,8 +77,7 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     """
     numbers, duration = task.policy.curves, fastest.curve.duration
     least = (1 + share - numbers.little) * duration
-    calm = numbers.calm, numbers.calm * numbers.calm_ends
-    spec = replace(fastest.spec, smooth=0.0, calm=calm, least=least)
+    spec = replace(fastest.spec, smooth=0.0, travel=numbers.travel, steps=numbers.torque_steps, least=least)
     found = _in_rounds(task, solve_curve(task, fastest.curve, spec, fastest.solved), spec)
     given = found.curve.duration - duration
     kept = found.solved.converged and found.excess <= numbers.little and constraints_mended(task, found.reports)

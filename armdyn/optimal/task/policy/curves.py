@@ -38,13 +38,15 @@ class CurvePolicy:
     )
     accepted_after: int = tuned(8, "iterations", "in a row; those that converge need 3", "xArm6")
     smooth: float = tuned(1e-3, "-", "weight of the mean squared torque against the duration: the fastest is unique")
-    calm: float = tuned(
+    travel: float = tuned(
         3e-4,
         "-",
         "weight of mean squared velocities where time is given for calm joints; with three times that some motions "
         "take more time than is given",
     )
-    calm_ends: float = tuned(1e-3, "of `calm`", "the same of accelerations, times the duration")
+    torque_steps: float = tuned(
+        1.5e-4, "-", "the same of squared torque steps, which halves how far torques go up and down"
+    )
     resting: float = tuned(
         0.02, "of a velocity limit", "mean speed below which joints are the calmer the less far they have to go"
     )
