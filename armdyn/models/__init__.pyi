@@ -1,3 +1,5 @@
+from armdyn.models.presets.check import ControllerCheck as ControllerCheck
+from armdyn.models.presets.preset import ControllerPreset as ControllerPreset
 from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
 from armdyn.models.scene.obstacles import Box as Box
