@@ -31,6 +31,8 @@ from armdyn.errors import ContactError as ContactError
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule
+from armdyn.models import ControllerCheck as ControllerCheck
+from armdyn.models import ControllerPreset as ControllerPreset
 from armdyn.models import Cylinder as Cylinder
 from armdyn.models import GoalPose as GoalPose
 from armdyn.models import Group as Group

@@ -64,6 +64,14 @@ kp = [1.0, 2.0]
 [track]
 controller = "pid"
 """
+PRESET = """name = "mine"
+joints = 2
+[limits]
+velocity = 9.0
+[interfaces.position]
+rate = 100
+necessary = ["velocity"]
+"""
 AT_REST = {"robot": RR, "q_goal": GOAL, "controller": PID, "loop": LOOP, "plant": None}
 PASSED = {"problem": PROBLEM, "motion": MOTION, "passing": np.zeros((0, 2))}
 
@@ -206,6 +214,8 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
         + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TRIANGLES)
     )
+    (folder / "preset.toml").write_text(PRESET)
+    preset = ad.ControllerPreset.read(folder / "preset.toml")
     dynamics = ad.Dynamics(RR)
     ticks, region, study = (
         Ticks.of(RR, MOTION, 1000.0),
@@ -237,6 +247,12 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
         RR.holding_torque: {"q": START},
+        ad.ControllerPreset.named: {"name": "ur5e", "interface": "position"},
+        ad.ControllerPreset.read: {"path": folder / "preset.toml"},
+        preset.on: {"interface": "position"},
+        preset.limit: {"name": "velocity"},
+        preset.expect_joints: {"joints": RR.joint_names, "whose": "the robot"},
+        preset.check: {"motion": MOTION, "joint_names": RR.joint_names},
         ad.Trajectory.load: {"path": MOTION.save(folder / "saved.npz")},
         MOTION.__call__: {"time": 0.1},
         MOTION.resample: {"rate": 100.0},
