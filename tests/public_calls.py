@@ -142,6 +142,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
     study, problem = folder / "study.toml", folder / "problem.toml"
     study.write_text(STUDY)
     problem.write_text(PROBLEM.to_toml())
+    (folder / "arm.urdf").write_text(RR.urdf)
     (folder / "scene.json").write_text('[{"type": "sphere", "center": [9, 0, 0], "radius": 1}]')
     ad.run_study(squares(1), folder / "done.sqlite")
     return {
@@ -165,6 +166,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.read_problem: {"path": problem},
         ad.read_study: {"path": study},
         ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
+        ad.repair_urdf: {"path": folder / "arm.urdf", "package_dirs": ()},
         ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
         | {"duration": 0.1, "options": OPTIONS, "progress": None},
         ad.run_study: {
