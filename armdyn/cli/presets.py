@@ -91,7 +91,7 @@ def _show(preset: ad.ControllerPreset, answer: Answer) -> None:
 def _limits(preset: ad.ControllerPreset) -> Table:
     from rich.table import Table
 
-    from armdyn.models.presets.path_constraints import LIMITS, UNITS
+    from armdyn.models.presets.interface import LIMITS, UNITS
 
     rows = {name: row for name in LIMITS if (row := getattr(preset.limits, name)) is not None}
     table = Table(title="\nLimits", title_justify="left", title_style="bold", box=None)
