@@ -178,6 +178,7 @@ class MinimumTimeProblem:
             "via points": bool(self.via),
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
+            "torque-speed curves": not self.limits.actuators.constant,
             **{constraint.name: True for constraint in self.path_constraints},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
@@ -281,7 +282,7 @@ class MinimumTimeProblem:
         return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
 
     def _unheld_at(self, q: Array) -> list[Unheld]:
-        return unheld_joints(self.robot, self.limits, self.robot.holding_torque(q), self.reserves.effort)
+        return unheld_joints(self.robot, self.limits, q, self.reserves.effort)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
