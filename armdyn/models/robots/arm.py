@@ -57,6 +57,8 @@ class Arm:
         source: its file, or its origin in words.
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
+        repaired: links whose inertia `armdyn doctor --repair` changed, with commas between; the robot's name, and so
+            every result, says "repaired model".
         payload: the added one; None: none was.
         tip: the frame at the end of the arm, or of its tool.
         friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
@@ -72,6 +74,7 @@ class Arm:
     source: str
     package_dirs: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
+    repaired: str = ""
     payload: Payload | None = None
     tip: str = TIP
     friction: JointFriction = field(default_factory=JointFriction)

@@ -9,8 +9,9 @@ from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, path, several, shown
+from armdyn.arguments import expect, several, shown
 from armdyn.errors import SpecError
+from armdyn.models.reading.meshes import folders_of
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.reprs import brief
@@ -93,9 +94,7 @@ class RobotOptions:
                     f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
                 )
             object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
-        folders = several(self.package_dirs, "package_dirs", error=SpecError)
-        found = tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(folders))
-        object.__setattr__(self, "package_dirs", found)
+        object.__setattr__(self, "package_dirs", folders_of(self.package_dirs))
 
 
 def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:

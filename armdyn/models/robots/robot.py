@@ -64,8 +64,9 @@ class Robot(Arm):
         reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
         if given.tool is not None and given.tool.frame is None:
             given = replace(given, tool=replace(given.tool, frame=reading.tip))
+        name = source.name if source.format == "model" else str(reading.model.name)
         robot = cls(
-            name=source.name if source.format == "model" else str(reading.model.name),
+            name=f"{name} (repaired model)" if reading.repaired else name,
             model=reading.model,
             limits=source.limits or reading.limits,
             joint_names=tuple(list(reading.model.names)[1:]),
@@ -73,6 +74,7 @@ class Robot(Arm):
             source=parsed.source,
             package_dirs=parsed.package_dirs,
             locked=reading.locked,
+            repaired=reading.repaired,
             tip=reading.tip,
             origin=source,
             options=given,

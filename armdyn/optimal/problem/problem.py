@@ -130,7 +130,7 @@ class MinimumTimeProblem:
     def __post_init__(self) -> None:
         expect_robot(self.robot)
         if self.q_goal is None and self.goal_pose is None:
-            raise ProblemError("give q_goal or goal_pose")
+            raise ProblemError("give `q_goal` or `goal_pose`")
         self._resolve_ends()
         for name in ("effort_weight", "relative_effort_weight"):
             number(getattr(self, name), name, sign="not negative")
@@ -281,8 +281,22 @@ class MinimumTimeProblem:
             return None
         return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
 
-    def _unheld_at(self, q: Array) -> list[Unheld]:
-        return unheld_joints(self.robot, self.limits, q, self.reserves.effort)
+    @property
+    def unstable_ends(self) -> tuple[str, ...]:
+        """Joints that do not stay at an end where the arm is at rest, with torques, apart from `unheld`, in words.
+
+        At the start those whose motors are too weak: they are held by brakes until then. At both ends those without a
+        motor, which fall unless feedback balances them.
+        """
+        found = []
+        for pose, q, v in (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal)):
+            if not np.any(np.asarray(v)):
+                beyond = [one for one in self._unheld_at(np.asarray(q), pose) if one.beyond]
+                found += [one.words for one in beyond if pose == "start" or not one.motor]
+        return tuple(found)
+
+    def _unheld_at(self, q: Array, pose: str = "goal") -> list[Unheld]:
+        return unheld_joints(self.robot, self.limits, q, self.reserves.effort, pose)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""

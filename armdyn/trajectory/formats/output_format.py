@@ -50,6 +50,6 @@ def joint_names(samples: Samples) -> list[str]:
     """
     if not samples.joint_names:
         raise TrajectoryError(
-            "joint_names is empty; give the joints' names: dataclasses.replace(motion, joint_names=…)"
+            "the motion's joint_names is empty, and readers find joints by name; motions that armdyn solves have them"
         )
     return list(samples.joint_names)
