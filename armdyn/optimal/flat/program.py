@@ -20,6 +20,7 @@ from armdyn.optimal.flat.equations import (
     torque_end_equations,
     torque_equations,
     torque_rate_equations,
+    torque_speed_equations,
 )
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.program.assembly import Block, Program, program_of
@@ -39,6 +40,7 @@ class CurveLayout:
         orders: of the derivatives that have limits: 1, and perhaps 2 and 3.
         smooth: order of the highest derivative that does not jump where legs meet.
         rated: whether there are limits of how fast torques change.
+        lines: of every joint's torque-speed curve.
     """
 
     joints: int
@@ -46,6 +48,7 @@ class CurveLayout:
     orders: tuple[int, ...] = (1,)
     smooth: int = 1
     rated: bool = False
+    lines: int = 0
 
     @property
     def legs(self) -> range:
@@ -89,6 +92,12 @@ class CurveLayout:
         first += sum(self._count(leg, lower) * self.joints for lower in self.orders if lower < order)
         return first + np.arange(self._count(leg, order) * self.joints).reshape(-1, self.joints)
 
+    def torque_speeds(self, leg: int) -> Index:
+        """Where the lines of torque-speed curves stand, shape (intervals * POINTS, lines, joints)."""
+        size = self.intervals[leg] * POINTS * self.lines * self.joints
+        last = sum(self._equations(before) for before in range(leg + 1))
+        return last - size + np.arange(size).reshape(-1, self.lines, self.joints)
+
     def at_points(self, leg: int) -> Index:
         """Unknowns of the torque equations, a column for every point."""
         interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
@@ -109,7 +118,7 @@ class CurveLayout:
 
     def _equations(self, leg: int) -> int:
         points = self.intervals[leg] * POINTS
-        return self.joints * (points + sum(self._count(leg, order) for order in self.orders))
+        return self.joints * (points * (1 + self.lines) + sum(self._count(leg, order) for order in self.orders))
 
     def torque_steps(self, leg: int) -> Index:
         """Unknowns of the torques' rates from point to point of a leg, a column for each."""
@@ -172,6 +181,9 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
         parts += [
             _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]
+        if shape.lines:
+            falling = torque_speed_equations(n, shape.lines)
+            parts.append(_Part(falling, shape.at_points(leg), WINDOW + shape.lines * n))
     for leg in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]

@@ -9,6 +9,7 @@ from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimi
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
+from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
@@ -20,6 +21,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     JerkLimit,
     FrameSpeedLimit,
     TorqueRateLimit,
+    TorqueSpeedLimit,
 )
 
 

@@ -191,20 +191,21 @@ class Unheld:
     words: str
 
 
-def unheld_joints(robot: Robot, limits: JointLimits, torque: Array, reserve: Array, pose: str = "goal") -> list[Unheld]:
+def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, pose: str = "goal") -> list[Unheld]:
     """Joints that cannot hold the arm at rest within the limits, largest excess first.
 
     Args:
         robot: the arm.
         limits: that hold for the motion.
-        torque: what holds the arm at rest [N m or N], shape (nv,); dry friction takes its part of it.
+        q: joint positions [rad or m], shape (nv,); dry friction takes its part of the torque that holds them.
         reserve: parts of the torque limits that these are less by, shape (nv,).
         pose: its name, in words.
     """
-    found = []
+    found, torque = [], robot.holding_torque(q)
+    lower, upper = limits.actuators.range(q, np.zeros_like(q))
     _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
-        bound = limits.actuators.upper[i] if torque[i] > 0 else limits.actuators.lower[i]
+        bound = upper[i] if torque[i] > 0 else lower[i]
         room, unit = coulomb[i] + _ROUNDING * limits.actuators.scale[i], "N" if robot.slides[i] else "N m"
         if abs(torque[i]) <= abs(bound) + room:
             continue

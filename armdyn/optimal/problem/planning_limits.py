@@ -63,6 +63,7 @@ class Reserve:
             velocity=limits.velocity * (1 - self.velocity),
             effort_lower=reserving.lower,
             effort_upper=reserving.upper,
+            actuators=reserving,
         )
 
 

@@ -178,6 +178,7 @@ class MinimumTimeProblem:
             "via points": bool(self.via),
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
+            "torque-speed curves": not self.limits.actuators.constant,
             **{constraint.name: True for constraint in self.path_constraints},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
@@ -295,7 +296,7 @@ class MinimumTimeProblem:
         return tuple(found)
 
     def _unheld_at(self, q: Array, pose: str = "goal") -> list[Unheld]:
-        return unheld_joints(self.robot, self.limits, self.robot.holding_torque(q), self.reserves.effort, pose)
+        return unheld_joints(self.robot, self.limits, q, self.reserves.effort, pose)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""
