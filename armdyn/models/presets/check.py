@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.errors import TrajectoryError
 from armdyn.models.presets.commands import Commands, commands_of
-from armdyn.models.presets.conditions import UNITS, ControllerLimits, Interface
+from armdyn.models.presets.interface import UNITS, ControllerLimits, Interface
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
@@ -31,7 +31,7 @@ class ConditionCheck:
     """One condition on one joint.
 
     Attributes:
-        condition: its name, a key of `conditions.UNITS`.
+        condition: its name, a key of `interface.UNITS`.
         necessary: whether a violation stops the motion.
         joint: the joint's name.
         value: the value that is largest as a part of its limit.

@@ -15,7 +15,7 @@ from armdyn.arguments import number, one_of, several, shown, text, whole
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.models.presets.check import ControllerCheck, controller_check
 from armdyn.models.presets.commands import check_points
-from armdyn.models.presets.conditions import COMMANDED, LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
+from armdyn.models.presets.interface import COMMANDED, LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
 from armdyn.models.values.per_joint import per_joint
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief

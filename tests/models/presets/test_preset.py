@@ -9,7 +9,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.presets.conditions import UNITS
+from armdyn.models.presets.interface import UNITS
 from armdyn.parsing.toml import to_toml
 
 MINE = """
@@ -98,7 +98,7 @@ def test_a_users_file(tmp_path):
         ("rate = 250", "rate = 1e9", "it must be at most 100000"),
         ("rate = 250", "", "interfaces.position.rate is None"),
         ('["velocity"]', '["torque"]', "condition 'torque' has no limit: give torque in"),
-        ('["velocity"]', '["speed"]', "there is no path constraint 'speed'"),
+        ('["velocity"]', '["speed"]', "condition 'speed' is unknown"),
         ("interfaces.position", "interfaces.effort", "no table 'effort'"),
         ('joints = ["hip", "knee"]', "joints = 0", "line 3: joints is 0; it must be at least 1"),
         ('joints = ["hip", "knee"]', "joints = 1000000000", "it must be at most 64"),

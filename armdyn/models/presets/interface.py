@@ -1,4 +1,4 @@
-"""Conditions that a controller puts on commanded motions, and their limits."""
+"""Command interfaces of controllers: conditions on commanded motions, and their limits."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ class ControllerLimits:
             ProblemError: there is no such condition, or no limit.
         """
         if condition not in UNITS:
-            raise ProblemError(f"there is no path constraint {condition!r}; there are {', '.join(UNITS)}")
+            raise ProblemError(f"condition {condition!r} is unknown; there are {', '.join(UNITS)}")
         if condition.startswith("zero_"):
             return
         for name in ("position_lower", "position_upper") if condition == "position" else (condition,):
