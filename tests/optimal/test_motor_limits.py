@@ -207,9 +207,9 @@ def test_curves_keep_continuous_torques():
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (lambda: ad.RmsTorque("x"), "RmsTorque is 'x'; expected one number, or one per joint"),
-        (lambda: ad.RmsTorque([1.0, 2.0]), "RmsTorque has shape (2,)"),
-        (lambda: ad.RmsTorque(0.0), "RmsTorque of joint 'turn' is 0.0 N m"),
+        (lambda: ad.RmsTorque("x"), "limit of RmsTorque is 'x'; expected one number, or one per joint"),
+        (lambda: ad.RmsTorque([1.0, 2.0]), "limit of RmsTorque has shape (2,)"),
+        (lambda: ad.RmsTorque(0.0), "limit of RmsTorque of joint 'turn' is 0.0 N m"),
         (lambda: ad.RmsTorque(1.0, dwell=-1.0), "dwell of RmsTorque is -1.0 s"),
     ],
 )

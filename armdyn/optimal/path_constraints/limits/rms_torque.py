@@ -50,7 +50,7 @@ class RmsTorque(PartialLimit):
     )
 
     def __post_init__(self) -> None:
-        numbers(self.limit, "RmsTorque", "one number, or one per joint [N m]")
+        numbers(self.limit, "limit of RmsTorque", "one number, or one per joint [N m]")
         number(self.dwell, "dwell of RmsTorque", unit="s", sign="not negative")
 
     @classmethod
@@ -67,7 +67,13 @@ class RmsTorque(PartialLimit):
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """One number per joint, all positive; with a dwell the goal is at rest."""
         limit = per_joint(
-            self.limit, robot.joint_names, "RmsTorque", unit="N m", error=ProblemError, finite=False, sign="positive"
+            self.limit,
+            robot.joint_names,
+            "limit of RmsTorque",
+            unit="N m",
+            error=ProblemError,
+            finite=False,
+            sign="positive",
         )
         if self.dwell and np.any(goal[robot.nv :]):
             raise ProblemError(f"RmsTorque has a dwell of {self.dwell:g} s at the goal, where the arm is in flight")
