@@ -20,6 +20,8 @@ class OutputFormat(Protocol):
     summary: ClassVar[str]
     """A few words for `armdyn export --help`."""
 
+    # A class attribute `rate` [Hz] is the default of `armdyn export --rate`, else 1000.
+
     def text(self, samples: Samples) -> str:
         """Content of the file.
 

@@ -11,7 +11,7 @@ import toppra.constraint
 
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
-from armdyn.models.presets.commands import interpolated
+from armdyn.trajectory.interpolation import interpolated
 from armdyn.trajectory.planned import Planned
 
 PANDA = ad.ControllerPreset.named("franka-panda")
