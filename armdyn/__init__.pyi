@@ -31,6 +31,8 @@ from armdyn.errors import ContactError as ContactError
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule
+from armdyn.models import ControllerCheck as ControllerCheck
+from armdyn.models import ControllerPreset as ControllerPreset
 from armdyn.models import Cylinder as Cylinder
 from armdyn.models import GoalPose as GoalPose
 from armdyn.models import Group as Group
@@ -47,6 +49,7 @@ from armdyn.models import Scene as Scene
 from armdyn.models import Sphere as Sphere
 from armdyn.models import Tool as Tool
 from armdyn.models import load_scene as load_scene
+from armdyn.models import repair_urdf as repair_urdf
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc
 from armdyn.optimal import Certificate as Certificate
@@ -54,6 +57,7 @@ from armdyn.optimal import FrameSpeedLimit as FrameSpeedLimit
 from armdyn.optimal import LowerBound as LowerBound
 from armdyn.optimal import MinimumTimeOptions as MinimumTimeOptions
 from armdyn.optimal import MinimumTimeProblem as MinimumTimeProblem
+from armdyn.optimal import RmsTorque as RmsTorque
 from armdyn.optimal import Sensitivities as Sensitivities
 from armdyn.optimal import Solution as Solution
 from armdyn.optimal import Status as Status

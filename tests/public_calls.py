@@ -64,6 +64,14 @@ kp = [1.0, 2.0]
 [track]
 controller = "pid"
 """
+PRESET = """name = "mine"
+joints = 2
+[limits]
+velocity = 9.0
+[interfaces.position]
+rate = 100
+necessary = ["velocity"]
+"""
 AT_REST = {"robot": RR, "q_goal": GOAL, "controller": PID, "loop": LOOP, "plant": None}
 PASSED = {"problem": PROBLEM, "motion": MOTION, "passing": np.zeros((0, 2))}
 
@@ -102,6 +110,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
         ad.JointLimits: {name: [1.0, 1.0] for name in LIMITS},
         ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
+        ad.RmsTorque: {"limit": 1.0, "dwell": 0.5},
         ad.TorqueRateLimit: {"limit": 1.0},
         ad.PidGains: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
         ad.Pid: defaults(ad.Pid),
@@ -134,6 +143,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
     study, problem = folder / "study.toml", folder / "problem.toml"
     study.write_text(STUDY)
     problem.write_text(PROBLEM.to_toml())
+    (folder / "arm.urdf").write_text(RR.urdf)
     (folder / "scene.json").write_text('[{"type": "sphere", "center": [9, 0, 0], "radius": 1}]')
     ad.run_study(squares(1), folder / "done.sqlite")
     return {
@@ -157,6 +167,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.read_problem: {"path": problem},
         ad.read_study: {"path": study},
         ad.replay_torques: {"robot": RR, "trajectory": MOTION, "rtol": 1e-6, "stop": None},
+        ad.repair_urdf: {"path": folder / "arm.urdf", "package_dirs": ()},
         ad.reserve_curve: {"problem": PROBLEM, "controllers": [PID], "plants": [RR], "reserves": [0.1], "loop": None}
         | {"duration": 0.1, "options": OPTIONS, "progress": None},
         ad.run_study: {
@@ -204,6 +215,8 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS)
         + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TRIANGLES)
     )
+    (folder / "preset.toml").write_text(PRESET)
+    preset = ad.ControllerPreset.read(folder / "preset.toml")
     dynamics = ad.Dynamics(RR)
     ticks, region, study = (
         Ticks.of(RR, MOTION, 1000.0),
@@ -229,12 +242,19 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
         RR.with_armature: {"armature": 1.0},
+        RR.with_torque_speed: {"torque_speed": {RR.joint_names[0]: [[0.0, 1.0], [1.0, 0.5]]}},
         RR.with_passive: {"joints": [RR.joint_names[0]]},
         RR.frame: {"name": "tip"},
         RR.frame_of: {"payload": RR.payload},
         RR.pose: {"name": "zero"},
         RR.configuration: {"q": START},
         RR.holding_torque: {"q": START},
+        ad.ControllerPreset.named: {"name": "ur5e", "interface": "position"},
+        ad.ControllerPreset.read: {"path": folder / "preset.toml"},
+        preset.on: {"interface": "position"},
+        preset.limit: {"name": "velocity"},
+        preset.expect_joints: {"joints": RR.joint_names, "whose": "the robot"},
+        preset.check: {"motion": MOTION, "joint_names": RR.joint_names},
         ad.Trajectory.load: {"path": MOTION.save(folder / "saved.npz")},
         MOTION.__call__: {"time": 0.1},
         MOTION.resample: {"rate": 100.0},

@@ -1,6 +1,8 @@
 """What docs/extending.md shows works as it stands there."""
 
+import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import coal
@@ -124,24 +126,21 @@ def test_a_controller(controller, tmp_path):
 def output_format():
     """The section about an output format, its registration taken back afterwards."""
     yield shown("An output format")
-    del FORMATS["urscript"]
+    del FORMATS["jsonl"]
 
 
 def test_an_output_format(output_format, tmp_path):
     motion = output_format["motion"]
     samples = motion.resample(125)
-    lines = FORMATS["urscript"]().text(samples).splitlines()
-    assert lines[0] == "def motion():" and lines[-1] == "end" and len(lines) == samples.t.size + 3
-    joints, seconds = re.fullmatch(r"  servoj\((\[.*\]), t=(.*)\)", lines[1]).groups()
-    np.testing.assert_array_equal(np.array(eval(joints)), samples.q[0])
-    assert float(seconds) == samples.t[1]
+    lines = FORMATS["jsonl"]().text(samples).splitlines()
+    assert len(lines) == samples.t.size
+    assert json.loads(lines[1]) == {"t": samples.t[1]} | dict(zip(samples.joint_names, samples.q[1], strict=True))
     motion.save(tmp_path / "trajectory.npz")
-    told = answer(run_here("export", "trajectory.npz", "--format", "urscript", "--rate", "125", "--json", cwd=tmp_path))
-    assert told["files"] == ["trajectory.script"]
-    assert (tmp_path / "trajectory.script").read_text().splitlines() == lines
-    two = ad.ramp(paper_arm("rr"), [0, 0], [1, 1], 1.0)
-    with pytest.raises(TrajectoryError, match="the motion has 2 joints; a UR has 6"):
-        FORMATS["urscript"]().text(two.resample(125))
+    told = answer(run_here("export", "trajectory.npz", "--format", "jsonl", "--json", cwd=tmp_path))
+    assert told["files"] == ["trajectory.jsonl"] and told["rate"] == 125
+    assert (tmp_path / "trajectory.jsonl").read_text().splitlines() == lines
+    with pytest.raises(TrajectoryError, match="no names"):
+        FORMATS["jsonl"]().text(replace(motion, joint_names=()).resample(125))
 
 
 @pytest.fixture

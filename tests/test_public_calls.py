@@ -44,7 +44,17 @@ ALIASES = {"address": "scheduler", "text": "^it: ", "placement": "pose", "trajec
 ALIASES |= {"ki": "gains", "name": "no frame|no pose", "duration": "samples|motion cannot be started"}
 """What messages call an argument, besides its name or a word of that; of a file or a name it is enough to say which."""
 RESULTS = {
-    *(ad.Arc, ad.Certificate, ad.GainPlane, ad.LowerBound, ad.Margins, ad.MonteCarlo, ad.ReserveCurve),
+    *(
+        ad.ControllerCheck,
+        ad.ControllerPreset,
+        ad.Arc,
+        ad.Certificate,
+        ad.GainPlane,
+        ad.LowerBound,
+        ad.Margins,
+        ad.MonteCarlo,
+        ad.ReserveCurve,
+    ),
     *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Scene, ad.Sensitivities),
     *(ad.Solution, ad.TimeOptimality, ad.Tuned, ad.Status, ad.ArmdynError, ad.ArmdynWarning, ad.ContactError),
 }
@@ -64,7 +74,7 @@ INNER = {
         "on",
         "under",
     ),
-    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without_motors"),
+    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without", "without_motors"),
     "from_description",  # takes a package, and the internet
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""

@@ -14,6 +14,7 @@ from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
 from armdyn.cli.export import export
 from armdyn.cli.motion.bound import bound
+from armdyn.cli.motion.check import check
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.optimality import optimality
 from armdyn.cli.motion.pid import pid
@@ -21,6 +22,7 @@ from armdyn.cli.motion.replay import replay
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
 from armdyn.cli.parsing.layout import Command, CommandGroup
+from armdyn.cli.presets import presets
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
 from armdyn.cli.sweeps.sweep import sweep
@@ -39,6 +41,8 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
     armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
 [dim]How much time any planner's motion leaves:[/]
     armdyn optimality panda planned.csv
+[dim]Whether the robot's controller accepts it:[/]
+    armdyn check planned.csv --preset franka-panda
 [dim]The arms that have a name; a check of your URDF:[/]
     armdyn robots
     armdyn doctor my_arm.urdf
@@ -49,10 +53,10 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 armdyn COMMAND --help says more, with examples."""
 
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Motions": (mintime, bound, optimality, sweep),
+    "Motions": (mintime, bound, optimality, check, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "Results": (report, compare, replay, export),
-    "Robots": (robots, doctor),
+    "Robots": (robots, presets, doctor),
     "The paper": (reproduce, urdf),
 }
 

@@ -17,7 +17,7 @@ import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
-from armdyn.cli.invocation import command_name, is_given, option_value
+from armdyn.cli.invocation import command_name, in_options, option_value
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -135,7 +135,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
         except DiskFullError as error:
             answer.failed("disk_full", str(error), DISK_FULL)
         except ArmdynError as error:
-            answer.failed("bad_input", _by_option(str(error)), BAD_INPUT)
+            answer.failed("bad_input", in_options(str(error)), BAD_INPUT)
         except OSError as error:
             if is_full(error):
                 answer.failed("disk_full", str(DiskFullError(error.filename or "standard output")), DISK_FULL)
@@ -151,7 +151,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
                 answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
         finally:
             console.quiet = False
-    messages = list(dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, ArmdynWarning)))
+    messages = list(dict.fromkeys(in_options(str(w.message)) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
     if as_json:
@@ -161,12 +161,6 @@ def answering(as_json: bool) -> Iterator[Answer]:
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
-
-
-def _by_option(message: str) -> str:
-    """A message that begins with an argument, with the option instead where that was given on the command line."""
-    name, said, rest = message.partition(" is ")
-    return f"--{name.replace('_', '-')}{said}{rest}" if is_given(name) else message
 
 
 def _os_message(error: OSError) -> str:

@@ -6,6 +6,7 @@ import math
 import os
 import platform
 from collections.abc import Iterable
+from pathlib import Path
 from types import NoneType
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,8 @@ import armdyn as ad
 from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, working
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
+from armdyn.cli.repair import repaired
+from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -44,6 +47,18 @@ def doctor(
             "it built in the background.",
         ),
     ] = False,
+    repair: Annotated[
+        bool,
+        typer.Option(
+            "--repair",
+            help="Of a URDF: the least change that makes each inertia physical, folders of its packages, joints to "
+            "lock, the tip, missing limits. Nothing is written without --out.",
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="With --repair: write the URDF with physical inertias, marked as repaired."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Check the installation, or a robot as armdyn reads it.
@@ -52,9 +67,15 @@ def doctor(
     armdyn doctor panda
     armdyn doctor panda --build
     armdyn doctor panda --policy
-    armdyn doctor my_arm.urdf[/]
+    armdyn doctor my_arm.urdf
+    armdyn doctor my_arm.urdf --repair --out mended.urdf[/]
     """
     with answering(json) as answer:
+        if out is not None and not repair:
+            raise ProblemError(f"--out {out} belongs to --repair, which is not given")
+        if repair:
+            repaired(answer, robot, part, out)
+            return
         tables: list[str | Table]
         if robot is None:
             arm, facts = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), _installation()
@@ -213,6 +234,8 @@ def _remarks(robot: ad.Robot) -> list[str]:
     for name, value in robot.locked.items():
         places.setdefault(f"{value:g}", []).append(name)
     remarks = [f"locked at {place}: {', '.join(names)}" for place, names in places.items()]
+    if robot.repaired:
+        remarks.insert(0, f"repaired model: the inertia of {robot.repaired} is not as published")
     for finding, found in findings.items():
         if found:
             names = "all joints" if len(found) == len(joints) else ", ".join(str(j["name"]) for j in found)

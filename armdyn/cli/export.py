@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
-from armdyn.parsing.numbers import number
-from armdyn.trajectory.formats import FORMATS
+from armdyn.parsing.numbers import number, numbers
+from armdyn.trajectory.formats import FORMATS, OutputFormat
+
+if TYPE_CHECKING:
+    from armdyn.trajectory import Samples, Trajectory
 
 
 def export(
@@ -26,8 +30,12 @@ def export(
         ),
     ] = "csv",
     rate: Annotated[
-        str, typer.Option(metavar="HZ", help="Rows per second; own: at the motion's own samples instead.")
-    ] = "1000",
+        str | None,
+        typer.Option(
+            metavar="HZ|own",
+            help="Rows per second; own: the motion's own samples. By default 1000, of urscript and ur-rtde 500.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
     ] = None,
@@ -38,9 +46,24 @@ def export(
             help="mujoco: write a motor per joint, too; --no-motors for a model that has its own.",
         ),
     ] = True,
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            metavar="RAD",
+            help="ros2: distance of ros2_control's spline from the motion at most, by default 1e-3; the rate is raised "
+            "for it unless --rate is given. ur-rtde, panda-python: distance from the start at most, by default 0.01.",
+        ),
+    ] = None,
+    payload: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="urscript, ur-rtde, panda-python: mass that the controller is told \\[kg]."),
+    ] = None,
+    payload_com: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Its centre of mass from the flange \\[m]; by default 0,0,0.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """A motion as a table, as ROS 2's message, or as MuJoCo's keyframes.
+    """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
 
     Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
     and accelerations are means over the step that begins there: what a controller holds until the next row.
@@ -50,30 +73,72 @@ def export(
     MuJoCo's file goes into a model of the same joints in the same order, by <include file="trajectory.xml"/>. Set time,
     qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.
 
+    The programs for Universal Robots' and Franka's arms go to the start slowly, or refuse to run elsewhere. They were
+    planned on a model: try them in simulation or at reduced speed first.
+
     [dim]armdyn mintime rr --payload 0.1006 --reserve 0.1 --out results
     armdyn export results/trajectory.npz --rate 1000
     armdyn export results/trajectory.npz --format ros2 --rate 250
     ros2 topic pub --once /joint_trajectory_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \
 --yaml-file results/trajectory.json
-    armdyn export results/trajectory.npz --format mujoco --rate 1000[/]
+    armdyn export results/trajectory.npz --format mujoco --rate 1000
+    armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
+    armdyn export results/trajectory.npz --format panda-python[/]
     """
     with answering(json) as answer:
         from armdyn.trajectory import Trajectory
 
         kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
-        options = {"motors": motors} if "motors" in signature(kind).parameters else {}
-        ticks = None if rate.strip() == "own" else number(rate, "--rate")
+        centre = None if payload_com is None else tuple(numbers(payload_com, "--payload-com"))
+        given = {"tolerance": tolerance, "payload": payload, "payload_com": centre}
+        made = _made(kind, given if motors else given | {"motors": False})
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
         motion = Trajectory.load(file)
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
-        samples = motion.resample(ticks)
-        content = kind(**options).text(samples)
+        samples, ticks, deviation = _sampled(made, motion, rate)
+        content = made.text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         rows = samples.t.size
-        facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration}
+        facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration, "deviation": deviation}
         answer.done("written", facts, [target])
         even = "its own samples" if ticks is None else f"{ticks:g} Hz"
         console.print(f"{escape(str(target))}  ({rows} rows at {even}, {motion.duration:.6f} s)")
+        if deviation is not None:
+            console.print(
+                f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
+            )
+
+
+def _made(kind: type[OutputFormat], given: Mapping[str, object]) -> OutputFormat:
+    """A format with the options that were given.
+
+    Raises:
+        ProblemError: it has none of that name.
+    """
+    options = {name: value for name, value in given.items() if value is not None}
+    for name in options:
+        if name not in signature(kind).parameters:
+            those = ", ".join(other for other, each in FORMATS.items() if name in signature(each).parameters)
+            raise ProblemError(f"--{name.replace('_', '-')} is of the formats {those}; {kind.name} has none")
+    return kind(**options)
+
+
+def _sampled(made: OutputFormat, motion: Trajectory, rate: str | None) -> tuple[Samples, float | None, float | None]:
+    """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.
+
+    Raises:
+        TrajectoryError: the deviation is above the tolerance, and the rate was given.
+    """
+    ticks = getattr(made, "rate", 1000.0) if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
+    while True:
+        samples = motion.resample(ticks)
+        deviation = getattr(made, "deviation", None)
+        try:
+            return samples, ticks, None if deviation is None else deviation(samples, motion)
+        except TrajectoryError:
+            if rate is not None or ticks is None:
+                raise
+            ticks *= 2  # `resample` refuses too many

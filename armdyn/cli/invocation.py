@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,6 +24,24 @@ class _Invocation(NamedTuple):
 
 _NONE = _Invocation()
 _RUNNING: ContextVar[_Invocation] = ContextVar("running", default=_NONE)
+
+
+_OTHER_NAMES = {
+    "allowed_contacts": "allow_contact",
+    "end_contacts": "end_contact",
+    "obstacles": "obstacle",
+    "path_constraints": "limit",
+    "relative_effort_weight": "smooth",
+}
+"""Arguments in Python, to the options that have another name."""
+
+_PHRASES = {
+    "np.deg2rad(…)": "--degrees",
+    "FrameSpeedLimit": "--limit tip-speed",
+    "RmsTorque": "--limit rms-torque",
+    "TorqueRateLimit": "--limit torque-rate",
+}
+"""Other words of Python in messages, to those of the command line."""
 
 
 @contextmanager
@@ -57,6 +76,31 @@ def is_given(name: str) -> bool:
     return name in now.values and now.values[name] != now.parameters[name].default
 
 
+def in_options(text: str) -> str:
+    """A message in the words of the command line: an argument in backticks, or at its beginning, is its option.
+
+    Names that are no option of the command that is running stay as words; where none is running all are options.
+    """
+    now = _RUNNING.get()
+    flags = {
+        flag.lstrip("-").replace("-", "_"): (flag, name)
+        for name, one in now.parameters.items()
+        if (flag := _flag(name, one.annotation))
+    }
+
+    def quoted(match: re.Match[str]) -> str:
+        name = _OTHER_NAMES.get(match[1], match[1])
+        return flags[name][0] if name in flags else f"--{name.replace('_', '-')}" if now is _NONE else match[1]
+
+    def first(match: re.Match[str]) -> str:
+        flag, name = flags.get(_OTHER_NAMES.get(match[1], match[1]), ("", ""))
+        return flag if flag and is_given(name) else match[1]
+
+    for phrase, option in _PHRASES.items():
+        text = text.replace(phrase, option)
+    return re.sub(r"`([a-z_]+)`", quoted, re.sub(r"^([a-z_]+)(?=\[|:| is | of | has )", first, text))
+
+
 def invocation() -> dict[str, object]:
     """The command that is running, as JSON says it; empty: none is.
 
@@ -79,11 +123,22 @@ def _typed(name: str, hint: Any, value: object) -> list[str]:
     values = list(value) if isinstance(value, (list, tuple)) else [value]
     if _is_argument(hint):
         return [_word(one) for one in values]
-    given = next((info.param_decls for info in _told(hint) if isinstance(info, OptionInfo) and info.param_decls), None)
-    on, _, off = (given[0] if given else f"--{name.replace('_', '-')}").partition("/")
+    on, _, off = _flag(name, hint).partition("/")
     if isinstance(value, bool):
         return [word for word in (on if value else off,) if word]
     return [word for one in values for word in (on, _word(one))]
+
+
+def _flag(name: str, hint: Any) -> str:
+    """A parameter's option as it is declared, such as "--arm" or "--motors/--no-motors"; empty: it is an argument."""
+    if _is_argument(hint):
+        return ""
+    info = next((info for info in _told(hint) if isinstance(info, OptionInfo)), None)
+    # Where it is annotated, typer keeps the first name as the default.
+    names = (
+        [] if info is None else [each for each in (info.default, *(info.param_decls or ())) if isinstance(each, str)]
+    )
+    return names[0] if names else f"--{name.replace('_', '-')}"
 
 
 def _told(hint: Any) -> tuple[Any, ...]:

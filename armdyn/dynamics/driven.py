@@ -1,7 +1,7 @@
 """Closed-loop simulation tick by tick, by the bridge's C++ loop."""
 
 import ctypes
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
+from armdyn.models.values.actuator_limits import ActuatorLimits
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,17 @@ class Plant(NamedTuple):
     parameters: Array
     """p: ten dynamic parameters of the last joint's body; with friction also damping and Coulomb friction of every
     joint, and the width of its jump."""
+
+
+def limited(plant: Plant, actuators: Sequence[ActuatorLimits]) -> Plant:
+    """A plant whose motors give no more than their ranges in its state, whatever torque is asked of them."""
+    function = plant.function
+    for own in actuators:
+        q, v, tau, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("q", "v", "tau", "p")))
+        lower, upper = own.range(q, v)
+        given = ca.fmin(ca.fmax(tau, lower), upper)
+        function = ca.Function("limited", [q, v, tau, p], [function(q, v, given, p)])
+    return plant._replace(function=function)
 
 
 def plant_of(robot: Robot) -> Plant:

@@ -1,3 +1,8 @@
+from armdyn.models.presets.check import ControllerCheck as ControllerCheck
+from armdyn.models.presets.preset import ControllerPreset as ControllerPreset
+from armdyn.models.reading.nearest_inertia import InertiaRepair as InertiaRepair
+from armdyn.models.reading.repair import UrdfRepair as UrdfRepair
+from armdyn.models.reading.repair import repair_urdf as repair_urdf
 from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
 from armdyn.models.scene.obstacles import Box as Box

@@ -265,7 +265,8 @@ def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tup
     edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]
     edges[-1] = motion.t[-1]
     at = motion((edges[:-1] + edges[1:]) / 2)
-    pushing = np.abs(at.tau - limits.actuators.center) >= BUSY * limits.actuators.half_range
+    lower, upper = limits.actuators.range(at.q, at.v)
+    pushing = np.abs(at.tau - (upper + lower) / 2) >= BUSY * ((upper - lower) / 2)
     fast = np.abs(at.v) >= BUSY * limits.velocity
     stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
     idle = ~(pushing | fast | stopped)

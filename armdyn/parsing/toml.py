@@ -25,6 +25,8 @@ _NAME = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _CHAIN = re.compile(rf"(?:{_NAME}[ \t]*\.[ \t]*){{{_NAMES}}}")
 _HEADER = re.compile(rf"[ \t]*\[\[?[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*\]")
 _UNCLEAR = re.compile(r"[\x00-\x1f\x7f]")
+_ARGUMENT = re.compile(r"`([a-z_]+)`")
+"""An argument in a message, which is a key of the file."""
 _KEY = re.compile(rf"[ \t]*({_NAME}(?:[ \t]*\.[ \t]*{_NAME})*)[ \t]*=")
 
 
@@ -48,7 +50,8 @@ class Table:
         """A complaint about a key, with its line; of a key that is not there with that of the table."""
         way = (*self.within, key)
         line = next((self.lines[way[:n]] for n in range(len(way), 0, -1) if way[:n] in self.lines), 1)
-        return ProblemError(f"{self.path}, line {line}: {_UNCLEAR.sub(' ', why)}")
+        why = _ARGUMENT.sub(r"\1", _UNCLEAR.sub(" ", why))
+        return ProblemError(f"{self.path}, line {line}: {why}")
 
     def about(self, error: ArmdynError, words: Mapping[str, str] | None = None) -> ProblemError:
         """An error about these values, with the line of the key that its message names.

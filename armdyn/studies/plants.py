@@ -148,7 +148,7 @@ class Plants:
         if self.payload != (1.0, 1.0) and not carries:
             raise ProblemError(
                 f"plants carry {self.payload[0]:g} to {self.payload[1]:g} times the payload of {robot.name}, which has "
-                "none: give the robot a payload, or payload=(1, 1)"
+                "none: give the robot a payload, or 1 to 1 times"
             )
         return self
 
@@ -167,7 +167,7 @@ def with_payload_times(robot: Robot, factor: float) -> Robot:
     """
     load = robot.payload
     if load is None:
-        raise ProblemError(f"{robot.name} carries no payload; give it one: payload=Payload(mass=…)")
+        raise ProblemError(f"{robot.name} carries no payload; give it a `payload`")
     frame = robot.frame_of(load)
     model = robot.model.copy()
     body = model.inertias[frame.parentJoint].toDynamicParameters()

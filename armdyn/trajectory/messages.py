@@ -48,9 +48,7 @@ def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
         TrajectoryError: it is no message, or one of another robot.
     """
     message = _message(file, _content(file))
-    names, points = message.get("joint_names"), message.get("points")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or not names:
-        raise TrajectoryError(f"{file}: joint_names is {shown(names)}; it must be a list of names")
+    names, points = _names(file, message), message.get("points")
     if not isinstance(points, list) or len(points) < 2:
         count = len(points) if isinstance(points, list) else shown(points)
         raise TrajectoryError(f"{file}: points: {count}; a motion has two or more")
@@ -63,6 +61,18 @@ def read_message(file: Path, joints: Sequence[str]) -> dict[str, Array]:
         if (columns := _columns(file, kind, points, len(names))) is not None:
             found[what] = columns[:, order]
     return found
+
+
+def names_in(file: Path) -> list[str]:
+    """Names of a message's joints; see `read_message`."""
+    return _names(file, _message(file, _content(file)))
+
+
+def _names(file: Path, message: Mapping[Any, Any]) -> list[str]:
+    names = message.get("joint_names")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names) or not names:
+        raise TrajectoryError(f"{file}: joint_names is {shown(names)}; it must be a list of names")
+    return names
 
 
 def _content(file: Path) -> object:

@@ -113,6 +113,44 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         raise TrajectoryError(f"{file}: {error}") from None
 
 
+def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[str, ...]:
+    """Names of a file's joints that end in some way, "panda_joint1" for "joint1"; ends that no name has stay.
+
+    Args:
+        path: of a file that `read_planned` reads.
+        ends: of the names, in the order of the joints; empty texts: any names, if the file has as many.
+
+    Raises:
+        TrajectoryError: the file cannot be read, or two of its joints end alike.
+    """
+    file = Path(path_of(path, "path of a motion", error=TrajectoryError))
+    suffix = file.suffix.lower()
+    try:
+        named = [] if suffix == ".npz" else messages.names_in(file) if suffix in messages.SUFFIXES else _bare(file)
+    except FileError as error:
+        raise TrajectoryError(str(error)) from None
+    if not any(ends):
+        whole = suffix in messages.SUFFIXES and len(named) == len(ends)
+        return tuple(named) if whole else tuple(f"joint{i + 1}" for i in range(len(ends)))
+    found = []
+    for end in ends:
+        alike = list(dict.fromkeys(name for name in named if name.endswith(end)))
+        if len(alike) > 1 and end not in alike:
+            raise TrajectoryError(f"{file}: {' and '.join(map(shown, alike[:2]))} both end in {end!r}; name the robot")
+        found.append(alike[0] if len(alike) == 1 else end)
+    return tuple(found)
+
+
+def _bare(file: Path) -> list[str]:
+    """Names in a table's first line, without units and quantities."""
+    head, _, _ = read_bounded(file, MAX_BYTES).decode("utf-8-sig", "replace").lstrip().partition("\n")
+    names = [match["name"] for name in re.split("[,;\t]", head) if (match := _HEAD.fullmatch(name.strip('# "\r')))]
+    parts = [name.partition("_") for name in names]
+    return [
+        rest if rest and first.lower() in _MEANS else name for name, (first, _, rest) in zip(names, parts, strict=True)
+    ]
+
+
 def _usage() -> str:
     return "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 

@@ -13,7 +13,7 @@ from cli.command import run_here
 POSES = ["--q-start", "--q-goal", "--via"]
 RESERVES = ["--reserve", "--velocity-reserve"]
 MORE = ["--lock", "--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"]
-JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--armature"]
+JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--torque-speed", "--armature"]
 WRONG = ("nan", "x", ",", "½")
 """No option of numbers takes one of these."""
 OPTIONS = {

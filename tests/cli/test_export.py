@@ -86,3 +86,32 @@ def test_a_folder_in_the_files_place(here):
     (here / "trajectory.csv").mkdir()
     told = answer(run_here("export", "trajectory.npz", "--json", cwd=here), 2)
     assert "trajectory.csv: cannot be written (it is a folder" in told["message"]
+
+
+def test_a_program_for_a_controller_has_its_rate(tmp_path):
+    t = np.linspace(0, 0.2, 50)
+    rest = np.zeros((50, 6))
+    Trajectory(t, rest, rest, rest, [f"j{i}" for i in range(6)]).save(tmp_path / "m.npz")
+    payload = ("--payload", "2.5", "--payload-com", "0,0,0.08")
+    told = answer(run_here("export", "m.npz", "--format", "urscript", *payload, "--json", cwd=tmp_path))
+    assert (told["rate"], told["files"], told["deviation"]) == (500, ["m.script"], None)
+    assert (
+        "set_target_payload(2.500000000, [0.000000000, 0.000000000, 0.080000000])"
+        in (tmp_path / "m.script").read_text()
+    )
+    told = answer(run_here("export", "m.npz", "--format", "ur-rtde", "--tolerance", "0.03", "--json", cwd=tmp_path))
+    assert told["files"] == ["m.py"] and "TOLERANCE = 0.03" in (tmp_path / "m.py").read_text()
+    told = answer(run_here("export", "m.npz", "--format", "urscript", "--rate", "100", "--json", cwd=tmp_path), 2)
+    assert "500 or 125" in told["message"]
+    told = answer(run_here("export", "m.npz", *payload, "--json", cwd=tmp_path), 2)
+    assert told["message"] == "--payload is of the formats urscript, ur-rtde, panda-python; csv has none"
+
+
+def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
+    told = answer(run_here("export", "trajectory.npz", "--format", "ros2", "--json", cwd=here))
+    assert told["rate"] == 1000 and 0 < told["deviation"] < 1e-4
+    tight = ("export", "trajectory.npz", "--format", "ros2", "--tolerance", "4e-6", "--json")
+    told = answer(run_here(*tight, cwd=here))
+    assert told["rate"] > 1000 and told["deviation"] <= 4e-6  # raised
+    told = answer(run_here(*tight, "--rate", "1000", cwd=here), 2)
+    assert "give a higher --rate or --tolerance" in told["message"]

@@ -25,6 +25,8 @@ SHORT = {
     "urdf": ["rr"],
     "doctor": ["rr", "--policy"],
     "robots": ["panda"],
+    "presets": [],
+    "check": ["motion.npz", "--preset", "one.toml"],
 }
 LONG = {
     "mintime": ["rr", "--search", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
@@ -72,6 +74,9 @@ def here(tmp_path, monkeypatch):
     ad.Trajectory(t=[0.0, 1.0], q=ends, v=[[0.0], [0.0]], tau=[[0.0], [0.0]], joint_names=("joint1",)).save(
         "motion.npz"
     )
+    Path("one.toml").write_text(
+        'name = "one"\njoints = 1\n[limits]\nvelocity = 9.0\n[interfaces.position]\nrate = 9\nnecessary = ["velocity"]'
+    )
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 1.0).save("ramp.npz")
 
 
@@ -93,6 +98,7 @@ def test_keys_of_longer_commands_are_documented(command, here):
 @pytest.mark.parametrize("command", sorted({*COMMANDS} - {"reproduce", "export", "urdf"}))
 def test_bad_input_has_the_same_head(command, here):
     given = ["no_such_robot", *(["motion.npz"] if command in ("replay", "optimality") else [])]
+    given += ["--preset", "ur5e"] if command == "check" else []
     facts = answer(run_here(command, *given, "--json"), 2)
     assert list(facts)[:2] == ["schema", "command"]
     assert (facts["success"], facts["status"], facts["command"]) == (False, "bad_input", command)

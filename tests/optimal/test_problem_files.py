@@ -106,6 +106,9 @@ def test_a_file_reaches_nothing_outside_its_folder(write_problem, tmp_path):
         ("payload =", "limits = { velocity = [1] }\npayload =", "line 3: limits: velocity is [1]; expected one number"),
         ("payload =", "urdf = '<robot/>'\npayload =", "line 3: [robot] has name and urdf; give one of them"),
         ('name = "rr"', "spec = { name = 'x' }", "line 2: links of spec is None; it is a list of tables"),
+        ("payload =", "torque_speed = { x = [[0, 3], [9, 1]] }\npayload =", "line 3: torque_speed: there is no joint"),
+        ("payload =", "torque_speed = { joint1 = [[0, 3]] }\npayload =", "line 3: torque_speed of joint 'joint1' is"),
+        ("payload =", "torque_speed = 3\npayload =", "line 3: torque_speed is 3; it is a table"),
         ("payload =", "arm = 'x'\npayload =", "line 3: arm is 'x'; it is two joints or links"),
     ],
 )  # fmt: skip
@@ -159,6 +162,7 @@ def assert_fields(one, other):
         a, b = getattr(one, own.name), getattr(other, own.name)
         if own.name == "actuators":
             assert type(a) is type(b)
+            assert np.array_equal(a.lines, b.lines)
         elif a is None or isinstance(a, str):
             assert a == b
         else:
@@ -178,6 +182,8 @@ def test_a_problem_is_written_and_read_again(data, tmp_path_factory):
     if draw(st.booleans()):
         robot = robot.with_limits(3 + draw(number), 1 / 3 + draw(number))
     if draw(st.booleans()):
+        robot = robot.with_torque_speed({robot.joint_names[-1]: [[0, 3 + draw(number)], [1, 3], [2, 1 / 3]]})
+    if draw(st.booleans()):
         robot = robot.with_armature(draw(number)).with_friction(draw(number), [draw(number)] * n, 0.1 / 3)
     low, high = (
         np.clip(np.array(q), robot.limits.position_lower, robot.limits.position_upper) for q in ([-0.7] * n, [0.6] * n)
@@ -196,7 +202,11 @@ def test_a_problem_is_written_and_read_again(data, tmp_path_factory):
         "clearance": 1e-3,
         "acceleration_limit": [10 + draw(number)] * n,
         "jerk_limit": 100 + draw(number),
-        "path_constraints": [ad.FrameSpeedLimit(1 + draw(number)), ad.TorqueRateLimit([50 + draw(number)] * n)],
+        "path_constraints": [
+            ad.FrameSpeedLimit(1 + draw(number)),
+            ad.TorqueRateLimit([50 + draw(number)] * n),
+            ad.RmsTorque([2.0 + draw(number)] * n, dwell=0.1 + 0.2),
+        ],
         "obstacles": [
             ad.Sphere((5, 5, draw(number)), 0.1, name='a "ball"'),
             ad.Capsule((5, 5, 1), (5, 5, 2), 0.1),

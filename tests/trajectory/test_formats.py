@@ -187,7 +187,7 @@ def test_without_pandas_it_says_what_to_do(monkeypatch):
 
 
 def test_each_format_is_registered_once():
-    assert list(FORMATS) == ["csv", "ros2", "mujoco"]
+    assert list(FORMATS) == ["csv", "ros2", "mujoco", "urscript", "ur-rtde", "panda-python"]
     assert all(name == kind.name and kind.suffix.startswith(".") and kind.summary for name, kind in FORMATS.items())
     register(CsvTable)  # again: the same
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from armdyn.cli.invocation import in_options
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution
@@ -53,12 +54,7 @@ def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
 
 def missing_words(missing: Sequence[str]) -> dict[str, str]:
     """Requirements that are not met, for `facts_table`."""
-    return {"required": "\n".join(map(options_of, missing))} if missing else {}
-
-
-def options_of(line: str) -> str:
-    """A line of advice with the command line's options instead of Python's arguments."""
-    return re.sub(r"`([a-z_]+)`", lambda name: "--" + name.group(1).replace("_", "-"), line)
+    return {"required": "\n".join(map(in_options, missing))} if missing else {}
 
 
 def _facts(solution: Solution) -> dict[str, str]:
@@ -75,7 +71,7 @@ def _facts(solution: Solution) -> dict[str, str]:
     if solution.certificate.idle and solution.moves:
         facts["idle"] = ", ".join(solution.certificate.idle) + ": the duration does not determine their motion"
     if solution.what_to_do:
-        facts["what you can do"] = "\n".join(map(options_of, solution.what_to_do))
+        facts["what you can do"] = "\n".join(map(in_options, solution.what_to_do))
     facts |= _way(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import LIMITS, ROBOT
-from armdyn.parsing.numbers import number, one_or_more
+from armdyn.parsing.numbers import number, numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -36,6 +36,12 @@ class JointOptions:
     friction_width: str | None = option(
         "V", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
     )
+    torque_speed: list[str] | None = option(
+        "JOINT=V:T,V:T…",
+        "Torque-speed curve of a joint's motor: speeds from 0 on \\[rad/s], the largest driving torques there \\[N m], "
+        "linear between and concave; it brakes with its whole torque limit. May be given again.",
+        rich_help_panel=LIMITS,
+    )
     armature: str | None = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
 
     def fit(self, robot: Robot) -> Robot:
@@ -46,6 +52,7 @@ class JointOptions:
         """
         return (
             robot.with_limits(one_or_more(self.effort_limit, "--effort-limit"), None)
+            .with_torque_speed(_curves(self.torque_speed))
             .with_armature(one_or_more(self.armature, "--armature"))
             .with_friction(
                 _friction(self.damping, "--damping"),
@@ -103,6 +110,17 @@ def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
         if any(parts) and (words := [f"{100 * part:.3g} %" for part in parts])
     ]
     return {"kept for feedback": "; ".join(told)} if told else {}
+
+
+def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:
+    """Torque-speed curves as options say them, by the names of joints; None: no option was given."""
+    curves = {}
+    for text in texts or ():
+        name, _, points = text.partition("=")
+        curves[name.strip()] = [
+            numbers(point.replace(":", ","), f"--torque-speed {name.strip()}") for point in points.split(",")
+        ]
+    return curves or None
 
 
 def _friction(text: str | None, what: str) -> FrictionValue | None:

@@ -48,6 +48,7 @@ class PartOptions:
         lock: JOINT=Q of each joint that does not move.
         part: FIRST,LAST of those that do.
         tool: a file with the tool.
+        package_dir: folders of the meshes' packages.
     """
 
     panel: ClassVar[str] = ROBOT
@@ -63,6 +64,11 @@ class PartOptions:
     tool: str | None = option(
         "FILE.toml",
         "Tool at the arm's end: mass, com, inertia, shapes and tip (docs/payloads.md); its tip is the arm's.",
+    )
+    package_dir: list[str] | None = option(
+        "DIR",
+        "Folder in which package:// of the URDF's meshes is looked up, besides the file's own folder and package; may "
+        "be given again.",
     )
 
     def read(self, name: str, payload: ad.Payload | None = None, tool: ad.Tool | None = None) -> ad.Robot:
@@ -87,7 +93,8 @@ class PartOptions:
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         from armdyn.models.robots.source import RobotSource
 
-        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.ends())
+        folders = tuple(self.package_dir or ())
+        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.ends(), package_dirs=folders)
         return ad.Robot.from_source(RobotSource.named(name), options)
 
     def locks(self) -> dict[str, float] | None:

@@ -19,7 +19,7 @@ from armdyn.cli.console import (
     escape,
     working,
 )
-from armdyn.cli.motion.words import options_of
+from armdyn.cli.invocation import in_options
 from armdyn.cli.options.joints import reserve_words
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def _complain(status: str, missing: Sequence[str]) -> None:
     if status == "not_landed":
         errors.print("some motions are not usable: their messages are in sweep.csv")
     for text in missing:
-        errors.print(f"required: {escape(options_of(text))}")
+        errors.print(f"required: {escape(in_options(text))}")
 
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:

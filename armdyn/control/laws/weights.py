@@ -35,7 +35,7 @@ def half_range(robot: Robot) -> Array:
     if not np.all(np.isfinite(half)):
         raise ProblemError(
             f"a linear-quadratic regulator weighs errors against the limits of torque; {robot.name} has none at "
-            f"{', '.join(np.array(robot.joint_names)[~np.isfinite(half)])}: give effort_limit"
+            f"{', '.join(np.array(robot.joint_names)[~np.isfinite(half)])}: give `effort_limit`"
         )
     return np.asarray(half)
 

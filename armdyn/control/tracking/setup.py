@@ -11,7 +11,7 @@ from armdyn.control.loop.law import Controller, Law, expect_controller, expect_m
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.tracking.run import Run, run_of
-from armdyn.dynamics.driven import Driven, Tables, drive, plant_of
+from armdyn.dynamics.driven import Driven, Tables, drive, limited, plant_of
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -113,7 +113,9 @@ class Setup:
         nv, loop = self.robot.nv, self.loop
         if expect_robot(plant, "plant").nv != nv:
             raise ProblemError(f"the plant, {plant.name}, has {plant.nv} joints; {self.robot.name} has {nv}")
-        body = plant_of(plant)
+        falling = [own for own in (self.robot.limits.actuators, plant.limits.actuators) if not own.constant]
+        falling = falling if loop.saturate else []
+        body = limited(plant_of(plant), falling)
         model = plant_of(self.robot) if loop.velocity == "observer" else None
         lower, upper = self._limits(plant)
         count = max(int(np.ceil(self.duration * loop.rate - 1e-9)), 1)
@@ -134,10 +136,15 @@ class Setup:
             noise=noise,
         )
         observer = None if model is None else model.function
-        return drive(body.function, self.law.function, observer, tables, self._scalars(count))
+        driven = drive(body.function, self.law.function, observer, tables, self._scalars(count))
+        for own in falling:
+            tau = own.clip(driven.tau, driven.q, driven.v)
+            clipped = driven.clipped | (tau[: len(driven.clipped)] != driven.tau[: len(driven.clipped)])
+            driven = driven._replace(tau=tau, clipped=clipped)
+        return driven
 
     def _limits(self, plant: Robot) -> tuple[Array, Array]:
-        """Torque limits [N m or N]: the tighter ones of model and plant."""
+        """Torque limits in any state [N m or N]: the tighter ones of model and plant."""
         if not self.loop.saturate:
             return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
         own, its = self.robot.limits.actuators, plant.limits.actuators

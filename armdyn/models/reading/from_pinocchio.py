@@ -45,12 +45,14 @@ class Reading:
         locked: joint name to the position it is locked at [rad or m].
         tip: the frame at the end of the arm.
         limits: of the moving joints.
+        repaired: links whose inertia `armdyn doctor --repair` changed, as the file says.
     """
 
     model: pin.Model
     locked: Mapping[str, float]
     tip: str
     limits: JointLimits
+    repaired: str = ""
 
 
 def read_model(

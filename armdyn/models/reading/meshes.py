@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.errors import FileError
+from armdyn.arguments import path, several
+from armdyn.errors import FileError, SpecError
 from armdyn.files import read_bounded
 
 Array = NDArray[np.float64]
@@ -42,6 +43,16 @@ def origin(element: Element) -> Array:
     rpy = numbers(at.get("rpy"), 3, 0.0)
     matrix: Array = pin.SE3(pin.rpy.rpyToMatrix(rpy), numbers(at.get("xyz"), 3, 0.0)).homogeneous
     return matrix
+
+
+def folders_of(package_dirs: object) -> tuple[str, ...]:
+    """The argument `package_dirs`.
+
+    Raises:
+        SpecError: it is no list of paths.
+    """
+    folders = several(package_dirs, "package_dirs", error=SpecError)
+    return tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(folders))
 
 
 def mesh_folders(urdf: Path, given: Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """From a URDF's text to Pinocchio's model of an arm."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.errors import UrdfError
 from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, locked_joints
+from armdyn.models.reading.nearest_inertia import MARK
 from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 
@@ -44,7 +46,8 @@ def read_arm(
     free = {i for i, name in enumerate(model.names) if i and name not in locked}
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
     check_inertias(root, source, moving)
-    return arm_of(model, source, locked, arm)
+    marks = [mark.get("repaired", "") for mark in root.findall(MARK)]
+    return replace(arm_of(model, source, locked, arm), repaired=", ".join(filter(None, marks)))
 
 
 def _mimics(root: Element, source: str) -> dict[str, Mimic]:

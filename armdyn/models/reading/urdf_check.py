@@ -16,15 +16,16 @@ MAX_MOVING = 150
 """A URDF of more moving joints is refused: Pinocchio's memory grows with their cube, 0.2 GiB for 150."""
 
 MOVING = ("revolute", "continuous", "prismatic")
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _TRIANGLE_TOLERANCE = 1e-2  # published URDFs round principal moments to two or three digits
-_NOTHING = 1e-12  # [kg m²]: published tensors of point masses are a rounding, 1e-17, beside zero
+POINT_MASS = 1e-12
+"""Inertias below are those of point masses [kg m²]: published ones are a rounding, 1e-17, beside zero."""
 
 _KEPT: dict[str, tuple[str, ...]] = {
     "inertial": (),
     "origin": ("xyz", "rpy"),
     "mass": ("value",),
-    "inertia": _MOMENTS,
+    "inertia": MOMENTS,
     "parent": ("link",),
     "child": ("link",),
     "axis": ("xyz",),
@@ -84,14 +85,19 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
         if inertial is None or link.get("name") not in moving:
             continue
         where = f"link {clipped(link.get('name'))!r}"
-        xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), _MOMENTS, source, where)
-        if fault := inertia_fault(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])):
-            raise UrdfError(source, fault, where)
+        if fault := inertia_fault(inertia_tensor(inertial, source, where)):
+            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` says the nearest that a body has", where)
+
+
+def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> NDArray[np.float64]:
+    """The inertia of an `<inertial>` about the centre of mass [kg m²], shape (3, 3)."""
+    xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), MOMENTS, source, where)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def inertia_fault(tensor: NDArray[np.float64]) -> str:
     """Why no body has such an inertia about its centre of mass [kg m²], shape (3, 3); empty if one may."""
-    if np.max(np.abs(tensor)) < _NOTHING:
+    if np.max(np.abs(tensor)) < POINT_MASS:
         return ""  # a point mass
     moments = np.linalg.eigvalsh(tensor)
     if moments[0] <= -1e-9 * moments[-1] or moments[-1] <= 0:
@@ -175,7 +181,7 @@ def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
     (mass,) = _numbers(inertial.find("mass"), ("value",), source, where, LARGEST)
     if mass < 0:
         raise UrdfError(source, f"mass is {mass} kg; it must not be negative", where)
-    _numbers(inertial.find("inertia"), _MOMENTS, source, where, LARGEST)
+    _numbers(inertial.find("inertia"), MOMENTS, source, where, LARGEST)
 
 
 def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:

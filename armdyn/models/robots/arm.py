@@ -18,6 +18,7 @@ from armdyn.models.robots.identity import model_hash
 from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import named_poses, pose_named
 from armdyn.models.robots.source import RobotSource
+from armdyn.models.values.actuator_limits import ConstantTorque, TorqueSpeed
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -56,6 +57,8 @@ class Arm:
         source: its file, or its origin in words.
         package_dirs: folders in which `package://` is looked up.
         locked: joint name to the position it is locked at [rad or m].
+        repaired: links whose inertia `armdyn doctor --repair` changed, with commas between; the robot's name, and so
+            every result, says "repaired model".
         payload: the added one; None: none was.
         tip: the frame at the end of the arm, or of its tool.
         friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
@@ -71,6 +74,7 @@ class Arm:
     source: str
     package_dirs: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
+    repaired: str = ""
     payload: Payload | None = None
     tip: str = TIP
     friction: JointFriction = field(default_factory=JointFriction)
@@ -170,6 +174,23 @@ class Arm:
             velocity = self._read(velocity_limit, "velocity_limit", "rad/s or m/s", finite=False)
             limits = replace(limits, velocity=velocity)
         return replace(self, limits=limits)
+
+    def with_torque_speed(self, torque_speed: Mapping[str, ArrayLike] | None) -> Self:
+        """This robot with torque limits that fall with speed; None keeps its own limits.
+
+        Args:
+            torque_speed: curves of joints by name, each [speed [rad/s or m/s], torque [N m or N]] of two or more
+                points, concave and from speed 0 on, see `TorqueSpeed`; other joints' limits are the same at all speeds.
+
+        Raises:
+            SpecError: there is no such joint, or a curve is not as `TorqueSpeed` says.
+        """
+        if torque_speed is None:
+            return self
+        limits = self.limits
+        ends = limits.effort_lower, limits.effort_upper
+        own = TorqueSpeed(*ends, joints=self.joint_names, curves=torque_speed)
+        return replace(self, limits=replace(limits, actuators=own if own.curves else ConstantTorque(*ends)))
 
     def with_passive(self, joints: Iterable[str]) -> Self:
         """This robot with no motor at some more of its joints, by their names.

@@ -9,8 +9,9 @@ from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, path, several, shown
+from armdyn.arguments import expect, several, shown
 from armdyn.errors import SpecError
+from armdyn.models.reading.meshes import folders_of
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.reprs import brief
@@ -25,6 +26,7 @@ class RobotKeywords(TypedDict, total=False):
     arm: tuple[str, str] | None
     effort_limit: ArrayLike | None
     velocity_limit: ArrayLike | None
+    torque_speed: Mapping[str, ArrayLike] | None
     armature: ArrayLike | None
     damping: FrictionValue | None
     friction: FrictionValue | None
@@ -49,6 +51,8 @@ class RobotOptions:
             joint whose leader is locked, which follows it; of a library's robot those of `LIBRARY_ARMS`.
         effort_limit: torque limits: one number, or one per joint [N m or N]; None: the file's.
         velocity_limit: one number, or one per joint [rad/s or m/s]; None: the file's.
+        torque_speed: torque-speed curves of motors, joint name to [speed [rad/s or m/s], torque [N m or N]] of two or
+            more points; see `Robot.with_torque_speed`.
         armature: reflected rotor inertia: one number, or one per joint [kg m² or kg]; None: the file's.
         damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf": the file's,
             `<dynamics damping=…>`; 0: none. None: the file's, but none for a library's robot, whose numbers are there
@@ -69,6 +73,7 @@ class RobotOptions:
     arm: tuple[str, str] | None = None
     effort_limit: ArrayLike | None = None
     velocity_limit: ArrayLike | None = None
+    torque_speed: Mapping[str, ArrayLike] | None = None
     armature: ArrayLike | None = None
     damping: FrictionValue | None = None
     friction: FrictionValue | None = None
@@ -89,9 +94,7 @@ class RobotOptions:
                     f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
                 )
             object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
-        folders = several(self.package_dirs, "package_dirs", error=SpecError)
-        found = tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(folders))
-        object.__setattr__(self, "package_dirs", found)
+        object.__setattr__(self, "package_dirs", folders_of(self.package_dirs))
 
 
 def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:

@@ -64,8 +64,9 @@ class Robot(Arm):
         reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
         if given.tool is not None and given.tool.frame is None:
             given = replace(given, tool=replace(given.tool, frame=reading.tip))
+        name = source.name if source.format == "model" else str(reading.model.name)
         robot = cls(
-            name=source.name if source.format == "model" else str(reading.model.name),
+            name=f"{name} (repaired model)" if reading.repaired else name,
             model=reading.model,
             limits=source.limits or reading.limits,
             joint_names=tuple(list(reading.model.names)[1:]),
@@ -73,6 +74,7 @@ class Robot(Arm):
             source=parsed.source,
             package_dirs=parsed.package_dirs,
             locked=reading.locked,
+            repaired=reading.repaired,
             tip=reading.tip,
             origin=source,
             options=given,
@@ -84,6 +86,7 @@ class Robot(Arm):
         idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
         robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_armature(given.armature)
+        robot = robot.with_torque_speed(given.torque_speed)
         check_inertia(robot.model, robot.source)
         return robot.with_passive(given.passive).with_friction(
             own_friction if given.damping is None else given.damping,
@@ -119,8 +122,9 @@ class Robot(Arm):
         Args:
             path: the file.
             payload: fixed to `payload.frame`, by default the tip.
-            keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, armature,
-                damping, friction, friction_width, passive, package_dirs; or `options`, a whole `RobotOptions`.
+            keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, torque_speed,
+                armature, damping, friction, friction_width, passive, package_dirs; or `options`, a whole
+                `RobotOptions`.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.

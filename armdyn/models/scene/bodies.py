@@ -62,7 +62,7 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     if not robot.urdf:
         raise ProblemError(
             f"{robot.source} was read from no URDF, so it has no geometry: what it would touch is unknown; "
-            "Robot.from_urdf reads an arm with its geometry"
+            "a URDF has geometry"
         )
     root = parse_urdf(robot.urdf, robot.source)
     for tag in ("collision", "visual"):

@@ -63,7 +63,7 @@ def _link_placements(root: Element, source: str, lock: Mapping[str, float]) -> d
         )
     if free := [name for name in moving if name not in lock]:
         raise ProblemError(
-            f"{source}: joint {free[0]!r} moves, and a cell stands still; lock={{{free[0]!r}: 0.0}} says where it is"
+            f"{source}: joint {free[0]!r} moves, and a cell stands still: make it fixed, or lock it in load_scene"
         )
     q = pin.neutral(model)
     for name, position in lock.items():

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
+import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import expect, numbers, shown
+from armdyn.errors import SpecError, did_you_mean
 
 Array = NDArray[np.float64]
+
+_CONCAVE = 1e-9
+"""Relative rounding of the slopes of a curve's points, which were typed with ten digits."""
 
 
 @dataclass(frozen=True, eq=False)
 class ActuatorLimits(ABC):
     """Range of each joint's torque in a state (q, v).
 
-    A new kind of actuator is a subclass with its own `range`, and fields besides these two.
+    A new kind of actuator is a subclass with its own `range` and `lines`, and fields besides these two.
 
     Attributes:
         lower: least torque in any state [N m or N], shape (nv,).
@@ -37,6 +46,19 @@ class ActuatorLimits(ABC):
             q: joint positions [rad or m], shape (…, nv), or a CasADi vector.
             v: joint velocities [rad/s or m/s], likewise.
         """
+
+    @property
+    def lines(self) -> tuple[Array, Array]:
+        """Slopes s [N m s/rad or N s/m] and torques c at rest [N m or N] of |τ + s v| ≤ c, each of shape (k, nv).
+
+        With `lower` and `upper` they are the range, as the programs of minimum time have it.
+
+        Raises:
+            SpecError: the range is no such set.
+        """
+        if not self.constant:
+            raise SpecError(f"{type(self).__name__} has no lines |tau + s v| <= c; minimum time needs them")
+        return np.empty((0, self.lower.size)), np.empty((0, self.lower.size))
 
     def clip(self, tau: Array, q: Array, v: Array) -> Array:
         """Torques within their ranges in states, all of shape (…, nv)."""
@@ -108,3 +130,106 @@ class ConstantTorque(ActuatorLimits):
     def range(self, q: Any, v: Any) -> tuple[Array, Array]:
         """`lower` and `upper`, each of shape (nv,)."""
         return self.lower, self.upper
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueSpeed(ActuatorLimits):
+    """Torque limits that fall with speed: a driving joint keeps its torque-speed curve, a braking one may use all.
+
+    The curve is concave and piecewise linear, t(|v|) = min_k (c_k - s_k |v|) with s_k ≥ 0, and |τ + s_k v| ≤ c_k in all
+    four quadrants, besides `lower` and `upper`. So is a motor at limited voltage and current: its back EMF, which grows
+    with speed, leaves less torque to drive, and helps to brake. Beyond its last point the curve goes on as before.
+
+    Attributes:
+        joints: names of all joints.
+        curves: by the names of joints, points (speed [rad/s or m/s], torque [N m or N]), shape (points, 2); the limits
+            of other joints are the same at all speeds.
+
+    Raises:
+        SpecError: there is no such joint; or a curve does not begin at speed 0 with a positive torque, its speeds do
+            not grow, its torque rises with speed, or it is not concave.
+    """
+
+    joints: tuple[str, ...]
+    curves: Mapping[str, ArrayLike]
+
+    def __post_init__(self) -> None:
+        right = "joint name to [speed, torque] points"
+        given = expect(self.curves, Mapping, "torque_speed", right, error=SpecError)  # type: ignore[type-abstract]
+        for name in given:
+            if name not in self.joints:
+                meant = did_you_mean(str(name), self.joints)
+                raise SpecError(
+                    f"torque_speed: there is no joint {shown(name)}{meant}; there are {', '.join(self.joints)}"
+                )
+        curves = {name: _checked(name, points) for name, points in given.items()}
+        object.__setattr__(self, "curves", curves)
+
+    @cached_property
+    def lines(self) -> tuple[Array, Array]:
+        """See `ActuatorLimits.lines`; a joint with fewer lines than others has some of infinite torque."""
+        motors = zip(self.joints, ~self.passive, strict=True)
+        own = [
+            _lines(np.asarray(self.curves[name])) if name in self.curves and motor else np.empty((0, 2))
+            for name, motor in motors
+        ]
+        count = max((len(each) for each in own), default=0)
+        padded = [np.vstack([each, np.tile([0.0, np.inf], (count - len(each), 1))]) for each in own]
+        slopes, rest = np.moveaxis(np.array(padded).reshape(len(own), count, 2), 2, 0)
+        return slopes.T, rest.T
+
+    def range(self, q: Any, v: Any) -> tuple[Any, Any]:
+        """Past the speed at which the curve has no torque left a joint cannot but brake."""
+        symbolic = isinstance(v, ca.SX | ca.MX)
+        least, most, number = (ca.fmin, ca.fmax, ca.DM) if symbolic else (np.minimum, np.maximum, np.asarray)
+        weakest, strongest = number(self.lower), number(self.upper)
+        lower, upper = weakest, strongest
+        for slope, rest in zip(*map(list, self.lines), strict=True):
+            fallen = number(slope) * v
+            lower, upper = most(lower, -number(rest) - fallen), least(upper, number(rest) - fallen)
+        return least(lower, strongest), most(upper, weakest)
+
+    def reserving(self, parts: Array) -> Self:
+        left = dict(zip(self.joints, 1.0 - parts, strict=True))
+        curves = {name: np.asarray(points) * [1.0, left[name]] for name, points in self.curves.items()}
+        return replace(super().reserving(parts), curves=curves)
+
+
+def _lines(points: Array) -> Array:
+    """Slopes s and torques c at rest of the lines t = c - s v through neighbouring points, shape (points - 1, 2)."""
+    speed, torque = points.T
+    slopes = -np.diff(torque) / np.diff(speed)
+    return np.stack([slopes, torque[:-1] + slopes * speed[:-1]], axis=1)
+
+
+def _checked(joint: str, given: ArrayLike) -> Array:
+    """The points of a joint's curve, shape (points, 2)."""
+    what = f"torque_speed of joint {joint!r}"
+    points = numbers(given, what, "[speed, torque] of two or more points", error=SpecError)
+    if wrong := _wrong_with(points):
+        raise SpecError(
+            f"{what} is {shown(points.tolist())}: {wrong}; expected [speed, torque] of two or more points, speeds "
+            "growing from 0, and torques that fall evenly or ever faster (a concave curve)"
+        )
+    points.setflags(write=False)
+    return points
+
+
+def _wrong_with(points: Array) -> str:
+    """What is wrong with the points of a curve; empty: nothing."""
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        return f"its shape is {points.shape}"
+    if not np.all(np.isfinite(points)):
+        return "a number is not finite"
+    speed, torque = points.T
+    if speed[0] != 0 or np.any(np.diff(speed) <= 0):
+        return "its speeds do not grow from 0"
+    if torque[0] <= 0 or torque[-1] < 0:
+        return f"its torque is {torque[0] if torque[0] <= 0 else torque[-1]:g} N m or N"
+    slopes = np.diff(torque) / np.diff(speed)
+    if np.any(slopes > 0):
+        return f"its torque rises beyond speed {speed[np.argmax(slopes > 0)]:g}"
+    bends = np.diff(slopes) > _CONCAVE * np.max(np.abs(slopes))
+    return (
+        f"it is not concave: it falls more slowly beyond speed {speed[1 + np.argmax(bends)]:g}" if np.any(bends) else ""
+    )

@@ -43,6 +43,7 @@ def assessment(solution: Solution) -> str:
         said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.unheld.words}."]
     elif certificate.replay == "segments":
         said = ["The motion is executable under feedback; open loop it is unstable."]
+    said += [f"The arm does not stay there by itself: {words}." for words in problem.unstable_ends]
     if solution.status is Status.TIME_LIMIT:
         said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
     if certificate.extremal:

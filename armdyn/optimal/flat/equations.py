@@ -176,6 +176,21 @@ def torque_end_equations(joints: int) -> IntervalFunctions:
     return differentiated("torque_end", y, p, rates, None, False)
 
 
+@built_once(maxsize=16)
+def torque_speed_equations(joints: int, lines: int) -> IntervalFunctions:
+    """Scaled torques plus what falls with speed, τ + s v, for every line of the torque-speed curves at a point.
+
+    Unknowns: as of `torque_equations`.
+    Parameters: first derivatives of the window's B-splines, shape (WINDOW,); slopes s over half the torque's range
+    [s/rad or s/m], shape (lines, nv).
+    """
+    points, duration = ca.SX.sym("points", joints, WINDOW), ca.SX.sym("T")
+    torque, basis, slopes = ca.SX.sym("torque", joints), ca.SX.sym("basis", WINDOW), ca.SX.sym("slopes", joints, lines)
+    used = ca.repmat(torque, 1, lines) + slopes * ca.repmat(points @ basis / duration, 1, lines)
+    y, p = ca.vertcat(ca.vec(points), duration, torque), ca.vertcat(basis, ca.vec(slopes))
+    return differentiated(f"torque_speed{lines}", y, p, ca.vec(used), None, False)
+
+
 @dataclass(frozen=True)
 class CurveInterval:
     """An interval of a curve, as path constraints see it: stages at its ends and Gauss's points.

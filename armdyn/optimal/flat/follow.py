@@ -17,6 +17,9 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_CLIPS = 2
+"""Rounds in which a torque is clipped to its range in the state that it leads to: each leaves 1e-3 of the excess."""
+
 
 def follow(task: Task, wanted: Trajectory) -> Trajectory:
     """Track a motion with torques within their limits, and return the motion of the arm.
@@ -49,6 +52,9 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
             )  # torques that may not jump end with what holds the arm
             tau[k + 1] = limits.actuators.clip(led, x[k, :n], x[k, n:])
             x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
+            for _ in range(0 if limits.actuators.constant else _CLIPS):
+                tau[k + 1] = limits.actuators.clip(led, x[k + 1, :n], x[k + 1, n:])
+                x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
         if not np.all(np.isfinite(x[k + 1])):
             x[1] = x[1] if k else x[0]
             break

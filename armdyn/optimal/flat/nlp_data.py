@@ -7,12 +7,14 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.equations import POINTS, CurveInterval
+from armdyn.optimal.flat.equations import POINTS, WINDOW, CurveInterval
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
+from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -69,7 +71,8 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
         orders.add(2)  # accelerations that are zero at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
-    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), 2 if problem.continuous_torque else 1, rated)
+    smooth, lines = 2 if problem.continuous_torque else 1, len(problem.limits.actuators.lines[0])
+    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), smooth, rated, lines)
 
 
 def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
@@ -83,11 +86,13 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
 
 def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
     """Whether a constraint needs rows of its own, besides bounds of control points or torques."""
+    if isinstance(constraint, TorqueSpeedLimit):
+        return False
     return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
 
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
-    """Rows of the constraints that are neither limits of derivatives nor of torque rates."""
+    """Rows of the constraints that need rows of their own."""
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return tuple(rows for each in asked for rows in each.rows(problem))
 
@@ -128,6 +133,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         numbers.add(np.full(s.size - 1, spec.steps / n), np.array([]), np.array([]))
         _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
         points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
+        _add_torque_speeds(numbers, limits.actuators, basis, margin)
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.actuators.lower / half, limits.actuators.upper / half
         lower[torques], upper[torques] = least + margin.lower, most - margin.upper
@@ -191,6 +197,24 @@ def _add_rates(
             rest = 1 + _begins_gently(problem, np.asarray(problem.q_goal))
             lower[-rest:] = upper[-rest:] = np.asarray(problem.v_goal) / scale
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
+
+
+def _add_torque_speeds(numbers: _Numbers, actuators: ActuatorLimits, basis: Array, margin: TorqueMargin) -> None:
+    """Lines of torque-speed curves at a leg's points.
+
+    Args:
+        numbers: that they follow.
+        actuators: whose curves.
+        basis: of the points' windows values, first and second derivatives, shape (points, 3 WINDOW).
+        margin: at the points.
+    """
+    slopes, rest = (each / actuators.half_range for each in actuators.lines)
+    if not slopes.size:
+        return
+    first = basis[:, WINDOW : 2 * WINDOW]
+    given = np.hstack([first, np.tile(slopes.ravel(), (len(basis), 1))])
+    lower, upper = (np.broadcast_to(each, (len(basis), slopes.shape[1])) for each in (margin.lower, margin.upper))
+    numbers.add(given, lower[:, None] - rest, rest - upper[:, None])
 
 
 def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
@@ -257,7 +281,7 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
     values = constraint_values(problem, guess, constraints)
     for each, own in zip(rows, values, strict=True):
-        own_powers = {"every": powers, "first": powers[:1], "last": powers[-1:]}[each.where]
+        own_powers = {"first": powers[:1], "last": powers[-1:]}.get(each.where, powers)
         numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
 
 

@@ -20,6 +20,7 @@ from armdyn.optimal.flat.equations import (
     torque_end_equations,
     torque_equations,
     torque_rate_equations,
+    torque_speed_equations,
     torque_step_cost,
 )
 from armdyn.optimal.path_constraints.rows import Rows
@@ -40,6 +41,7 @@ class CurveLayout:
         orders: of the derivatives that have limits: 1, and perhaps 2 and 3.
         smooth: order of the highest derivative that does not jump where legs meet.
         rated: whether there are limits of how fast torques change.
+        lines: of every joint's torque-speed curve.
     """
 
     joints: int
@@ -47,6 +49,7 @@ class CurveLayout:
     orders: tuple[int, ...] = (1,)
     smooth: int = 1
     rated: bool = False
+    lines: int = 0
 
     @property
     def legs(self) -> range:
@@ -90,6 +93,12 @@ class CurveLayout:
         first += sum(self._count(leg, lower) * self.joints for lower in self.orders if lower < order)
         return first + np.arange(self._count(leg, order) * self.joints).reshape(-1, self.joints)
 
+    def torque_speeds(self, leg: int) -> Index:
+        """Where the lines of torque-speed curves stand, shape (intervals * POINTS, lines, joints)."""
+        size = self.intervals[leg] * POINTS * self.lines * self.joints
+        last = sum(self._equations(before) for before in range(leg + 1))
+        return last - size + np.arange(size).reshape(-1, self.lines, self.joints)
+
     def at_points(self, leg: int) -> Index:
         """Unknowns of the torque equations, a column for every point."""
         interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
@@ -110,7 +119,7 @@ class CurveLayout:
 
     def _equations(self, leg: int) -> int:
         points = self.intervals[leg] * POINTS
-        return self.joints * (points + sum(self._count(leg, order) for order in self.orders))
+        return self.joints * (points * (1 + self.lines) + sum(self._count(leg, order) for order in self.orders))
 
     def torque_steps(self, leg: int) -> Index:
         """Unknowns of the torques' rates from point to point of a leg, a column for each."""
@@ -148,6 +157,7 @@ class _Part:
         own: number of parameters that every place has for itself.
         shared: whether `Shared` follows them.
         common: number of parameters that all places have in common, after those.
+        summed: see `Block`.
     """
 
     one: IntervalFunctions
@@ -155,6 +165,7 @@ class _Part:
     own: int
     shared: bool = False
     common: int = 0
+    summed: bool = False
 
 
 @built_once(maxsize=32)
@@ -174,6 +185,9 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
         parts += [
             _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]
+        if shape.lines:
+            falling = torque_speed_equations(n, shape.lines)
+            parts.append(_Part(falling, shape.at_points(leg), WINDOW + shape.lines * n))
     for leg in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             before, after = shape.differences(leg - 1, order)[:, -1:], shape.differences(leg, order)[:, :1]
@@ -184,8 +198,8 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         one = each.functions(CurveInterval(dynamics, compile_mode))
-        index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
-        parts.append(_Part(one, index, WINDOW**2 + 1, shared=True, common=each.numbers))
+        index = {"first": everywhere[:, :1], "last": everywhere[:, -1:]}.get(each.where, everywhere)
+        parts.append(_Part(one, index, WINDOW**2 + 1, True, each.numbers, each.where == "sum"))
     paid = [shape.duration(leg) for leg in shape.legs]
     return program_of(_laid_out(parts, Shared.size(n)), shape.size, paid, Shared.size(n) - 1)
 
@@ -198,7 +212,8 @@ def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
         own = first + np.arange(part.own * places).reshape(places, part.own).T
         first += part.own * places + part.common
         same = np.concatenate([np.arange(shared if part.shared else 0), np.arange(first - part.common, first)])
-        blocks.append(Block(part.one, part.index, np.vstack([own, same[:, None].repeat(places, axis=1)])))
+        parameters = np.vstack([own, same[:, None].repeat(places, axis=1)])
+        blocks.append(Block(part.one, part.index, parameters, part.summed))
     return blocks
 
 

@@ -170,7 +170,10 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         breaks = leg.basis.breaks
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
-        least, most = -_tops(-tau), _tops(tau)
+        weakest, strongest = limits.actuators.range(*(x.reshape(tau.shape) for x in leg.at(s.ravel())[:2]))
+        # What the limits lose with speed is added to the torque: 0 where they are constant.
+        least = -_tops((weakest - limits.actuators.lower) - tau)
+        most = _tops(tau + (limits.actuators.upper - strongest))
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
         halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
         upper = (

@@ -8,7 +8,10 @@ from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
+from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
+from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
+from armdyn.optimal.path_constraints.limits.velocity_taper import VelocityTaperLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
@@ -20,6 +23,9 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     JerkLimit,
     FrameSpeedLimit,
     TorqueRateLimit,
+    VelocityTaperLimit,
+    TorqueSpeedLimit,
+    RmsTorque,
 )
 
 

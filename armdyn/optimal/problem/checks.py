@@ -55,7 +55,7 @@ def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
     within = (limits.position_lower - _TYPED <= meant) & (meant <= limits.position_upper + _TYPED)
     if not (np.all(within) and np.any(np.abs(q[turns]) > np.pi)):
         return ""
-    return "; did you mean degrees? They would be within all limits: np.deg2rad(…), or --degrees on the command line"
+    return "; did you mean degrees? They would be within all limits: np.deg2rad(…)"
 
 
 def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: float) -> None:
@@ -63,13 +63,13 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
     if np.all(limits.passive):
         raise ProblemError(
             f"no joint has a motor: all torque limits are zero ({', '.join(robot.joint_names)}); minimum time needs "
-            "one above zero: give effort_limit=, or name fewer joints in passive="
+            "one above zero: give `effort_limit`, or name fewer joints in `passive`"
         )
     if relative_effort_weight > 0 and np.any(limits.passive):
         name = robot.joint_names[int(np.argmax(limits.passive))]
         raise ProblemError(
             f"relative_effort_weight is {relative_effort_weight:g}, but joint {name!r} has no motor, and its torque no "
-            "range: give effort_weight"
+            "range: give `effort_weight`"
         )
 
 
@@ -80,7 +80,7 @@ def check_limits(robot: Robot, limits: JointLimits) -> None:
         if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
             raise ProblemError(
                 f"joint {joint!r} has torque limits [{lower}, {upper}] N m; minimum time needs finite ones, the lower "
-                f"below the upper: give effort_limit=, or passive=({joint!r},) if it has no motor"
+                f"below the upper: give `effort_limit`, or name the joint in `passive` if it has no motor"
             )
         if not limits.velocity[i] >= SLOWEST:
             raise ProblemError(
@@ -191,19 +191,21 @@ class Unheld:
     words: str
 
 
-def unheld_joints(robot: Robot, limits: JointLimits, torque: Array, reserve: Array) -> list[Unheld]:
+def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, pose: str = "goal") -> list[Unheld]:
     """Joints that cannot hold the arm at rest within the limits, largest excess first.
 
     Args:
         robot: the arm.
         limits: that hold for the motion.
-        torque: what holds the arm at rest [N m or N], shape (nv,); dry friction takes its part of it.
+        q: joint positions [rad or m], shape (nv,); dry friction takes its part of the torque that holds them.
         reserve: parts of the torque limits that these are less by, shape (nv,).
+        pose: its name, in words.
     """
-    found = []
+    found, torque = [], robot.holding_torque(q)
+    lower, upper = limits.actuators.range(q, np.zeros_like(q))
     _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
-        bound = limits.actuators.upper[i] if torque[i] > 0 else limits.actuators.lower[i]
+        bound = upper[i] if torque[i] > 0 else lower[i]
         room, unit = coulomb[i] + _ROUNDING * limits.actuators.scale[i], "N" if robot.slides[i] else "N m"
         if abs(torque[i]) <= abs(bound) + room:
             continue
@@ -211,7 +213,7 @@ def unheld_joints(robot: Robot, limits: JointLimits, torque: Array, reserve: Arr
         most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} {unit}{kept}"
         own = abs(bound) / (1 - reserve[i])
         excess = (abs(torque[i]) - abs(bound)) / limits.actuators.scale[i]
-        words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the goal but {most}"
+        words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the {pose} but {most}"
         found.append(Unheld(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words))
     return sorted(found, key=lambda one: -one.excess)
 

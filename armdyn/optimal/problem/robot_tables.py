@@ -20,12 +20,13 @@ from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
 from armdyn.models.scene.attached import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
+from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
 _NUMBERS = ("effort_limit", "velocity_limit", "armature", "damping", "friction", "friction_width", "passive")
-KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "limits")
+KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "limits")
 """The keys of [robot]."""
 
 _WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name"}
@@ -56,6 +57,8 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
         numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
+        if "torque_speed" in given:
+            numbers["torque_speed"] = _inner(table, "torque_speed")
         payload = payload_from(carried, folder) if carried else None
         options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, **numbers)
         robot = Robot.from_source(_source(table), options)
@@ -94,6 +97,8 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     rows = {name: (own, plain.limits.rows[name]) for name, own in robot.limits.rows.items()}
     if changed := {name: own.tolist() for name, (own, read) in rows.items() if not np.array_equal(own, read)}:
         written["limits"] = changed
+    if isinstance(motors := robot.limits.actuators, TorqueSpeed):
+        written["torque_speed"] = {name: np.asarray(points).tolist() for name, points in motors.curves.items()}
     if not np.array_equal(robot.model.armature, plain.model.armature):
         written["armature"] = robot.model.armature.tolist()
     (damping, coulomb), (own_damping, own_coulomb) = (one.friction.per_joint(robot.nv) for one in (robot, plain))

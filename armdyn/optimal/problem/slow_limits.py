@@ -35,5 +35,5 @@ def check_pace(problem: MinimumTimeProblem) -> None:
             raise ProblemError(
                 f"joint {problem.robot.joint_names[joint]!r} has {name} limit {limit[joint]:g} {per}: its way of "
                 f"{way[joint]:.4g} {unit} takes {least[joint]:.3g} s at least, more than {LONGEST:g} s; give "
-                f"{name}_limit={factor * way[joint] / LONGEST**order:.2g} or more"
+                f"`{name}_limit` of {factor * way[joint] / LONGEST**order:.2g} {per} or more"
             )

@@ -211,7 +211,7 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
     message, j = result.message, int(np.argmax(over))
     if over[j] > 0:
-        name, most = problem.robot.joint_names[j], limits.actuators.upper[j]
+        name, most = problem.robot.joint_names[j], abs(hold[j]) - over[j]
         message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
     worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
@@ -229,6 +229,10 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
         torques, multiplier = shape.torques(leg), solved.result.lam_x[shape.torques(leg)]
         size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
         parts = {"torque limit": np.sum(multiplier * size, axis=0)} if torques.size else {}
+        if shape.lines:
+            used = np.abs(solved.result.lam_g[shape.torque_speeds(leg)])
+            rest = problem.limits.actuators.lines[1] / half
+            parts["torque-speed curve"] = np.sum(used * np.where(np.isinf(rest), 0.0, rest), axis=(0, 1))
         for order in shape.orders:
             parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
         for limit, part in parts.items():

@@ -20,6 +20,8 @@ class OutputFormat(Protocol):
     summary: ClassVar[str]
     """A few words for `armdyn export --help`."""
 
+    # A class attribute `rate` [Hz] is the default of `armdyn export --rate`, else 1000.
+
     def text(self, samples: Samples) -> str:
         """Content of the file.
 
@@ -50,6 +52,6 @@ def joint_names(samples: Samples) -> list[str]:
     """
     if not samples.joint_names:
         raise TrajectoryError(
-            "joint_names is empty; give the joints' names: dataclasses.replace(motion, joint_names=…)"
+            "the motion's joint_names is empty, and readers find joints by name; motions that armdyn solves have them"
         )
     return list(samples.joint_names)

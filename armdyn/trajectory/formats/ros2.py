@@ -7,14 +7,19 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from armdyn.arguments import number
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory.formats.output_format import joint_names
 
 if TYPE_CHECKING:
     from armdyn.trajectory.samples import Samples
+    from armdyn.trajectory.value import Trajectory
 
 _MOST_SECONDS = 2**31 - 1
 """Of `builtin_interfaces/msg/Duration`, whose sec is an int32."""
+
+_BETWEEN = 8
+"""Parts of a step at whose ends the spline is compared."""
 
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
@@ -27,11 +32,38 @@ class Ros2:
     """The message as JSON that is YAML of the same meaning, a point per line.
 
     PyYAML, which ROS reads with, takes 1e-05 for text and 1.0e-05 for a number: YAML 1.1 wants the point.
+
+    Attributes:
+        tolerance: of `deviation` [rad or m].
     """
 
     name: ClassVar[str] = "ros2"
     suffix: ClassVar[str] = ".json"
     summary: ClassVar[str] = "a JointTrajectory message"
+
+    tolerance: float = 1e-3
+
+    def deviation(self, samples: Samples, motion: Trajectory) -> float:
+        """Largest distance of ros2_control's quintic spline through the points from the motion [rad or m].
+
+        Raises:
+            TrajectoryError: it is above the tolerance.
+        """
+        import numpy as np
+
+        from armdyn.trajectory.interpolation import interpolated
+
+        steps = samples.t[:-1, None] + np.diff(samples.t)[:, None] * np.arange(1, _BETWEEN) / _BETWEEN
+        at = np.unique(np.concatenate([steps.ravel(), np.clip(motion.t - motion.t[0], 0, samples.t[-1])]))
+        spline, _, _ = interpolated(samples.t, (samples.q, samples.v, samples.a), at)
+        off = float(np.max(np.abs(spline - motion(motion.t[0] + at).q)))
+        most = number(self.tolerance, "tolerance", unit="rad or m", sign="positive", error=TrajectoryError)
+        if off > most:
+            raise TrajectoryError(
+                f"between these points ros2_control's spline is up to {off:.2g} rad or m off the motion, more than "
+                f"{most:g}: give a higher `rate` or `tolerance`"
+            )
+        return off
 
     def text(self, samples: Samples) -> str:
         """The message of `joint_trajectory`."""

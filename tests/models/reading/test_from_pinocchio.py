@@ -85,7 +85,7 @@ def test_limits_that_are_given():
 def test_missing_torque_limits_are_asked_for():
     robot = MODEL(pendulum())
     assert np.isinf(robot.limits.effort_upper) and np.isinf(robot.limits.velocity)
-    with pytest.raises(ProblemError, match=r"joint 'turn' has torque limits .* give effort_limit="):
+    with pytest.raises(ProblemError, match=r"joint 'turn' has torque limits .* give `effort_limit`"):
         ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[0.5])
     ad.MinimumTimeProblem(robot.with_limits(20.0, None), q_start=[0.0], q_goal=[0.5])
 

@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import SpecError
-from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
+from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque, TorqueSpeed
 from armdyn.optimal.landing.limit_violations import excesses
 from oracles import robot_named
 
@@ -63,9 +63,68 @@ def test_another_kind_is_one_class():
     assert np.allclose(torque.beyond, [[-0.25, -0.25], [0.25, -0.25], [0.75, -0.25]])
 
 
+JOINTS = ("a", "b", "c")
+CURVE = [[0.0, 2.5], [1.0, 2.0], [3.0, 0.5]]
+FALLING = TorqueSpeed(LOWER, UPPER, joints=JOINTS, curves={"a": CURVE, "c": CURVE})
+
+
+def test_torque_falls_with_speed_where_it_drives():
+    for speed, driving in ((0.0, 2.5), (0.5, 2.25), (1.0, 2.0), (2.0, 1.25), (3.0, 0.5)):
+        v = np.array([speed, speed, speed])
+        lower, upper = FALLING.range(REST, v)
+        assert np.allclose(upper, [driving, 2.0, 0.0]) and np.allclose(lower, [-1, -4, 0])  # -1: braking
+        lower, upper = FALLING.range(REST, -v)
+        assert np.allclose(lower, [-min(driving, 1.0), -4, 0]) and np.allclose(upper[1:], [2.0, 0.0])
+        assert upper[0] == pytest.approx(min(3.0, 2.5 + 0.5 * speed))  # the back EMF helps
+    # Beyond its last point as before; past zero torque it cannot but brake, with no more than it has.
+    assert np.allclose([FALLING.range(REST, np.full(3, v))[1][0] for v in (3.5, 4.0, 9.0)], [0.125, -0.25, -1.0])
+    slopes, rest = FALLING.lines
+    assert np.allclose(slopes, [[0.5, 0, 0], [0.75, 0, 0]]) and np.allclose(rest[:, 0], [2.5, 2.75])
+    assert np.all(np.isinf(rest[:, 1:]))  # no curve, no motor
+
+
+def test_a_reserve_takes_its_part_at_every_speed():
+    less = FALLING.reserving(np.array([0.2, 0.0, 0.0]))
+    v = np.array([[0.5, 0, 0], [2.0, 0, 0]])
+    assert np.allclose(less.range(REST, v)[1][:, 0], 0.8 * FALLING.range(REST, v)[1][:, 0])
+
+
+@pytest.mark.parametrize(
+    ("curve", "words"),
+    [
+        ([[0, 2], [1, 0.5], [2, 0.4]], "not concave: it falls more slowly beyond speed 1"),
+        ([[0, 2], [1, 2.5]], "its torque rises beyond speed 0"),
+        ([[1, 2], [2, 1]], "its speeds do not grow from 0"),
+        ([[0, 2], [0, 1]], "its speeds do not grow from 0"),
+        ([[0, 0], [1, 0]], "its torque is 0"),
+        ([[0, 2], [1, -1]], "its torque is -1"),
+        ([[0, np.inf], [1, 1]], "a number is not finite"),
+        ([[0, 2]], "its shape is (1, 2)"),
+        ("fast", "expected [speed, torque] of two or more points"),
+    ],
+)
+def test_what_is_no_curve_is_refused(curve, words):
+    with pytest.raises(SpecError, match="torque_speed of joint 'a' is ") as refused:
+        TorqueSpeed(LOWER, UPPER, joints=JOINTS, curves={"a": curve})
+    assert words in str(refused.value)
+
+
+def test_curves_of_a_robot():
+    robot = robot_named("rr").with_torque_speed({"joint2": [[0, 3], [20, 1]]})
+    assert isinstance(robot.limits.actuators, TorqueSpeed) and not robot.limits.actuators.constant
+    assert robot.with_limits(2.0, None).limits.actuators.range(REST[:2], np.array([0.0, 15.0]))[1].tolist() == [2, 1.5]
+    assert robot.with_torque_speed({}).limits.actuators.constant
+    with pytest.raises(SpecError, match="there is no joint 'joint3'; did you mean 'joint2'"):
+        robot.with_torque_speed({"joint3": [[0, 3], [20, 1]]})
+    with pytest.raises(SpecError, match="torque_speed is 3; it must be a Mapping: joint name"):
+        ad.Robot.from_spec(ad.ArmSpec.paper("rr"), torque_speed=3)
+    with pytest.raises(SpecError, match="FallingTorque has no lines"):
+        FallingTorque(LOWER, UPPER).lines  # noqa: B018
+
+
 def test_a_range_may_be_symbolic():
     q, v = ca.SX.sym("q", 3), ca.SX.sym("v", 3)
-    for limits in (LIMITS, FallingTorque(LOWER, UPPER, top=2.0)):
+    for limits in (LIMITS, FALLING, FallingTorque(LOWER, UPPER, top=2.0)):
         both = ca.Function("range", [q, v], [*map(ca.SX, limits.range(q, v))])
         at = np.array([0.5, -1.0, 2.0])
         assert np.allclose(

@@ -22,8 +22,10 @@ KINDS = {
     "via and jerk": {"via": [VIA], "jerk_limit": 900.0},
     "torque rate": {"path_constraints": [ad.TorqueRateLimit([40.0, np.inf])]},
     "via and torque rate": {"via": [VIA], "path_constraints": [ad.TorqueRateLimit(40.0)]},
+    "via and continuous torque": {"via": [VIA], "path_constraints": [ad.RmsTorque([1.0, np.inf], dwell=0.2)]},
     "frame speed": {"path_constraints": [ad.FrameSpeedLimit(2.0)]},
     "obstacle": {"obstacles": [BALL]},
+    "torque speed": {"velocity_limit": [8.0, np.inf]},
     "effort": {"relative_effort_weight": 0.5, "effort_weight": 0.1},
     "jerk in flight": {"v_start": [0.5, -0.3], "jerk_limit": 900.0},
     "in flight": {"v_start": [0.5, -0.3], "v_goal": [0.0, 0.4]},
@@ -36,6 +38,8 @@ def problem(kind, **more):
     robot = paper_arm("rr")
     if kind == "friction":
         robot = robot.with_friction(friction=0.02, damping=0.01, width=0.5)
+    if kind == "torque speed":
+        robot = robot.with_torque_speed({"joint2": [[0.0, 3.0], [2.0, 2.5], [9.0, 0.5]]})
     return ad.MinimumTimeProblem(robot, q_start=START, q_goal=GOAL, **KINDS[kind], **more)
 
 

@@ -92,6 +92,7 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
             scale = 1 if given is None else np.where(np.isinf(given), 1, given)
             at_end = leg.basis.curve(leg.points)(1.0, order) / leg.duration**order
             np.testing.assert_allclose(rates[-1] * scale, at_end, rtol=1e-10, atol=1e-10)  # rounding of differences
+        place += count * shape.lines
     # Time over the guess's, and what squared torques cost: by Gauss's points, which here are the definition.
     part = [leg.basis.gauss(POINTS)[1].ravel() @ leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) ** 2
             for leg in guess.legs]  # fmt: skip
@@ -114,6 +115,20 @@ def _calm(guess, leg, robot, half, job):
     moving = weights @ np.sum((leg.at(s)[1] / scale) ** 2, axis=1) * leg.duration**2 / guess.duration**2
     steps = np.sum(np.diff(leg.torques(robot, s) / half, axis=0) ** 2)
     return TRAVEL * moving * leg.duration / guess.duration / robot.nv / 2 + STEPS * steps / robot.nv / 2
+
+
+def test_lines_of_torque_speed_curves_are_the_curves_torques_and_speeds():
+    program, shape, guess, job, nlp_data = built("torque speed")
+    x, half, (leg,) = nlp_data.x.copy(), job.problem.limits.actuators.half_range, guess.legs
+    s = leg.basis.gauss(POINTS)[0].ravel()
+    torques = leg.torques(job.problem.robot, s)
+    x[shape.points(0)], x[shape.torques(0)] = leg.points, torques / half
+    place = shape.torque_speeds(0)
+    equations = values(program)(x, nlp_data.p)[1].full().ravel()
+    for line, (slope, rest) in enumerate(((0.25, 3.0), (2 / 7, 2.5 + 4 / 7))):  # of joint2 alone
+        expected = (torques + [0, slope] * leg.at(s)[1]) / half
+        np.testing.assert_allclose(equations[place[:, line]], expected, rtol=1e-10, atol=1e-10)  # as above
+        np.testing.assert_allclose(nlp_data.g_bounds[1][place[:, line]], np.tile([np.inf, rest / half[1]], (s.size, 1)))
 
 
 @pytest.mark.parametrize("kind", ["torque rate", "via and torque rate"])

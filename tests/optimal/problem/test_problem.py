@@ -6,6 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.answer.words import assessment
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem
@@ -38,7 +39,7 @@ def test_ill_posed(change, message):
 
 def test_a_joint_without_torque_is_refused_by_name():
     robot = ad.Robot.from_library("double_pendulum")
-    with pytest.raises(ProblemError, match="effort_limit="):
+    with pytest.raises(ProblemError, match="give `effort_limit`"):
         ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0])
     ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0], effort_limit=50, velocity_limit=10)
 
@@ -73,6 +74,21 @@ def test_a_motion_to_a_goal_that_cannot_be_held_is_not_usable():
     (advice,) = solution.what_to_do
     assert "`payload`" in advice and "`v_goal`" in advice
     assert problem.unheld.excess == pytest.approx((5.510426069386133 - 3) / 3, rel=1e-9)
+
+
+def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
+    """Issue of the state that says "usable: yes" alone: a start beyond the motors, a goal off a pendulum's balance."""
+    heavy = paper_arm("rr", 1.0)
+    falls = ad.MinimumTimeProblem(heavy, q_start=[0.0, 0.0], q_goal=[-np.pi / 2, 0.0])
+    (words,) = falls.unstable_ends
+    assert falls.unheld is None and words.startswith("joint 'joint1' needs 5.566") and "to hold the start but" in words
+    assert f"The arm does not stay there by itself: {words}." in assessment(ad.solve_minimum_time(falls))
+    assert not falls.variant(v_start=[0.1, 0]).unstable_ends  # it passes there in flight
+    pole = ad.Robot.from_library("pendubot")
+    with pytest.warns(ad.ArmdynWarning):
+        aside = ad.MinimumTimeProblem(pole, q_start=[0, 0], q_goal=[0.3, 0.2])
+    assert "it has no motor" in aside.unstable_ends[-1]
+    assert not ad.MinimumTimeProblem(pole, q_start=[0, 0], q_goal=[np.pi, 0]).unstable_ends
 
 
 def test_what_stays_may_be_held_by_friction_a_reserve_or_something_else():

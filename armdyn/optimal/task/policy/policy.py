@@ -94,7 +94,7 @@ class Policy:
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
-                linear=problem.continuous_torque,
+                linear=problem.continuous_torque or not problem.limits.actuators.constant,
                 condensed=not asked,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 flat=1e-4 if _has_rows(problem) else None,

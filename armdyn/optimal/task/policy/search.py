@@ -15,7 +15,9 @@ class ProgramPolicy:
     cases: ClassVar = "by definition"
 
     solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`")
-    linear: bool = by_kind("-", "torque linear between knots: a condition forbids it to jump")
+    linear: bool = by_kind(
+        "-", "torque linear between knots: a condition forbids it to jump, or its limits fall with speed"
+    )
     condensed: bool = by_kind(
         "-",
         "the middle of an interval is put in: half the unknowns; it needs forward dynamics and no rows along the way",

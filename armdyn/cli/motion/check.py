@@ -1,0 +1,152 @@
+"""The command `armdyn check`: whether a robot's controller accepts a motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import armdyn as ad
+from armdyn.cli.console import NOT_USABLE, answering, console, escape
+from armdyn.cli.options.preset import known_presets, preset_named
+from armdyn.cli.options.results import Json
+from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armdyn.trajectory.planned import Planned
+
+
+_NOTHING = 1e-4
+"""Share of a limit that is shown as 0."""
+
+
+def check(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="The motion: a table (.csv), arrays (.npz), ROS 2's JointTrajectory (.json, .yaml), as armdyn "
+            "optimality reads them, a trajectory.npz of armdyn, or its folder.",
+        ),
+    ],
+    payload: PayloadOptions,
+    part: PartOptions,
+    preset: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME|FILE.toml",
+            help="Conditions of the controller: armdyn presets lists them.",
+            autocompletion=known_presets,
+        ),
+    ],
+    interface: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="position, velocity or torque; by default the preset's first."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROBOT",
+            help="Its model: names of the joints, and torques by inverse dynamics where FILE has none.",
+            autocompletion=known_names,
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Check whether a robot's controller accepts a motion, any planner's.
+
+    The motion becomes commands at the controller's rate: between its points straight lines where it has positions only,
+    cubics with velocities, quintics with accelerations, as ros2_control's joint_trajectory_controller goes. Velocity,
+    acceleration and jerk are backward differences of the commands, as libfranka takes them; before and after the motion
+    the arm rests. Each condition is checked on each joint.
+
+    Exit code 3: a necessary condition is violated: the controller would stop the motion.
+
+    [dim]armdyn check planned.csv --preset franka-panda
+    armdyn check moveit.yaml --preset ur5e --robot ur5
+    armdyn check results/mintime-panda --preset franka-panda --interface torque
+    armdyn check planned.csv --preset my_arm.toml --json[/]
+    """
+    with answering(json) as answer:
+        wanted = preset_named(preset, interface)
+        arm = None if robot is None else part.read(robot, payload.carried())
+        if arm is None and (payload.carried() is not None or part != PartOptions()):
+            raise ProblemError("--payload, --lock, --arm and --tool are of a robot: give --robot, too")
+        motion, names = _motion(file, wanted, arm)
+        found = wanted.check(motion, names)
+        answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
+        answer.facts |= found.facts()
+        answer.code = 0 if found.ok else NOT_USABLE
+        show_check(found, file.name)
+
+
+def _motion(
+    file: Path, preset: ad.ControllerPreset, arm: ad.Robot | None
+) -> tuple[ad.Trajectory | Planned, tuple[str, ...]]:
+    """The motion of a file, and the names of its joints."""
+    from armdyn.cli.reports.saved import motion_of
+    from armdyn.trajectory.npz import is_own
+    from armdyn.trajectory.planned import joint_names_in, read_planned
+
+    file = file / "trajectory.npz" if file.is_dir() else file
+    if arm is not None:
+        preset.expect_joints(arm.joint_names)
+    if file.suffix.lower() == ".npz" and file.is_file() and is_own(file):
+        motion = ad.Trajectory.load(file)
+        return motion, motion.joint_names
+    names = joint_names_in(file, preset.joints) if arm is None else arm.joint_names
+    planned = read_planned(file, names)
+    if arm is None and planned.tau is None and preset.interface == "torque":
+        raise ProblemError(f"{file} has no torques, which the torque interface takes: --robot ROBOT computes them")
+    if arm is not None and planned.tau is None:
+        planned = replace(planned, tau=motion_of(arm, file).tau)
+    return planned, names
+
+
+def show_check(found: ad.ControllerCheck, name: str) -> None:
+    """Print a check: the verdict, each condition, and what was not checked."""
+    refused = next((row for row in found.offences if row.necessary), None)
+    console.print(
+        f"[bold]{escape(name)}[/]: {found.preset}, {found.interface} interface, {found.rate:g} commands per second"
+    )
+    if refused is None:
+        console.print("[green]accepted[/]: all necessary conditions are kept")
+    else:
+        console.print(
+            f"[red]refused[/]: {escape(refused.joint)} exceeds its {_plain(refused.condition)} limit, first at "
+            f"t = {refused.first:.4g} s"
+        )
+    console.print(_table(found))
+    points = f"Between its points: {found.interpolation} interpolation."
+    console.print("\n".join([points, *(f"Note: {escape(note)}." for note in found.notes)]))
+
+
+def _table(found: ad.ControllerCheck) -> Table:
+    """Of each condition the joints that violate it, or the one nearest to its limit."""
+    from rich.table import Table
+
+    table = Table(box=None)
+    for head in ("condition", "joint", "value", "limit", "worst [s]", "first [s]"):
+        table.add_column(escape(head), justify="left" if head in ("condition", "joint") else "right")
+    for necessary in (True, False):
+        nearest = [row for row in found.worst if row.necessary is necessary]
+        if nearest:
+            table.add_row("necessary" if necessary else "recommended", style="dim")
+        for one in nearest:
+            for row in [row for row in found.offences if row.condition == one.condition] or [one]:
+                condition = f"  {_plain(row.condition)} [{row.unit}]"
+                first = "" if row.first is None else f"{row.first:.4f}"
+                value = row.value if row.share > _NOTHING else 0.0
+                cells = (condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", first)
+                style = None if row.ok else "red" if row.necessary else "yellow"
+                table.add_row(*map(escape, cells), style=style)
+    return table
+
+
+def _plain(condition: str) -> str:
+    return condition.replace("_", " ")

@@ -1,0 +1,129 @@
+"""Repairs of a URDF in words and as JSON, for `armdyn doctor --repair`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from armdyn.cli.console import NOT_USABLE, Answer, console, escape
+from armdyn.cli.options.robot import PartOptions
+from armdyn.errors import ProblemError
+from armdyn.files import probe_folder, write_whole
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armdyn.models import InertiaRepair, UrdfRepair
+
+
+def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | None) -> None:
+    """Say what a URDF lacks, and write it with physical inertias where a file is named.
+
+    Raises:
+        ArmdynError: the robot is none of a URDF, or the file cannot be written.
+    """
+    from armdyn.models import repair_urdf
+
+    file = _urdf_of(robot)
+    target = None
+    if out is not None:
+        target = probe_folder(out.parent, out.name) / out.name
+        if target.exists() and target.samefile(file):
+            raise ProblemError(f"--out is {out}, the URDF itself, which stays as it is; name another file")
+    found = repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
+    written = []
+    if target is not None and found.inertias:
+        written = [write_whole(target, found.text.encode())]
+    answer.done("refused" if found.refusal else "repairable" if found.inertias else "physical", _facts(found), written)
+    if found.refusal:
+        answer.facts |= {"success": False, "message": found.refusal}
+        answer.code = NOT_USABLE
+    for shown in [_table(found.inertias)] if found.inertias else ["all inertias are physical"]:
+        console.print(shown)
+    for line in _proposals(found):
+        console.print(escape(line))
+    if written:
+        console.print(f'{escape(str(written[0]))}  (results of it say "repaired model")')
+    elif out is not None:
+        console.print("nothing to change: nothing is written")
+
+
+def _urdf_of(robot: str | None) -> Path:
+    """The URDF file of a robot's name.
+
+    Raises:
+        ArmdynError: it has none.
+    """
+    from armdyn.models.robots.library import library_arm
+    from armdyn.models.robots.source import RobotSource
+
+    if robot is None:
+        raise ProblemError("--repair is of a URDF; name the file")
+    source = RobotSource.named(robot)
+    file = library_arm(robot)[0] if source.format == "library" else source.file
+    if file is None or source.format == "mjcf":
+        raise ProblemError(f"--repair is of a URDF; {robot} is none")
+    return file
+
+
+def _facts(found: UrdfRepair) -> dict[str, object]:
+    """The repair as JSON."""
+    return {
+        "robot": found.source,
+        "inertias": [
+            {
+                "link": one.link, "fault": one.fault, "mass": one.mass, "change": one.change,
+                "before": one.before.tolist(), "after": one.after.tolist(),
+                "moments_before": one.moments_before.tolist(), "moments_after": one.moments_after.tolist(),
+            }
+            for one in found.inertias
+        ],
+        "packages": dict(found.packages),
+        "lock": dict(found.lock),
+        "arm": found.arm,
+        "tip": found.tip,
+        "without_effort": dict(found.without_effort),
+        "without_velocity": list(found.without_velocity),
+    }  # fmt: skip
+
+
+def _table(repairs: tuple[InertiaRepair, ...]) -> Table:
+    """Principal moments of the changed inertias, before and after."""
+    from rich.table import Table
+
+    title = "nearest physical inertias (masses and centres of mass stay)"
+    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
+    table.add_column("link", overflow="fold")
+    for column in ("principal moments in the file", "nearest physical"):
+        table.add_column(f"{column}\n\\[kg m²]", justify="right")
+    table.add_column("change", justify="right")
+    table.add_column("fault", overflow="fold")
+    for one in repairs:
+        before, after = (" ".join(f"{x:.4g}" for x in each) for each in (one.moments_before, one.moments_after))
+        why = one.fault.partition(":")[0] or "thin body, rounded in the file"
+        table.add_row(escape(one.link), before, after, f"{100 * one.change:.3g} %", escape(why))
+    return table
+
+
+def _proposals(found: UrdfRepair) -> list[str]:
+    """Lines about everything but inertias, with the options that mend it."""
+    from armdyn.models.reading.meshes import mesh_folders
+
+    looked_in = mesh_folders(Path(found.source), ())
+    lines = []
+    for name, folder in found.packages.items():
+        there = "is in no folder above; --package-dir DIR" if folder is None else f"is in {folder}"
+        option = "" if folder is None or folder in looked_in else f"; --package-dir {folder}"
+        lines.append(f"package {name!r} {there}{option}")
+    if found.lock:
+        locks = " ".join(f"--lock {name}={q:g}" for name, q in found.lock.items())
+        lines.append(f"joints of a gripper: {locks}")
+    if found.arm:
+        lines.append(f"several chains move; the longest: --arm {','.join(found.arm)}")
+    lines += [f"tip: {found.tip}"] if found.tip else []
+    if found.without_effort:
+        held = ", ".join(f"{name} {torque:.4g}" for name, torque in found.without_effort.items())
+        lines.append(f"no torque limit: --effort-limit; holding still takes up to [N m or N]: {held}")
+    if found.without_velocity:
+        lines.append(f"no velocity limit: --velocity-limit ({', '.join(found.without_velocity)})")
+    return lines + ([f"still refused: {found.refusal}"] if found.refusal else [])

@@ -1,0 +1,216 @@
+"""Check of a motion against a controller's conditions, by the differences that the controller takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import TrajectoryError
+from armdyn.models.presets.commands import Commands, commands_of
+from armdyn.models.presets.interface import UNITS, ControllerLimits, Interface
+from armdyn.reprs import brief
+from armdyn.trajectory import Trajectory
+from armdyn.trajectory.planned import Planned
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Part of a limit by which a value may exceed it: as planned motions may."""
+
+REST_VELOCITY = 1e-3
+"""Velocity that counts as rest [rad/s]: libfranka's own tolerance."""
+REST_ACCELERATION = 1e-2
+"""Acceleration at an end that counts as zero [rad/s²], where no jerk limit says what one tick may change."""
+
+
+@dataclass(frozen=True)
+class ConditionCheck:
+    """One condition on one joint.
+
+    Attributes:
+        condition: its name, a key of `interface.UNITS`.
+        necessary: whether a violation stops the motion.
+        joint: the joint's name.
+        value: the value that is largest as a part of its limit.
+        limit: its limit then.
+        unit: of both.
+        time: when [s].
+        first: time of the first offence [s]; None: the condition is kept.
+        share: of the limit [-].
+    """
+
+    condition: str
+    necessary: bool
+    joint: str
+    value: float
+    limit: float
+    unit: str
+    time: float
+    first: float | None
+    share: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether the condition is kept."""
+        return self.first is None
+
+    def __str__(self) -> str:
+        said = (
+            f"{self.condition} of {self.joint}: {self.value:.5g} of {self.limit:.5g} {self.unit} at {self.time:.4g} s"
+        )
+        return said if self.first is None else f"{said}, first exceeded at {self.first:.4g} s"
+
+
+@brief
+@dataclass(frozen=True)
+class ControllerCheck:
+    """Check of a motion against a controller's conditions.
+
+    Attributes:
+        preset: name of the preset.
+        interface: the commanded quantity.
+        rate: commands per second [Hz].
+        rows: every condition on every joint, the necessary ones first.
+        interpolation: of the positions between the motion's points.
+        notes: conditions that were not checked, and why.
+    """
+
+    preset: str
+    interface: str
+    rate: float
+    rows: tuple[ConditionCheck, ...]
+    interpolation: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether the controller accepts the motion: every necessary condition is kept."""
+        return all(row.ok for row in self.rows if row.necessary)
+
+    @property
+    def offences(self) -> tuple[ConditionCheck, ...]:
+        """Violated conditions, the necessary ones first, then by time."""
+        return tuple(sorted((row for row in self.rows if not row.ok), key=lambda row: (not row.necessary, row.first)))
+
+    @property
+    def worst(self) -> tuple[ConditionCheck, ...]:
+        """For each condition the joint that comes nearest to its limit, or exceeds it most."""
+        rows: dict[str, ConditionCheck] = {}
+        for row in self.rows:
+            if row.condition not in rows or row.share > rows[row.condition].share:
+                rows[row.condition] = row
+        return tuple(rows.values())
+
+    def facts(self) -> dict[str, object]:
+        """The check for JSON."""
+        return {
+            "preset": self.preset,
+            "interface": self.interface,
+            "rate": self.rate,
+            "accepted": self.ok,
+            "interpolation": self.interpolation,
+            "conditions": [asdict(row) for row in self.rows],
+            "notes": list(self.notes),
+        }
+
+    def __str__(self) -> str:
+        refused = [row for row in self.offences if row.necessary]
+        at = f"{self.preset}, {self.interface} interface at {self.rate:g} Hz"
+        return f"{at}: " + (f"refused: {refused[0]}" if refused else "accepted")
+
+
+def controller_check(
+    preset: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], motion: Trajectory | Planned
+) -> ControllerCheck:
+    """Check a motion against the conditions of an interface.
+
+    Args:
+        preset: its name.
+        limits: of the controller.
+        interface: whose commands the motion becomes.
+        joints: their names, in the motion's order.
+        motion: with one column per joint.
+
+    Raises:
+        TrajectoryError: the motion cannot be sampled, or has no torques and the interface takes them.
+    """
+    commands = commands_of(motion, interface.rate)
+    about_torque = [name for name in interface.conditions if name.startswith("torque") and commands.tau is None]
+    if interface.name == "torque" and about_torque:
+        raise TrajectoryError(f"the motion has no torques, but the torque interface of {preset} takes them")
+    notes = [f"not checked, the motion has no torques: {', '.join(about_torque)}"] if about_torque else []
+    if commands.interpolation == "linear":
+        notes.append("the points have positions only: the controller goes straight from one to the next")
+    rows = [
+        row
+        for condition in interface.conditions
+        if condition not in about_torque
+        for row in _rows(condition, limits, interface, joints, commands)
+    ]
+    return ControllerCheck(preset, interface.name, interface.rate, tuple(rows), commands.interpolation, tuple(notes))
+
+
+def _rows(
+    condition: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], commands: Commands
+) -> Iterator[ConditionCheck]:
+    """The rows of a condition, of the joints that it limits."""
+    times, values, bounds, shares = _measured(condition, limits, interface, commands)
+    for i, joint in enumerate(joints):
+        if not np.any(np.isfinite(bounds[:, i])):
+            continue
+        k = int(np.argmax(shares[:, i]))
+        over = shares[:, i] > 1 + TOLERANCE
+        first = float(times[np.argmax(over)]) if np.any(over) else None
+        yield ConditionCheck(
+            condition, condition in interface.necessary, joint, float(values[k, i]), float(bounds[k, i]),
+            UNITS[condition], float(times[k]), first, float(shares[k, i]),
+        )  # fmt: skip
+
+
+def _measured(
+    condition: str, limits: ControllerLimits, interface: Interface, commands: Commands
+) -> tuple[Array, Array, Array, Array]:
+    """Times [s], shape (n,), and values, their limits, and shares of these, each of shape (n, nv)."""
+    t, q, rate = commands.t, commands.q, interface.rate
+    if condition == "position":
+        return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))
+    if condition.startswith("zero_"):
+        return _ends(condition, limits, rate, commands)
+    if condition.startswith("torque"):
+        assert commands.tau is not None  # noqa: S101  # `controller_check` leaves such conditions out
+        order, values = int(condition == "torque_rate"), commands.tau
+    else:
+        order, values = ("position", "velocity", "acceleration", "jerk").index(condition), q
+        if interface.name == "velocity":
+            order, values = order - 1, commands.v
+    values = np.diff(values, n=order, axis=0) * rate**order  # backward: the last of its ticks is its own
+    t, last = t[order:], q[max(order - 1, 0) : -1 if order else None]
+    bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
+    if condition == "velocity" and limits.taper is not None:
+        lower, upper = limits.taper.at(last)  # the position of the last command: libfranka's control_loop.cpp
+        bounds = np.maximum(np.minimum(bounds, np.where(values < 0, -lower, upper)), REST_VELOCITY)
+    return t, values, bounds, np.abs(values) / np.maximum(bounds, 1e-9)
+
+
+def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
+    """A share is 0 in the middle of the range, and 1 at its ends."""
+    above, below = q - upper, lower - q
+    half = (upper - lower) / 2
+    shares = np.maximum(0, 1 + np.maximum(above, below) / np.where(np.isfinite(half), half, 1.0))
+    return t, q, np.where(above > below, upper, lower), shares
+
+
+def _ends(
+    condition: str, limits: ControllerLimits, rate: float, commands: Commands
+) -> tuple[Array, Array, Array, Array]:
+    """Velocity or acceleration at both ends; at rest they are at most what one tick may change them."""
+    order = int(condition == "zero_acceleration")
+    values = commands.ends[order]
+    change = (limits.acceleration, limits.jerk)[order]
+    least = (REST_VELOCITY, REST_ACCELERATION)[order]
+    bounds = np.broadcast_to(least if change is None else np.asarray(change) / rate, values.shape)
+    from_to = np.array([commands.t[0], commands.t[-1]])
+    return from_to, values, bounds, np.abs(values) / bounds

@@ -1,0 +1,119 @@
+"""Command interfaces of controllers: conditions on commanded motions, and their limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.errors import ProblemError
+
+Array = NDArray[np.float64]
+Numbers = tuple[float, ...]
+"""One number per joint."""
+
+UNITS = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "acceleration": "rad/s²",
+    "jerk": "rad/s³",
+    "torque": "N m",
+    "torque_rate": "N m/s",
+    "zero_velocity": "rad/s",
+    "zero_acceleration": "rad/s²",
+}
+"""Conditions, and the units of their values; the last two are of both ends of a motion."""
+
+COMMANDED = ("position", "velocity", "torque")
+"""Quantities that an interface may take as commands."""
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Command interface of a controller.
+
+    Attributes:
+        name: the commanded quantity, one of `COMMANDED`.
+        rate: commands per second [Hz].
+        necessary: names of the conditions whose violation stops the motion.
+        recommended: names of the conditions whose violation the controller tolerates, or smooths away.
+    """
+
+    name: str
+    rate: float
+    necessary: tuple[str, ...] = ()
+    recommended: tuple[str, ...] = ()
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """All conditions, the necessary ones first."""
+        return self.necessary + self.recommended
+
+
+@dataclass(frozen=True)
+class VelocityTaper:
+    """Velocity limits that fall to zero towards the ends of the joints' ranges.
+
+    -max(0, √(gain (q - lower)) - offset) ≤ v ≤ max(0, √(gain (upper - q)) - offset); each one number per joint.
+
+    Attributes:
+        lower: position at which the lower limit's root is zero [rad].
+        upper: position at which the upper limit's root is zero [rad].
+        gain: twice the deceleration that the limits ask for [rad/s²].
+        offset: [rad/s].
+    """
+
+    lower: Numbers
+    upper: Numbers
+    gain: Numbers
+    offset: Numbers
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Lower and upper velocity limits at joint positions, all of shape (…, nv)."""
+        gain, offset = np.asarray(self.gain), np.asarray(self.offset)
+        below, above = (np.sqrt(gain * np.maximum(0, room)) for room in (q - self.lower, np.asarray(self.upper) - q))
+        return -np.maximum(0, below - offset), np.maximum(0, above - offset)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerLimits:
+    """Limits of a controller, each one number per joint; None: none is known.
+
+    Attributes:
+        position_lower: [rad].
+        position_upper: [rad].
+        velocity: [rad/s].
+        acceleration: [rad/s²].
+        jerk: [rad/s³].
+        torque: [N m].
+        torque_rate: [N m/s].
+        taper: velocity limits that depend on the position, besides `velocity`.
+    """
+
+    position_lower: Numbers | None = None
+    position_upper: Numbers | None = None
+    velocity: Numbers | None = None
+    acceleration: Numbers | None = None
+    jerk: Numbers | None = None
+    torque: Numbers | None = None
+    torque_rate: Numbers | None = None
+    taper: VelocityTaper | None = None
+
+    def expect(self, condition: str) -> None:
+        """Refuse a condition whose limit is not known.
+
+        Raises:
+            ProblemError: there is no such condition, or no limit.
+        """
+        if condition not in UNITS:
+            raise ProblemError(f"condition {condition!r} is unknown; there are {', '.join(UNITS)}")
+        if condition.startswith("zero_"):
+            return
+        for name in ("position_lower", "position_upper") if condition == "position" else (condition,):
+            if getattr(self, name) is None:
+                raise ProblemError(f"condition {condition!r} has no limit: give {name} in [limits]")
+
+
+LIMITS = tuple(own.name for own in fields(ControllerLimits) if own.name != "taper")
+"""Names of the limits."""

@@ -1,0 +1,185 @@
+"""What a URDF lacks to be solved: physical inertias, package folders, locked joints, limits; nothing is written."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+import pinocchio as pin
+
+from armdyn.errors import ArmdynError
+from armdyn.models.reading.from_pinocchio import Reading
+from armdyn.models.reading.meshes import folders_of, mesh_folders, resolve_mesh
+from armdyn.models.reading.nearest_inertia import InertiaRepair, repaired_inertias, with_inertias
+from armdyn.models.reading.urdf_arm import check_inertia, configuration, read_arm
+from armdyn.models.reading.urdf_check import MOVING, parse_urdf
+from armdyn.models.reading.urdf_xml import file_path, read_urdf
+
+_GRIPPING = re.compile(r"finger|gripper|jaw|knuckle|thumb", re.IGNORECASE)
+"""Parts of names of joints that hold things, not move the arm."""
+
+_FOLDERS_ABOVE = 6
+"""Folders above the file that may hold a package: a workspace is three or four above."""
+
+_POSES = 1000
+"""Random poses that the largest holding torques are of."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UrdfRepair:
+    """Faults and gaps of a URDF, with the least change or the option that mends each.
+
+    Attributes:
+        source: the file.
+        text: its text with physical inertias, marked as repaired; the file's own text where nothing was to be changed.
+        inertias: the changed ones.
+        packages: of each `package://` of its meshes the folder that has it, None where none was found.
+        lock: joints that hold things, or follow such, to the positions to lock them at [rad or m].
+        arm: first and last joint of the longest chain where the others branch; None: they are one chain.
+        tip: the arm's end, with these joints locked; empty where the URDF is refused.
+        without_effort: joints without a torque limit, to the largest torque that holds them still in 1000 random
+            poses [N m or N]: the motor has at least that.
+        without_velocity: joints without a velocity limit.
+        refusal: why the URDF is refused even so; empty: it is not.
+    """
+
+    source: str
+    text: str
+    inertias: tuple[InertiaRepair, ...]
+    packages: Mapping[str, str | None]
+    lock: Mapping[str, float]
+    arm: tuple[str, str] | None
+    tip: str = ""
+    without_effort: Mapping[str, float]
+    without_velocity: tuple[str, ...] = ()
+    refusal: str = ""
+
+
+def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> UrdfRepair:
+    """Find the faults and gaps of a URDF, and the least change or the option that mends each; nothing is written.
+
+    Packages are looked for in the given folders, in the file's own and in the six above it, by the names of the files
+    that its meshes name; a link that leads out of such a folder is refused.
+
+    Args:
+        path: of the URDF.
+        package_dirs: further folders of `package://` meshes.
+
+    Raises:
+        SpecError: package_dirs is no list of paths.
+        UrdfError: it cannot be read, or has a fault that no number mends, such as a joint without a parent.
+    """
+    file = file_path(path)
+    text, source = read_urdf(file), str(file)
+    root = parse_urdf(text, source)
+    inertias = repaired_inertias(root, source)
+    text = with_inertias(text, inertias) if inertias else text
+    lock = _gripping(root)
+    chain = _longest_chain(root, lock)
+    reading, refusal = None, ""
+    try:
+        reading = read_arm(text, source, lock, chain)
+        check_inertia(reading.model, source)
+    except ArmdynError as error:
+        refusal = str(error)
+    limits = None if reading is None else reading.limits
+    return UrdfRepair(
+        source=source,
+        text=text,
+        inertias=inertias,
+        packages=_packages(root, file, folders_of(package_dirs)),
+        lock=lock,
+        arm=chain,
+        tip="" if reading is None else reading.tip,
+        without_effort={} if reading is None else _unlimited(reading),
+        without_velocity=()
+        if reading is None or limits is None
+        else tuple(
+            name for name, most in zip(list(reading.model.names)[1:], limits.velocity, strict=True) if np.isinf(most)
+        ),
+        refusal=refusal,
+    )
+
+
+def _unlimited(reading: Reading) -> dict[str, float]:
+    """Joints without a torque limit, to the largest torque that holds them still [N m or N]."""
+    model, limits = reading.model, reading.limits
+    data = model.createData()
+    lower, upper = (np.clip(each, -np.pi, np.pi) for each in (limits.position_lower, limits.position_upper))
+    poses = np.random.default_rng(0).uniform(lower, upper, (_POSES, model.nv))
+    held = [np.abs(pin.computeGeneralizedGravity(model, data, configuration(model, q))) for q in poses]
+    names, most = list(model.names)[1:], np.max(held, axis=0)
+    return {name: float(most[i]) for i, name in enumerate(names) if np.isinf(limits.effort_upper[i])}
+
+
+def _moving(root: Element) -> dict[str, Element]:
+    return {str(joint.get("name")): joint for joint in root.findall("joint") if joint.get("type") in MOVING}
+
+
+def _link(joint: Element, tag: str) -> str:
+    return str(joint.find(tag).get("link"))  # type: ignore[union-attr]  # `parse_urdf` has looked
+
+
+def _gripping(root: Element) -> dict[str, float]:
+    """Joints of a gripper to the positions to lock them at: zero, or the bound nearest to it [rad or m].
+
+    They have such a name, lead a joint that mimics them, or move beside another one on one link, with none behind.
+    """
+    joints = _moving(root)
+    mimics = {
+        name: str(mimic.get("joint")) for name, joint in joints.items() if (mimic := joint.find("mimic")) is not None
+    }
+    bases = {_link(joint, "parent") for joint in joints.values()}
+    ends = {name: _link(joint, "parent") for name, joint in joints.items() if _link(joint, "child") not in bases}
+    beside = {name for name, base in ends.items() if sum(other == base for other in ends.values()) > 1}
+    found = {}
+    for name, joint in joints.items():
+        if name in mimics or not (_GRIPPING.search(name) or name in mimics.values() or name in beside):
+            continue
+        limit = joint.find("limit")
+        lower, upper = (0.0, 0.0) if limit is None else (float(limit.get(key, "0")) for key in ("lower", "upper"))
+        found[name] = float(np.clip(0.0, lower, upper)) if upper > lower else 0.0
+    return found if len(found) < len(joints) - len(mimics) else {}
+
+
+def _longest_chain(root: Element, lock: Mapping[str, float]) -> tuple[str, str] | None:
+    """First and last joint of the longest chain of those that move; None where all are on one chain."""
+    above = {_link(joint, "child"): joint for joint in root.findall("joint")}
+    free = {name for name, joint in _moving(root).items() if name not in lock and joint.find("mimic") is None}
+    chains = []
+    for link in above:
+        chain, seen = [], link
+        while seen in above:
+            chain.append(str(above[seen].get("name")))
+            seen = _link(above[seen], "parent")
+        chains.append([name for name in reversed(chain) if name in free])
+    longest = max(chains, key=len, default=[])
+    return (longest[0], longest[-1]) if 0 < len(longest) < len(free) else None
+
+
+def _packages(root: Element, urdf: Path, given: Sequence[str | os.PathLike[str]]) -> dict[str, str | None]:
+    """Folder of each package of the meshes, None where no folder looked in has one of them."""
+    folders = mesh_folders(urdf, given)
+    own = Path(os.path.realpath(urdf)).parent
+    folders = (*folders, *map(str, [own, *own.parents][: _FOLDERS_ABOVE + 1]))
+    found: dict[str, str | None] = {}
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "")
+        package, _, inside = name.removeprefix("package://").partition("/")
+        if not name.startswith("package://") or not (package and inside) or found.get(package):
+            continue
+        found[package] = next((folder for folder in dict.fromkeys(folders) if _has(folder, name)), None)
+    return found
+
+
+def _has(folder: str, mesh: str) -> bool:
+    """Whether a folder has a mesh, itself inside it once links are followed."""
+    try:
+        return bool(resolve_mesh(mesh, (folder,)))
+    except OSError:
+        return False

@@ -1,0 +1,64 @@
+"""Torque limits that fall with speed: torque-speed curves of motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TorqueSpeedLimit(PartialLimit):
+    """The lines |τ + s v| ≤ c of the problem's actuators; curves keep them without rows of their own."""
+
+    name = "torque-speed curves"
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        return None if problem.limits.actuators.constant else cls()
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """At the stages of every interval, as parts of c; torques do not jump at knots."""
+        slopes, _ = problem.limits.actuators.lines
+        count, numbers = len(slopes), 2 * slopes.size
+        return StageRows(_lines, (count, True), numbers), StageRows(_lines, (count, False), numbers, "first")
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        slopes, rest = problem.limits.actuators.lines
+        own = RowValues(-self.part, self.part, np.concatenate([(1 / rest).ravel(), (slopes / rest).ravel()]))
+        return own, own
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """At the samples, between which torques are linear."""
+        slopes, rest = problem.limits.actuators.lines
+        used = np.max(np.abs(motion.tau[:, None] + slopes * motion.v[:, None]) / rest, axis=1)
+        k, i = np.unravel_index(np.argmax(used), used.shape)
+        share, joint, when = float(used[k, i]), problem.robot.joint_names[i], float(motion.t[k])
+        said = f"{100 * share:.4g} % of its line used at most, by {joint!r} at t = {when:.4g} s"
+        if share <= 1 + self.policy.rate_tolerance:
+            return ConstraintReport(self.name, said, share, order=1)
+        reason = f"joint {joint!r} exceeds its torque-speed curve by {100 * (share - 1):.2g} % at t = {when:.4g} s"
+        return ConstraintReport(
+            self.name, said, share, (reason,), Violation("torque-speed curve", joint, when, share - 1), order=1
+        )
+
+
+def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:
+    """(τ + s v) / c at the stages but a first one that is a knot, or at the first one alone."""
+    n, count = stages.effort.numel(), stages.c.size
+    torque, speed = (ca.reshape(half, n, lines) for half in ca.vertsplit(numbers, n * lines))
+    used = [torque * stages.tau[:, i] + speed * stages.v[:, i] for i in range(count)]
+    return ca.vec(ca.horzcat(*(used[int(stages.knots[0]) :] if inner else used[:1])))

@@ -1,0 +1,115 @@
+"""Python programs for Franka's arms, by panda-python."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from armdyn.trajectory.formats.streams import Stream, python_head, start_tolerance
+
+if TYPE_CHECKING:
+    from armdyn.trajectory.samples import Samples
+
+_PROGRAM = '''
+
+def distance(actual, wanted):
+    """Largest distance of a joint [rad]."""
+    return max(abs(a - b) for a, b in zip(actual, wanted))
+
+
+def refuse_unless_ready(panda):
+    """The arm has no error, and all targets are within the connected arm's own joint limits."""
+    panda.raise_error()
+    lower, upper = panda.get_joint_limits_lower(), panda.get_joint_limits_upper()
+    for k, q in enumerate(Q):
+        if not all(low <= x <= high for low, x, high in zip(lower, q, upper)):
+            raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the arm's joint limits")
+
+
+def go_to_start(panda, moves):
+    """Refuse an arm elsewhere, or move it to the start slowly where that was asked for."""
+    away = distance(panda.q, Q[0])
+    if away > TOLERANCE and moves:
+        panda.move_to_joint_position(Q[0], speed_factor=APPROACH_SPEED)
+        away = distance(panda.q, Q[0])
+    if away > TOLERANCE:
+        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
+
+
+def run(panda, controller):
+    """Show the controller the target of each moment; panda-py raises the arm's errors, and the arm stops by itself."""
+    panda.start_controller(controller)
+    try:
+        sent = 0
+        with panda.create_context(frequency=RATE) as context:
+            while context.ok() and sent < len(Q) + SETTLING:
+                due = int(context.time * RATE + 0.5)  # this computer may be late: the motion is not
+                if due > sent + MOST_LATE:
+                    raise SystemExit(f"stopped: this computer was {(due - sent) / RATE:.3f} s late")
+                sent = max(sent, due)
+                row = min(sent, len(Q) - 1)
+                controller.set_control(Q[row], V[row] if row < len(Q) - 1 else [0.0] * len(Q[row]))
+                if distance(panda.q, Q[row]) > MOST_OFF:
+                    raise SystemExit(f"stopped: a joint is more than {MOST_OFF} rad off the motion")
+                sent += 1
+    finally:
+        panda.stop_controller()
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Run a motion that armdyn planned on a Franka arm.")
+    parser.add_argument("host", help="IP address of the robot")
+    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
+    asked = parser.parse_args()
+    import panda_py
+    from panda_py import controllers
+
+    panda = panda_py.Panda(asked.host)
+    if PAYLOAD is not None:
+        panda.get_robot().set_load(*PAYLOAD, [0.0] * 9)
+    refuse_unless_ready(panda)
+    go_to_start(panda, asked.to_start)
+    run(panda, controllers.JointPosition())
+    print(f"done; a joint is {distance(panda.q, Q[-1]):.4f} rad from the goal at most")
+
+
+if __name__ == "__main__":
+    main()
+'''
+
+
+@dataclass(frozen=True)
+class PandaPython(Stream):
+    """A Python program that follows a motion by panda-python: https://jeanelsner.github.io/panda-py.
+
+    Positions and velocities go to its `JointPosition` controller, a PD controller at 1 kHz over the arm's gravity
+    compensation. It refuses an arm with an error or not at the start, and targets outside the arm's joint limits.
+
+    Attributes:
+        tolerance: largest distance of a joint from the start [rad].
+    """
+
+    name: ClassVar[str] = "panda-python"
+    suffix: ClassVar[str] = ".py"
+    summary: ClassVar[str] = "a Python program for panda-python, 1 kHz"
+    rate: ClassVar[float] = 1000.0
+
+    tolerance: float = 0.01
+
+    def text(self, samples: Samples) -> str:
+        """The program.
+
+        Raises:
+            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is none.
+        """
+        constants = {
+            "RATE": (self.rate_of(samples, 7, (self.rate,)), "[Hz]"),
+            "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
+            "APPROACH_SPEED": (0.1, "part of the arm's velocity limits"),
+            "MOST_LATE": (20, "ticks"),
+            "MOST_OFF": (0.1, "[rad]"),
+            "SETTLING": (500, "ticks"),
+            "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
+            "V": (samples.v.tolist(), "joint velocities [rad/s], one row per tick"),
+        }
+        return python_head("a Franka arm", "panda-python", samples, constants) + _PROGRAM

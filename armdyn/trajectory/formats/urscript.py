@@ -1,0 +1,194 @@
+"""Programs for the controllers of Universal Robots, in URScript."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from armdyn.arguments import number
+from armdyn.errors import TrajectoryError
+from armdyn.trajectory.formats.streams import Stream, python_head, start_tolerance
+
+if TYPE_CHECKING:
+    from armdyn.trajectory.samples import Samples
+
+UR_RATES = (500.0, 125.0)
+"""Ticks per second of a UR controller [Hz]: e-Series and later, CB3."""
+
+UR_JOINTS = 6
+
+_RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
+"""Ranges of servoj's lookahead_time [s] and gain, Script manual."""
+
+_LATE = 3
+"""Lookahead times for which the last target is kept: a first-order lag is then within 5 % of its last step."""
+
+APPROACH = {"a": 0.5, "v": 0.25}
+"""Acceleration [rad/s²] and velocity [rad/s] of the way to the start; URScript's defaults are 1.4 and 1.05."""
+
+
+@dataclass(frozen=True)
+class UrScript(Stream):
+    """One servoj per tick, after a slow movej to the start: https://www.universal-robots.com/manuals, Script manual.
+
+    servoj(q, a, v, t, lookahead_time, gain) ignores a and v. The arm is behind the targets by about the lookahead time,
+    so that the last target is kept until the arm is there.
+
+    Attributes:
+        lookahead: `lookahead_time` of servoj [s], 0.03 to 0.2: longer is smoother, and later.
+        gain: of servoj, 100 to 2000.
+    """
+
+    name: ClassVar[str] = "urscript"
+    suffix: ClassVar[str] = ".script"
+    summary: ClassVar[str] = "a URScript program of servoj, 500 or 125 Hz"
+    rate: ClassVar[float] = UR_RATES[0]
+
+    lookahead: float = 0.1
+    gain: float = 300.0
+
+    def settling(self, rate: float) -> int:
+        """Ticks for which the last target is kept.
+
+        Raises:
+            TrajectoryError: lookahead or gain is out of URScript's range.
+        """
+        for name, (low, high) in _RANGES.items():
+            if not low <= number(getattr(self, name), name, error=TrajectoryError) <= high:
+                raise TrajectoryError(f"{name} is {getattr(self, name):g}; URScript takes {low:g} to {high:g}")
+        return round(_LATE * self.lookahead * rate)
+
+    def text(self, samples: Samples) -> str:
+        """The program: payload, way to the start, stream, stop.
+
+        Raises:
+            TrajectoryError: the motion has not six joints, is not sampled at 500 or 125 Hz, or a field is out of
+                URScript's range.
+        """
+        rate, load = self.rate_of(samples, UR_JOINTS, UR_RATES), self.load()
+        rows = [_vector(row) for row in samples.q.tolist()]
+        kept = rows[-1:] * self.settling(rate)
+        tail = f"0, 0, {1 / rate:g}, {self.lookahead:g}, {self.gain:g})"
+        lines = [
+            f"# Motion of {samples.t[-1]:.6f} s at {rate:g} Hz for a UR arm, written by armdyn.",
+            f"# Name: {json.dumps(samples.name[:80])}. Joints, base to wrist: {json.dumps(samples.joint_names)}.",
+            "# It was planned on a model. Try it in URSim or at reduced speed first, an emergency stop at hand.",
+            "# Send it to port 30002, or load it in a Script node and call armdyn_motion().",
+            f"# First the arm moves slowly to {rows[0]}: that way is not planned, look at it.",
+            "def armdyn_motion():",
+        ]
+        if load is not None:
+            lines.append(f"  set_target_payload({_number(load[0])}, {_vector(load[1])})")
+        lines.append(f"  movej({rows[0]}, a={APPROACH['a']}, v={APPROACH['v']})")
+        lines += [f"  servoj({row}, {tail}" for row in (*rows[1:], *kept)]
+        return "\n".join([*lines, "  stopj(2)", "end", ""])
+
+
+def _number(value: float) -> str:
+    """Decimals without an exponent, to 1e-9."""
+    return f"{value:.9f}"
+
+
+def _vector(values: list[float]) -> str:
+    return f"[{', '.join(map(_number, values))}]"
+
+
+_UR_RTDE = '''
+
+def distance(actual, wanted):
+    """Largest distance of a joint [rad]."""
+    return max(abs(a - b) for a, b in zip(actual, wanted))
+
+
+def refuse_unless_ready(control, receive):
+    """The arm is not stopped, and all targets are within the limits that the controller's safety settings have."""
+    if receive.isProtectiveStopped() or receive.isEmergencyStopped():
+        raise SystemExit("refused: the arm is stopped; clear that on the pendant first")
+    for k, q in enumerate(Q):
+        if not control.isJointsWithinSafetyLimits(q):
+            raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the controller's safety limits")
+
+
+def go_to_start(control, receive, moves):
+    """Refuse an arm elsewhere, or move it to the start slowly where that was asked for."""
+    away = distance(receive.getActualQ(), Q[0])
+    if away > TOLERANCE and moves:
+        control.moveJ(Q[0], APPROACH_VELOCITY, APPROACH_ACCELERATION)
+        away = distance(receive.getActualQ(), Q[0])
+    if away > TOLERANCE:
+        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
+
+
+def run(control):
+    """Send one target per tick; the last one until the arm has caught up."""
+    try:
+        for q in Q[1:] + [Q[-1]] * SETTLING:
+            begin = control.initPeriod()
+            if not control.servoJ(q, 0.5, 0.5, 1 / RATE, LOOKAHEAD, GAIN):  # 0.5, 0.5: not used by the controller
+                raise SystemExit("stopped: the controller takes no more targets")
+            control.waitPeriod(begin)
+    finally:
+        control.servoStop()
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Run a motion that armdyn planned on a UR arm.")
+    parser.add_argument("host", help="IP address of the robot")
+    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
+    asked = parser.parse_args()
+    from rtde_control import RTDEControlInterface
+    from rtde_receive import RTDEReceiveInterface
+
+    receive = RTDEReceiveInterface(asked.host)
+    control = RTDEControlInterface(asked.host, RATE)
+    try:
+        if PAYLOAD is not None:
+            control.setPayload(*PAYLOAD)
+        refuse_unless_ready(control, receive)
+        go_to_start(control, receive, asked.to_start)
+        run(control)
+        print(f"done; a joint is {distance(receive.getActualQ(), Q[-1]):.4f} rad from the goal at most")
+    finally:
+        control.stopScript()
+
+
+if __name__ == "__main__":
+    main()
+'''
+
+
+@dataclass(frozen=True)
+class UrRtde(UrScript):
+    """A Python program that sends a motion by ur_rtde: https://sdurobotics.gitlab.io/ur_rtde.
+
+    It refuses an arm that is stopped or not at the start, and targets outside the controller's safety limits.
+
+    Attributes:
+        tolerance: largest distance of a joint from the start [rad].
+    """
+
+    name: ClassVar[str] = "ur-rtde"
+    suffix: ClassVar[str] = ".py"
+    summary: ClassVar[str] = "a Python program for ur_rtde"
+
+    tolerance: float = 0.01
+
+    def text(self, samples: Samples) -> str:
+        """The program.
+
+        Raises:
+            TrajectoryError: see `UrScript.text`.
+        """
+        rate = self.rate_of(samples, UR_JOINTS, UR_RATES)
+        constants = {
+            "RATE": (rate, "[Hz]"),
+            "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
+            "APPROACH_VELOCITY": (APPROACH["v"], "[rad/s]"),
+            "APPROACH_ACCELERATION": (APPROACH["a"], "[rad/s^2]"),
+            "SETTLING": (self.settling(rate), "ticks"),
+            "LOOKAHEAD": (float(self.lookahead), "[s]: the arm is about so late"),
+            "GAIN": (float(self.gain), "of servoJ"),
+            "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
+        }
+        return python_head("a UR arm", "ur_rtde", samples, constants) + _UR_RTDE

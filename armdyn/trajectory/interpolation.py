@@ -1,0 +1,45 @@
+"""Piecewise polynomials through a motion's points, as ros2_control interpolates them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+INTERPOLATIONS = {1: "linear", 2: "cubic", 3: "quintic"}
+"""ros2_control's joint_trajectory_controller goes from point to point by the lowest polynomial that has the given
+derivatives at both: https://control.ros.org/rolling/doc/ros2_controllers/joint_trajectory_controller/doc/trajectory.html"""
+
+
+def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Array, Array, Array]:
+    """Piecewise polynomial through points and their derivatives, and its first two derivatives.
+
+    Args:
+        t: times of the points [s], shape (n,), increasing.
+        derivatives: values and derivatives at the points, each of shape (n, nv), in their order.
+        at: times [s], shape (m,), from the first to the last.
+
+    Returns:
+        Values, first and second derivatives, each of shape (m, nv).
+    """
+    m = len(derivatives)
+    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, t.size - 2)
+    h = (t[k + 1] - t[k])[:, None]
+    powers = np.arange(2 * m)
+    # Coefficients over s = (t - t[k]) / h from the derivatives by s at s = 0 and s = 1.
+    at_ends = np.array([_derivative(powers, d, s) for s in (0.0, 1.0) for d in range(m)])
+    data = [h**d * np.asarray(derivatives[d])[k + side] for side in (0, 1) for d in range(m)]
+    coefficients = np.einsum("ij,jkl->ikl", np.linalg.inv(at_ends), np.array(data))
+    s = ((at - t[k]) / h[:, 0])[:, None]
+    values = (np.einsum("kp,pkl->kl", _derivative(powers, d, s), coefficients) / h**d for d in range(3))
+    q, v, a = values
+    return q, v, a
+
+
+def _derivative(powers: NDArray[np.int_], order: int, s: Array | float) -> Array:
+    """Derivative of the monomials s^p of some order."""
+    factors = np.prod([np.maximum(powers - i, 0) for i in range(order)], axis=0) if order else np.ones(powers.size)
+    return np.asarray(factors * np.asarray(s, dtype=float) ** np.maximum(powers - order, 0))

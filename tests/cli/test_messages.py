@@ -1,0 +1,120 @@
+"""Messages in the words of the door: options on the command line, arguments in Python, keys in files."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.cli import invocation
+from armdyn.cli.app import app
+from armdyn.cli.invocation import in_options
+from armdyn.errors import ProblemError
+from armdyn.optimal.path_constraints.registry import PATH_CONSTRAINTS
+from cli.command import run_json
+
+SOURCE = Path(ad.__file__).parent
+PYTHON_ONLY = {
+    "control/laws/pid.py", "control/loop/loop.py", "control/stability", "models/robots/arm.py", "optimal/program",
+    "optimal/problem_files.py", "paper", "parsing", "show", "studies/executors", "studies/reading.py",
+    "studies/tuning/tune.py", "dynamics", "cli", "studies/rows.py",
+}  # fmt: skip
+"""Their messages are about values that only Python makes, or about keys of files; the command line's own are checked
+by its tests."""
+
+
+def messages():
+    """Texts of errors and warnings, as (file, line, text); what is formatted in is a ¤."""
+    for file in sorted(SOURCE.rglob("*.py")):
+        name = file.relative_to(SOURCE).as_posix()
+        if any(name.startswith(one) for one in PYTHON_ONLY):
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            raised = node.exc if isinstance(node, ast.Raise) else None
+            if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "warn":
+                raised = node
+            for part in [] if raised is None else ast.walk(raised):
+                if isinstance(part, ast.JoinedStr):
+                    pieces = [str(one.value) if isinstance(one, ast.Constant) else "¤" for one in part.values]
+                    yield name, part.lineno, "".join(pieces)
+                elif isinstance(part, ast.Constant) and isinstance(part.value, str):
+                    yield name, part.lineno, part.value
+
+
+def options():
+    """Names of all options of all commands, as arguments in Python are called, that no other word has."""
+    flags = {flag for command in app.registered_commands for flag in _flags(command.callback)}
+    return {flag.lstrip("-").replace("-", "_") for flag in flags if "-" in flag.lstrip("-")}
+
+
+def _flags(callback):
+    return [
+        invocation._flag(name, hint) for name, hint in callback.__annotations__.items() if invocation._flag(name, hint)
+    ]
+
+
+def test_no_message_gives_a_keyword_of_python():
+    wrong = [
+        f"{name}:{line}: {text}"
+        for name, line, text in messages()
+        if re.search(r"(?<![<\w&?`-])[a-z]+(_[a-z]+)*=(?![=\"¤])", re.sub(r"[\w.]+\([^()]*\)", "", text))
+    ]
+    assert not wrong
+
+
+def test_arguments_that_are_options_stand_in_backticks():
+    """At the beginning of a message they are translated as they are."""
+    names = options()
+    wrong = [
+        f"{name}:{line}: {text}"
+        for name, line, text in messages()
+        for word in re.findall(r"(?<![`\w.=(-])[a-z]+_[a-z_]+\b(?![`=(])", text)
+        if word in names and not text.startswith(word)
+    ]
+    assert not wrong
+
+
+def test_every_limit_along_the_way_has_its_option():
+    for kind in PATH_CONSTRAINTS:
+        if getattr(kind, "option", ""):
+            assert in_options(f"{kind.__name__} is 0") == f"--limit {kind.option} is 0"
+
+
+POSES = ("--q-start", "0,0", "--q-goal", "1,1")
+REACHED = {
+    "torque limits": (("mintime", "arm.urdf", *POSES), "give --effort-limit, or name the joint in --passive"),
+    "no motor": (
+        ("mintime", "rr", *POSES, "--effort-limit", "0"),
+        "give --effort-limit, or name fewer joints in --pas",
+    ),
+    "regulator": (("track", "arm.urdf", *POSES, "--ramp", "1"), "give --effort-limit"),
+    "degrees": (("mintime", "rr", "--q-start", "0,0", "--q-goal", "90,0"), "within all limits: --degrees"),
+    "slow": (("mintime", "rr", *POSES, "--velocity-limit", "1e-9"), "give --velocity-limit of 0.00028 rad/s or more"),
+    "tip speed": (("mintime", "rr", *POSES, "--limit", "tip-speed=1e-12"), "--limit tip-speed is 1e-12 m/s"),
+    "reserve": (("mintime", "rr", *POSES, "--reserve", "1"), "--reserve of joint 'joint1' is 1.0"),
+    "via": (("mintime", "rr", *POSES, "--via", "1"), "--via[0] has shape (1,)"),
+    "contact": (("mintime", "rr", *POSES, "--allow-contact", "a,b"), "--allow-contact[0]: no link"),
+    "unnamed": (("export", "m.npz", "--format", "ros2"), "the motion's joint_names is empty"),
+    "arm": (("mintime", "ur5", "--arm", "a,b", *POSES), "--arm: "),
+    "a file": (("mintime", "problem.toml"), "problem.toml, line 3: joint 'joint1' has torque limits"),
+}
+
+
+@pytest.mark.parametrize("case", REACHED)
+def test_the_command_line_speaks_of_options(case, tmp_path):
+    arguments, said = REACHED[case]
+    text = re.sub(r'effort="[^"]*"', 'effort="0"', ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf)
+    (tmp_path / "arm.urdf").write_text(text)
+    (tmp_path / "problem.toml").write_text('[robot]\nname = "arm.urdf"\n[problem]\nq_start = [0, 0]\nq_goal = [1, 1]\n')
+    rest = np.zeros((2, 2))
+    ad.Trajectory([0.0, 1.0], rest, rest, rest).save(tmp_path / "m.npz")
+    message = run_json(*arguments, code=2, cwd=tmp_path)["message"]
+    assert said in message and "`" not in message and not re.search(r"[a-z_]{3,}=", message)
+
+
+def test_python_speaks_of_arguments():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    with pytest.raises(ProblemError, match=r"give `effort_limit`, or name fewer joints in `passive`"):
+        ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 1], effort_limit=0)

@@ -1,0 +1,144 @@
+"""Repairs of a URDF: nearest inertias against brute force, and what is found around the file."""
+
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import minimize
+
+import armdyn as ad
+from armdyn.errors import UrdfError
+from armdyn.models.reading.nearest_inertia import THINNEST, nearest_physical, second_moments
+from armdyn.models.reading.urdf_check import inertia_fault
+
+RR = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).urdf
+TAG = re.search(r"<inertia [^>]*>", RR)[0]
+BROKEN = '<inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="9e-4"/>'
+
+
+def written(folder, text, name="arm.urdf"):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text)
+    return folder / name
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_nothing_physical_is_nearer(seed):
+    """The clipped tensor against a search over L Lᵀ, which every second moment of a body is."""
+    random = np.random.default_rng(seed)
+    turn, mass = np.linalg.qr(random.normal(size=(3, 3)))[0], 2.0
+    tensor = turn @ np.diag(random.uniform(-0.2, 1.0, 3)) @ turn.T
+    nearest = nearest_physical(mass, tensor)
+
+    def distance(lower):
+        root = np.zeros((3, 3))
+        root[np.tril_indices(3)] = lower
+        return np.sum((root @ root.T + mass * THINNEST**2 * np.eye(3) - second_moments(tensor)) ** 2)
+
+    best = min(minimize(distance, random.normal(size=6), tol=1e-14).fun for _ in range(3))
+    own = np.sum((second_moments(nearest) - second_moments(tensor)) ** 2)
+    assert own <= best * (1 + 1e-6) + 1e-12
+    assert not inertia_fault(nearest)
+    assert np.linalg.eigvalsh(second_moments(nearest))[0] >= 0.999 * mass * THINNEST**2
+
+
+def test_what_is_physical_stays():
+    tensor = np.diag([1.0, 2.0, 2.5])
+    np.testing.assert_allclose(nearest_physical(1.0, tensor), tensor, atol=1e-15)
+
+
+def test_only_the_numbers_and_the_mark_change(tmp_path):
+    text = "<!-- kept: <inertia> -->\n" + RR.replace(TAG, BROKEN, 1)
+    file = written(tmp_path, text)
+    with pytest.raises(UrdfError, match=r"triangle inequality.*--repair"):
+        ad.Robot.from_urdf(file)
+    found = ad.repair_urdf(file)
+    (repair,) = found.inertias
+    assert repair.fault.startswith("inertia breaks the triangle inequality") and 0 < repair.change < 1
+    kept = re.sub(r"\n  <armdyn [^>]*>", "", found.text)
+    assert kept.partition(TAG.split()[0])[0] == text.partition(TAG.split()[0])[0]
+    before, after = (re.sub(r"<inertia [^>]*>", "", each) for each in (text, kept))
+    assert before == after
+    assert file.read_text() == text
+    assert not ad.repair_urdf(written(tmp_path, found.text, "mended.urdf")).inertias
+
+
+def test_results_of_a_repaired_model_say_so(tmp_path):
+    found = ad.repair_urdf(written(tmp_path, RR.replace(TAG, BROKEN, 1)))
+    robot = ad.Robot.from_urdf_string(found.text)
+    assert robot.name == "rr (repaired model)" and robot.repaired == "link1"
+    assert ad.Robot.from_urdf_string(RR).repaired == ""
+    np.testing.assert_allclose(robot.model.inertias[1].mass, ad.Robot.from_urdf_string(RR).model.inertias[1].mass)
+    problem = ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[0.1, 0])
+    assert "repaired model" in repr(problem)
+    assert "repaired model" in ad.ramp(robot, [0, 0], [1, 1], 1.0).name + robot.with_payload(None).name
+
+
+def test_hostile_names_stay_names(tmp_path):
+    text = RR.replace(TAG, BROKEN, 1).replace('"link1"', '"a&quot;/>&lt;x y=&apos;"')
+    found = ad.repair_urdf(written(tmp_path, text))
+    assert ad.Robot.from_urdf_string(found.text).repaired == "a\"/><x y='"
+
+
+def test_massless_links_and_point_masses_stay(tmp_path):
+    zero = '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="1e-16"/>'
+    assert not ad.repair_urdf(written(tmp_path, RR.replace(TAG, zero, 1))).inertias
+
+
+def test_a_gripper_is_locked_and_the_tip_is_found():
+    panda = ad.Robot.from_library("panda")
+    found = ad.repair_urdf(panda.source)
+    assert found.lock == {"panda_finger_joint1": 0.0} and found.arm is None and found.tip == "panda_hand_tcp"
+    assert found.tip == panda.tip and not found.refusal and not found.without_effort
+
+
+def test_of_several_chains_the_longest():
+    found = ad.repair_urdf(ad.Robot.from_library("talos", arm=("torso_2_joint", "gripper_left_base_link")).source)
+    assert found.arm == ("torso_1_joint", "arm_left_7_joint") and set(found.lock) == {
+        "gripper_left_joint", "gripper_right_joint",
+    }  # fmt: skip
+    assert ad.Robot.from_urdf(found.source, lock=found.lock, arm=found.arm).tip == found.tip
+
+
+def test_missing_limits_come_with_the_torque_that_holds_the_arm(tmp_path):
+    text = re.sub(r'effort="[^"]*" velocity="[^"]*"', 'effort="0" velocity="0"', RR)
+    found = ad.repair_urdf(written(tmp_path, text))
+    robot = ad.Robot.from_urdf_string(RR)
+    assert found.without_velocity == robot.joint_names
+    lying = np.abs(pin.computeGeneralizedGravity(robot.model, robot.model.createData(), np.zeros(2)))
+    assert lying[0] * 0.95 < found.without_effort["joint1"] <= lying[0] * (1 + 1e-9) or lying[0] == 0
+
+
+def meshed(name):
+    return RR.replace("</inertial>", f'</inertial><visual><geometry><mesh filename="{name}"/></geometry></visual>', 1)
+
+
+def test_packages_are_found_above_the_file(tmp_path):
+    folder = tmp_path / "ws" / "src" / "my_arm_description"
+    (folder / "meshes").mkdir(parents=True)
+    (folder / "meshes" / "a.stl").write_text("solid")
+    file = written(folder / "urdf", meshed("package://my_arm_description/meshes/a.stl"))
+    assert ad.repair_urdf(file).packages == {"my_arm_description": str(folder)}
+    elsewhere = written(tmp_path / "other", meshed("package://my_arm_description/meshes/a.stl"))
+    assert ad.repair_urdf(elsewhere).packages == {"my_arm_description": None}
+    assert ad.repair_urdf(elsewhere, package_dirs=[folder]).packages == {"my_arm_description": str(folder)}
+
+
+@pytest.mark.parametrize(
+    "name", ["package://../secret.stl", "package://arm/../../secret.stl", "package://arm/link.stl"]
+)
+def test_packages_that_lead_out_of_their_folder_are_none(tmp_path, name):
+    (tmp_path / "secret.stl").write_text("solid")
+    home = tmp_path / "a" / "b" / "c" / "d" / "e" / "f" / "g" / "h"
+    (home / "arm").mkdir(parents=True)
+    (home / "arm" / "link.stl").symlink_to(tmp_path / "secret.stl")
+    assert set(ad.repair_urdf(written(home, meshed(name))).packages.values()) <= {None}
+
+
+def test_what_no_number_mends_is_refused(tmp_path):
+    with pytest.raises(UrdfError, match="mass is -1"):
+        ad.repair_urdf(written(tmp_path, re.sub(r'<mass value="[^"]*"', '<mass value="-1"', RR, count=1)))
+    massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))
+    found = ad.repair_urdf(written(tmp_path, massless))
+    assert "moves no inertia" in found.refusal
