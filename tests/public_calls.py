@@ -110,6 +110,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.GoalPose: {"frame": "tip", "placement": (0, 0, 0)},
         ad.JointLimits: {name: [1.0, 1.0] for name in LIMITS},
         ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
+        ad.RmsTorque: {"limit": 1.0, "dwell": 0.5},
         ad.TorqueRateLimit: {"limit": 1.0},
         ad.PidGains: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
         ad.Pid: defaults(ad.Pid),

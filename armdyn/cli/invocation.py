@@ -38,6 +38,7 @@ _OTHER_NAMES = {
 _PHRASES = {
     "np.deg2rad(…)": "--degrees",
     "FrameSpeedLimit": "--limit tip-speed",
+    "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",
 }
 """Other words of Python in messages, to those of the command line."""

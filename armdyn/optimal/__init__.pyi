@@ -9,6 +9,7 @@ from armdyn.optimal.gap import trajectory_from_path as trajectory_from_path
 from armdyn.optimal.landing.rollout import replay_torques as replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time as solve_minimum_time
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit as FrameSpeedLimit
+from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque as RmsTorque
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit as TorqueRateLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem as MinimumTimeProblem
 from armdyn.optimal.problem.status import Status as Status

@@ -1,4 +1,4 @@
-"""Motors: torque that falls with speed, against closed forms and hand-written phases."""
+"""Motors: torque that falls with speed, and continuous torque, against closed forms and hand-written phases."""
 
 import numpy as np
 import pinocchio as pin
@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import armdyn as ad
+from armdyn.errors import ProblemError
 
 INERTIA, PEAK = 0.5, 10.0
 TURNTABLE = f"""<robot name="turntable"><link name="base"/><link name="arm"><inertial><mass value="1"/>
@@ -125,3 +126,101 @@ def test_a_goal_is_held_with_the_torque_at_rest():
     )
     with pytest.warns(ad.ArmdynWarning, match=r"needs .* to hold the goal but its limit is 0.5 N m"):
         ad.MinimumTimeProblem(robot, q_start=[1.0], q_goal=[0.1])
+
+
+def least_heat(distance, rms, dwell, peak=np.inf):
+    """Duration [s] of the fastest motion of J q'' = τ whose ∫ τ² dt is rms² (T + dwell), with |τ| ≤ peak.
+
+    For a given T the least ∫ τ² dt is that of a torque linear in time (a cubic profile), cut off at the peak: a convex
+    problem. The peak is reached for all but 2 m of T; distance and heat are linear in powers of m and T.
+    """
+
+    def distance_and_heat(T, m):
+        level = peak if m < T / 2 else 6 * INERTIA * distance / T**2
+        linear, flat = level * m**2 * 2 / 3, level * ((T / 2) ** 2 - m**2)
+        return (linear + flat) / INERTIA, 2 * level**2 * (m / 3 + T / 2 - m)
+
+    free = brentq(lambda T: distance_and_heat(T, T / 2)[1] - rms**2 * (T + dwell), 1e-2, 1e2, xtol=1e-13)
+    if 6 * INERTIA * distance / free**2 <= peak:
+        return free
+
+    def missed(unknowns):
+        T, m = unknowns[0], unknowns[1] * unknowns[0] / 2
+        way, heat = distance_and_heat(T, m)
+        return way - distance, heat - rms**2 * (T + dwell)
+
+    (duration, _), _, solved, message = fsolve(missed, [free, 0.9], full_output=True, xtol=1e-13)
+    assert solved == 1, message
+    return duration
+
+
+@pytest.mark.parametrize(("rms", "dwell", "peak"), [(2.0, 0.0, 10.0), (2.0, 1.0, 10.0), (3.0, 0.5, 4.5)])
+def test_continuous_torque_of_one_joint(rms, dwell, peak):
+    asked = {"path_constraints": [ad.RmsTorque(rms, dwell=dwell)], "effort_limit": peak}
+    found = ad.solve_minimum_time(ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], **asked), ONE)
+    expected = least_heat(2.0, rms, dwell, peak)
+    assert found.usable and not found.certificate.ok
+    assert expected * (1 - 2e-6) < found.duration < expected * (1 + 2e-4)  # torque constant between knots
+
+
+LIFT = """<robot name="lift"><link name="base"/><link name="car"><inertial><mass value="2"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+<joint name="rope" type="prismatic"><parent link="base"/><child link="car"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="90" velocity="100"/></joint></robot>"""
+
+
+def test_a_dwell_counts_what_holds_the_arm():
+    """m q'' = τ - m g: the weight adds (m g)² to the mean square, moving or not."""
+    robot, weight, rms, dwell = ad.Robot.from_urdf_string(LIFT), 2 * 9.81, 22.0, 0.7
+    asked = [ad.RmsTorque(rms, dwell=dwell)]
+    found = ad.solve_minimum_time(
+        ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[1.5], path_constraints=asked), ONE
+    )
+    surplus = rms**2 - weight**2
+    expected = brentq(lambda T: 12 * 2**2 * 1.5**2 / T**3 - surplus * (T + dwell), 1e-2, 1e2)
+    assert found.usable
+    assert expected * (1 - 2e-6) < found.duration < expected * (1 + 2e-4)  # as above
+
+
+def test_a_limit_that_does_not_matter_changes_nothing_and_an_exceeded_one_is_named():
+    problem = ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], path_constraints=[ad.RmsTorque(10.0)])
+    found = ad.solve_minimum_time(problem, ONE)
+    assert found.duration == pytest.approx(2 * np.sqrt(2.0 * INERTIA / PEAK), rel=2e-4)  # bang-bang
+    kept = ad.RmsTorque([5.0]).check(problem, found.trajectory, np.empty(0))
+    assert kept.share == pytest.approx(2.0, rel=1e-3) and kept.order == 1
+    assert kept.reasons[0].startswith("the root mean square of the torque of joint 'turn' exceeds its limit by 1e+02 %")
+
+
+def test_curves_keep_continuous_torques():
+    robot = ad.Robot.from_library("panda")
+    limit = [8.0, 50.0, 12.0, 24.0, 2.5, 3.0, 1.2]
+    start, goal = [0, -0.785, 0, -2.356, 0, 1.571, 0.785], [1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, path_constraints=[ad.RmsTorque(limit)])
+    found = ad.solve_minimum_time(problem, ONE)
+    motion = found.trajectory
+    square = (motion.tau[1:] ** 2 + motion.tau[:-1] ** 2) / 2  # trapezoids, of some hundred samples
+    used = np.sqrt(np.diff(motion.t) @ square / motion.duration) / limit
+    assert found.usable and found.duration > 1.05 * 0.4934
+    assert 0.99 < np.max(used) < 1 + 1e-4
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda: ad.RmsTorque("x"), "limit of RmsTorque is 'x'; expected one number, or one per joint"),
+        (lambda: ad.RmsTorque([1.0, 2.0]), "limit of RmsTorque has shape (2,)"),
+        (lambda: ad.RmsTorque(0.0), "limit of RmsTorque of joint 'turn' is 0.0 N m"),
+        (lambda: ad.RmsTorque(1.0, dwell=-1.0), "dwell of RmsTorque is -1.0 s"),
+    ],
+)
+def test_wrong_continuous_torques_are_refused(asked, words):
+    with pytest.raises(ProblemError) as refused:
+        ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], path_constraints=[asked()])
+    assert words in str(refused.value)
+
+
+def test_a_dwell_needs_rest():
+    with pytest.raises(ProblemError, match="RmsTorque has a dwell of 1 s at the goal, where the arm is in flight"):
+        ad.MinimumTimeProblem(
+            turntable(), q_start=[0.0], q_goal=[2.0], v_goal=[1.0], path_constraints=[ad.RmsTorque(2.0, dwell=1.0)]
+        )

@@ -202,7 +202,11 @@ def test_a_problem_is_written_and_read_again(data, tmp_path_factory):
         "clearance": 1e-3,
         "acceleration_limit": [10 + draw(number)] * n,
         "jerk_limit": 100 + draw(number),
-        "path_constraints": [ad.FrameSpeedLimit(1 + draw(number)), ad.TorqueRateLimit([50 + draw(number)] * n)],
+        "path_constraints": [
+            ad.FrameSpeedLimit(1 + draw(number)),
+            ad.TorqueRateLimit([50 + draw(number)] * n),
+            ad.RmsTorque([2.0 + draw(number)] * n, dwell=0.1 + 0.2),
+        ],
         "obstacles": [
             ad.Sphere((5, 5, draw(number)), 0.1, name='a "ball"'),
             ad.Capsule((5, 5, 1), (5, 5, 2), 0.1),

@@ -266,7 +266,7 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
     values = constraint_values(problem, guess, constraints)
     for each, own in zip(rows, values, strict=True):
-        own_powers = {"every": powers, "first": powers[:1], "last": powers[-1:]}[each.where]
+        own_powers = {"first": powers[:1], "last": powers[-1:]}.get(each.where, powers)
         numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
 
 

@@ -156,6 +156,7 @@ class _Part:
         own: number of parameters that every place has for itself.
         shared: whether `Shared` follows them.
         common: number of parameters that all places have in common, after those.
+        summed: see `Block`.
     """
 
     one: IntervalFunctions
@@ -163,6 +164,7 @@ class _Part:
     own: int
     shared: bool = False
     common: int = 0
+    summed: bool = False
 
 
 @built_once(maxsize=32)
@@ -194,8 +196,8 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         one = each.functions(CurveInterval(dynamics, compile_mode))
-        index = {"every": everywhere, "first": everywhere[:, :1], "last": everywhere[:, -1:]}[each.where]
-        parts.append(_Part(one, index, WINDOW**2 + 1, shared=True, common=each.numbers))
+        index = {"first": everywhere[:, :1], "last": everywhere[:, -1:]}.get(each.where, everywhere)
+        parts.append(_Part(one, index, WINDOW**2 + 1, True, each.numbers, each.where == "sum"))
     paid = [shape.duration(leg) for leg in shape.legs]
     return program_of(_laid_out(parts, Shared.size(n)), shape.size, paid, Shared.size(n) - 1)
 
@@ -208,7 +210,8 @@ def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
         own = first + np.arange(part.own * places).reshape(places, part.own).T
         first += part.own * places + part.common
         same = np.concatenate([np.arange(shared if part.shared else 0), np.arange(first - part.common, first)])
-        blocks.append(Block(part.one, part.index, np.vstack([own, same[:, None].repeat(places, axis=1)])))
+        parameters = np.vstack([own, same[:, None].repeat(places, axis=1)])
+        blocks.append(Block(part.one, part.index, parameters, part.summed))
     return blocks
 
 

@@ -8,6 +8,7 @@ from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
+from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
@@ -22,6 +23,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     FrameSpeedLimit,
     TorqueRateLimit,
     TorqueSpeedLimit,
+    RmsTorque,
 )
 
 

@@ -20,8 +20,8 @@ from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
-Where = Literal["every", "first", "last"]
-"""Of a mesh's intervals."""
+Where = Literal["every", "first", "last", "sum"]
+"""Of a mesh's intervals; "sum": rows of all intervals are summed, as integrals along the path are."""
 
 
 class Rows(Protocol):
@@ -102,13 +102,18 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     for each in rows:
         here = _intervals(each.where, intervals)
         numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
-        blocks.append(Block(each.functions(view), unknowns[:, here], np.vstack([parameters[:, here], numbers])))
+        blocks.append(
+            Block(
+                each.functions(view), unknowns[:, here], np.vstack([parameters[:, here], numbers]), each.where == "sum"
+            )
+        )
         first += each.numbers
     return build_nlp(dynamics, scheme, intervals, blocks)
 
 
 def _intervals(where: Where, count: int) -> NDArray[np.int_]:
-    return {"every": np.arange(count), "first": np.array([0]), "last": np.array([count - 1])}[where]
+    whole = np.arange(count)
+    return {"every": whole, "sum": whole, "first": np.array([0]), "last": np.array([count - 1])}[where]
 
 
 @built_once(maxsize=64)

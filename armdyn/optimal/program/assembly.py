@@ -29,11 +29,13 @@ class Block:
         one: the equations at one place, of its unknowns and its parameters.
         unknowns: which of the program's unknowns those are, a column for every place, shape (width, places).
         parameters: likewise of its parameters, shape (count, places).
+        summed: one set of equations, sums over all places, such as integrals along the path.
     """
 
     one: IntervalFunctions
     unknowns: Index
     parameters: Index
+    summed: bool = False
 
     @property
     def places(self) -> int:
@@ -44,6 +46,11 @@ class Block:
     def rows(self) -> int:
         """Equations at one place."""
         return int(self.one.defects.numel_out(0))
+
+    @property
+    def equations(self) -> int:
+        """Equations of the program."""
+        return self.rows * (1 if self.summed else self.places)
 
     def arguments(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Unknowns and parameters, a column for every place."""
@@ -117,7 +124,7 @@ def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), pri
         paid: unknowns that cost something themselves.
         price: which parameter a unit of each of them costs.
     """
-    total = sum(block.rows * block.places for block in blocks)
+    total = sum(block.equations for block in blocks)
     x, p = ca.MX.sym("x", size), ca.MX.sym("p", 1 + max(int(np.max(block.parameters)) for block in blocks))
     sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", total)
     costs = [p[price] * ca.sum1(x[list(paid)])] if paid else []
@@ -127,14 +134,17 @@ def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), pri
         given = block.arguments(x, p)
         if one.cost is not None:
             costs.append(ca.sum2(one.cost.map(N)(*given)))
-        g.append(ca.vec(one.defects.map(N)(*given)))
+        values = one.defects.map(N)(*given)
+        g.append(ca.sum2(values) if block.summed else ca.vec(values))
         down, across = _pattern(one.jacobian_pattern)
-        jacobian.add(down[:, None] + row + rows * np.arange(N), block.unknowns[across], one.jacobian.map(N)(*given))
+        stride = 0 if block.summed else rows
+        jacobian.add(down[:, None] + row + stride * np.arange(N), block.unknowns[across], one.jacobian.map(N)(*given))
         down, across = (block.unknowns[where] for where in _pattern(one.hessian_pattern))
-        weights = ca.reshape(lam[row : row + rows * N], rows, N)
+        own = lam[row : row + block.equations]
+        weights = ca.repmat(own, 1, N) if block.summed else ca.reshape(own, rows, N)
         nonzeros = one.hessian.map(N)(*given, ca.repmat(sigma, 1, N), weights)
         hessian.add(np.minimum(down, across), np.maximum(down, across), nonzeros)
-        row += rows * N
+        row += block.equations
     values, slopes, bends = ca.vertcat(*g), jacobian.matrix(total, size), hessian.matrix(size, size)
     names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
     return Program(

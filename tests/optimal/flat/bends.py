@@ -22,6 +22,7 @@ KINDS = {
     "via and jerk": {"via": [VIA], "jerk_limit": 900.0},
     "torque rate": {"path_constraints": [ad.TorqueRateLimit([40.0, np.inf])]},
     "via and torque rate": {"via": [VIA], "path_constraints": [ad.TorqueRateLimit(40.0)]},
+    "via and continuous torque": {"via": [VIA], "path_constraints": [ad.RmsTorque([1.0, np.inf], dwell=0.2)]},
     "frame speed": {"path_constraints": [ad.FrameSpeedLimit(2.0)]},
     "obstacle": {"obstacles": [BALL]},
     "torque speed": {"velocity_limit": [8.0, np.inf]},

@@ -33,12 +33,17 @@ def test_a_plain_problem_has_no_rows_and_one_leg():
 @pytest.mark.parametrize("method", ["lobatto3", "radau2"])
 def test_derivatives(method, form):
     problem = ad.MinimumTimeProblem(
-        paper_arm("rr"),
+        paper_arm("rr").with_torque_speed({"joint1": [[0.0, 3.0], [1.0, 2.5], [2.0, 1.0]]}),
         q_start=START,
         q_goal=GOAL,
         acceleration_limit=100,
         jerk_limit=1e4,
-        path_constraints=[ad.FrameSpeedLimit(0.5), ad.FrameSpeedLimit(0.5, "link2"), ad.TorqueRateLimit([20.0, 30.0])],
+        path_constraints=[
+            ad.FrameSpeedLimit(0.5),
+            ad.FrameSpeedLimit(0.5, "link2"),
+            ad.TorqueRateLimit([20.0, 30.0]),
+            ad.RmsTorque([2.0, 1.0], dwell=0.3),
+        ],
     )
     scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(Task.of(problem))
     dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
