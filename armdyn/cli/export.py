@@ -66,7 +66,7 @@ def export(
         typer.Option(
             "--model",
             metavar="",
-            help="mujoco: one complete model with the keyframes in it, of the arm of the result beside FILE or of --robot: "
+            help="mujoco: one complete model with the keyframes in it, of the arm of FILE's result or of --robot: "
             "locked joints welded, friction and payload as it moved.",
         ),
     ] = False,
@@ -154,7 +154,7 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
         raise ProblemError(f"--model: the arm of {file} is not at hand; name it by --robot")
     if saved.motion.model_hash not in ("", arm.model_hash):
         raise ProblemError(
-            f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; the folder of its result "
+            f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
             "knows which, or name the robot with the --lock, --arm and --tool of its run"
         )
     return arm

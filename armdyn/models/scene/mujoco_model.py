@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -19,9 +19,6 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.bodies import Body, bodies
 from armdyn.trajectory.formats.mujoco import Mujoco, xml_name
 from armdyn.trajectory.samples import Samples
-
-if TYPE_CHECKING:
-    from armdyn.models.robots.arm import Arm
 
 Array = NDArray[np.float64]
 
@@ -61,13 +58,13 @@ def mujoco_model(robot: Robot, samples: Samples | None = None, *, geometry: bool
     for k, solid in enumerate(solids):
         _geometry(places[solid.joint], asset, f"part{k}", solid)
     tip = robot.frame(robot.tip)
-    SubElement(places[int(tip.parentJoint)], "site", name=xml_name(robot.tip), **_pose(tip.placement.homogeneous))
+    SubElement(places[int(tip.parentJoint)], "site", {"name": xml_name(robot.tip), **_pose(tip.placement.homogeneous)})
     if flag(motors, "motors"):
         actuators = SubElement(root, "actuator")
         for i, name in enumerate(robot.joint_names):
             ends = np.array([robot.limits.effort_lower[i], robot.limits.effort_upper[i]])
             limited = {"ctrlrange": _words(ends)} if np.all(np.isfinite(ends)) and ends[0] < ends[1] else {}
-            SubElement(actuators, "motor", name=xml_name(name), joint=xml_name(name), **limited)
+            SubElement(actuators, "motor", {"name": xml_name(name), "joint": xml_name(name), **limited})
     if samples is not None:
         if expect(samples, Samples, "samples", "motion.resample(1000)").q.shape[1] != robot.nv:
             raise ProblemError(f"the motion has {samples.q.shape[1]} joints; {robot.name} has {robot.nv}")
@@ -80,20 +77,22 @@ def mujoco_model(robot: Robot, samples: Samples | None = None, *, geometry: bool
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _body(parent: Element, robot: Arm, joint: int) -> Element:
+def _body(parent: Element, robot: Robot, joint: int) -> Element:
     """The body that a joint moves, with its joint and inertia."""
     model, i = robot.model, joint - 1
     name, inertia = xml_name(str(model.names[joint])), model.inertias[joint]
-    body = SubElement(parent, "body", name=name, **_pose(model.jointPlacements[joint].homogeneous))
-    slides = bool(robot.slides[i])
+    body = SubElement(parent, "body", {"name": name, **_pose(model.jointPlacements[joint].homogeneous)})
     subspace = np.ravel(model.joints[joint].createData().S)
     damping, coulomb = robot.friction.per_joint(robot.nv)
     ends = np.array([robot.limits.position_lower[i], robot.limits.position_upper[i]])
-    limited = {"range": _words(ends)} if np.all(np.isfinite(ends)) else {}
-    SubElement(
-        body, "joint", name=name, type="slide" if slides else "hinge", axis=_words(subspace[:3] if slides else subspace[3:]),
-        damping=_words([damping[i]]), frictionloss=_words([coulomb[i]]), armature=_words([model.armature[i]]), **limited,
-    )  # fmt: skip
+    numbers: dict[str, Iterable[float]] = {
+        "axis": subspace[:3] if robot.slides[i] else subspace[3:],
+        "damping": [damping[i]],
+        "frictionloss": [coulomb[i]],
+        "armature": [model.armature[i]],
+    } | ({"range": ends} if np.all(np.isfinite(ends)) else {})
+    written = {key: _words(values) for key, values in numbers.items()}
+    SubElement(body, "joint", {"name": name, "type": "slide" if robot.slides[i] else "hinge", **written})
     tensor = np.array(inertia.inertia)
     if np.max(np.abs(tensor)) < POINT_MASS or inertia.mass <= 0:
         tensor = tensor + POINT_MASS * np.eye(3)
@@ -118,7 +117,8 @@ def _geometry(body: Element, asset: Element, name: str, solid: Body) -> None:
         what = {"size": _words([shape.radius])}
     else:
         what = {"size": _words([shape.radius, shape.halfLength])}
-    SubElement(body, "geom", type=kind, **what, **_pose(solid.placement), contype="0", conaffinity="0", group="2")
+    shown = {"contype": "0", "conaffinity": "0", "group": "2"}
+    SubElement(body, "geom", {"type": kind, **what, **_pose(solid.placement), **shown})
 
 
 def _pose(placement: Array) -> dict[str, str]:
