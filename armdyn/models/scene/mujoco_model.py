@@ -85,12 +85,14 @@ def _body(parent: Element, robot: Robot, joint: int) -> Element:
     subspace = np.ravel(model.joints[joint].createData().S)
     damping, coulomb = robot.friction.per_joint(robot.nv)
     ends = np.array([robot.limits.position_lower[i], robot.limits.position_upper[i]])
-    numbers: dict[str, Iterable[float]] = {
+    numbers: dict[str, Array] = {
         "axis": subspace[:3] if robot.slides[i] else subspace[3:],
-        "damping": [damping[i]],
-        "frictionloss": [coulomb[i]],
-        "armature": [model.armature[i]],
-    } | ({"range": ends} if np.all(np.isfinite(ends)) else {})
+        "damping": damping[i : i + 1],
+        "frictionloss": coulomb[i : i + 1],
+        "armature": np.array([model.armature[i]]),
+    }
+    if np.all(np.isfinite(ends)):
+        numbers["range"] = ends
     written = {key: _words(values) for key, values in numbers.items()}
     SubElement(body, "joint", {"name": name, "type": "slide" if robot.slides[i] else "hinge", **written})
     tensor = np.array(inertia.inertia)

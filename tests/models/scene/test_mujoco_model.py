@@ -38,9 +38,9 @@ def test_it_has_the_arms_dynamics(arm, tmp_path):
     np.testing.assert_allclose(model.dof_damping, damping)
     names = [model.joint(i).name for i in range(model.njnt)]
     assert names == list(robot.joint_names) and model.nq == model.nv == robot.nv
-    np.testing.assert_array_equal(
-        model.jnt_range[0], [robot.limits.position_lower[0], robot.limits.position_upper[0]]
-    ) if (np.isfinite(robot.limits.position_lower[0])) else None
+    for i in np.flatnonzero(np.isfinite(robot.limits.position_lower)):
+        ends = robot.limits.position_lower[i], robot.limits.position_upper[i]
+        np.testing.assert_array_equal(model.jnt_range[i], ends)
 
 
 def played(model, substeps=4):
