@@ -12,17 +12,20 @@ import typer
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, escape
 from armdyn.cli.options.results import Json
+from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import number, numbers
-from armdyn.trajectory.formats import FORMATS, OutputFormat
+from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat
 
 if TYPE_CHECKING:
+    from armdyn.models import Robot
     from armdyn.trajectory import Samples, Trajectory
 
 
 def export(
     file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A trajectory.npz that mintime or pid wrote.")],
+    *,
     format: Annotated[  # noqa: A002  # the option's name
         str,
         typer.Option(
@@ -58,9 +61,26 @@ def export(
         float | None,
         typer.Option(metavar="KG", help="urscript, ur-rtde, panda-python: mass that the controller is told \\[kg]."),
     ] = None,
+    model: Annotated[
+        bool,
+        typer.Option(
+            "--model",
+            metavar="",
+            help="mujoco: one complete model with the keyframes in it, of the arm of FILE's result or of --robot: "
+            "locked joints welded, friction and payload as it moved.",
+        ),
+    ] = False,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="With --model: the arm that moved, as mintime takes it.")
+    ] = None,
+    geometry: Annotated[
+        bool,
+        typer.Option("--geometry/--no-geometry", help="With --model: convex parts of the arm's meshes, in the file."),
+    ] = True,
     payload_com: Annotated[
         str | None, typer.Option(metavar="X,Y,Z", help="Its centre of mass from the flange \\[m]; by default 0,0,0.")
     ] = None,
+    part: PartOptions,
     json: Json = False,
 ) -> None:
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
@@ -82,10 +102,12 @@ def export(
     ros2 topic pub --once /joint_trajectory_controller/joint_trajectory trajectory_msgs/msg/JointTrajectory \
 --yaml-file results/trajectory.json
     armdyn export results/trajectory.npz --format mujoco --rate 1000
+    armdyn export results/mintime-ur5/trajectory.npz --format mujoco --model
     armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
     armdyn export results/trajectory.npz --format panda-python[/]
     """
     with answering(json) as answer:
+        from armdyn.models import mujoco_model
         from armdyn.trajectory import Trajectory
 
         kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
@@ -98,7 +120,12 @@ def export(
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         samples, ticks, deviation = _sampled(made, motion, rate)
-        content = made.text(samples)
+        if not model:
+            content = made.text(samples)
+        elif isinstance(made, Mujoco):
+            content = mujoco_model(_arm(file, robot, part), samples, geometry=geometry, motors=motors)
+        else:
+            raise ProblemError(f"--model is of the format mujoco; {format} has none")
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         rows = samples.t.size
@@ -110,6 +137,27 @@ def export(
             console.print(
                 f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
             )
+
+
+def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
+    """The arm that moved, of the result beside the file or as the user names it.
+
+    Raises:
+        ArmdynError: it is not at hand, or another one moved.
+    """
+    from armdyn.cli.reports.saved import read_saved
+    from armdyn.cli.reports.subject import SubjectSpec, subject_of
+
+    saved = read_saved(file)
+    arm = subject_of(saved, SubjectSpec(robot=robot, part=part)).robot
+    if arm is None:
+        raise ProblemError(f"--model: the arm of {file} is not at hand; name it by --robot")
+    if saved.motion.model_hash not in ("", arm.model_hash):
+        raise ProblemError(
+            f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
+            "knows which, or name the robot with the --lock, --arm and --tool of its run"
+        )
+    return arm
 
 
 def _made(kind: type[OutputFormat], given: Mapping[str, object]) -> OutputFormat:

@@ -10,6 +10,7 @@ from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.files import file_inside
+from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import obstacle_from
@@ -127,6 +128,8 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
             raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
     if "via" in given:
         given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
+    if "preset" in given:
+        given["preset"] = ControllerPreset.from_table(table, "preset")
     if "obstacles" in given:
         given["obstacles"] = [
             obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])

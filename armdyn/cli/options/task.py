@@ -11,6 +11,7 @@ import armdyn as ad
 from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
+from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.errors import ProblemError
@@ -77,6 +78,7 @@ class ProblemOptions:
     payload: PayloadOptions
     robot: RobotArgument
     joints: FastJointOptions
+    controller: PresetOptions
     course: PathConstraintOptions
 
     def problem(self) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
@@ -87,12 +89,15 @@ class ProblemOptions:
         """
         name = self.robot.robot
         if is_problem_file(name):
-            refuse_beside_a_file(name, self.goal, self.payload, self.robot.part, self.joints, self.course)
+            refuse_beside_a_file(
+                name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.course
+            )
             file = problem_file(name)
             return file.made(), file.options
         arm = self.joints.fit(self.robot.read(self.payload.carried()))
         given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
-        return ad.MinimumTimeProblem(arm, **given, **self.course.problem_arguments(arm)), {}
+        kept = self.course.problem_arguments(arm)
+        return ad.MinimumTimeProblem(arm, **given, **kept, preset=self.controller.read()), {}
 
 
 @dataclass(frozen=True, kw_only=True)

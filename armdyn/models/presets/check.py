@@ -21,7 +21,7 @@ TOLERANCE = 1e-6
 """Part of a limit by which a value may exceed it: as planned motions may."""
 
 REST_VELOCITY = 1e-3
-"""Velocity at an end that counts as rest [rad/s], where no acceleration limit says what one tick may change."""
+"""Velocity that counts as rest [rad/s]: libfranka's own tolerance."""
 REST_ACCELERATION = 1e-2
 """Acceleration at an end that counts as zero [rad/s²], where no jerk limit says what one tick may change."""
 
@@ -187,11 +187,11 @@ def _measured(
         if interface.name == "velocity":
             order, values = order - 1, commands.v
     values = np.diff(values, n=order, axis=0) * rate**order  # backward: the last of its ticks is its own
-    t, q = t[order:], q[order:]
+    t, last = t[order:], q[max(order - 1, 0) : -1 if order else None]
     bounds = np.broadcast_to(np.asarray(getattr(limits, condition)), values.shape)
     if condition == "velocity" and limits.taper is not None:
-        lower, upper = limits.taper.at(q)
-        bounds = np.minimum(bounds, np.where(values < 0, -lower, upper))
+        lower, upper = limits.taper.at(last)  # the position of the last command: libfranka's control_loop.cpp
+        bounds = np.maximum(np.minimum(bounds, np.where(values < 0, -lower, upper)), REST_VELOCITY)
     return t, values, bounds, np.abs(values) / np.maximum(bounds, 1e-9)
 
 

@@ -11,26 +11,19 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import number, one_of, several, shown, text, whole
+from armdyn.arguments import one_of, several, shown, text
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
+from armdyn.files import file_inside
 from armdyn.models.presets.check import ControllerCheck, controller_check
 from armdyn.models.presets.commands import check_points
-from armdyn.models.presets.interface import COMMANDED, LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.presets.interface import LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
+from armdyn.models.presets.tables import KINDS, interfaces_of, joints_of, limits_of, line_of, taper_of, texts_of
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
 
 Array = NDArray[np.float64]
-
-MOST_JOINTS = 64
-"""Joints that a preset may have."""
-MOST_RATE = 1e5
-"""Commands per second that a controller may take [Hz]."""
-
-MOST_LETTERS = 1000
-"""Letters of a text of a preset."""
 
 _DATA = Path(__file__).parent / "data"
 _TEXTS = ("name", "robot", "date")
@@ -115,17 +108,37 @@ class ControllerPreset:
     @classmethod
     def _from(cls, table: Table) -> Self:
         table.only((*_TEXTS, *_LISTS, "joints", "interface", "limits", "velocity_taper", "interfaces"))
-        texts: dict[str, Any] = {key: _line(table, key, table.text(key, "")) for key in (*_TEXTS, "interface")}
+        texts: dict[str, Any] = {key: line_of(table, key, table.text(key, "")) for key in (*_TEXTS, "interface")}
         if not texts["name"]:
             raise table.error("name", f"{table.called('name')} is missing: the preset's name")
-        lists: dict[str, Any] = {key: _texts(table, key) for key in _LISTS}
-        joints = _joints(table)
-        limits = ControllerLimits(**_limits(table, joints, "limits", LIMITS), taper=_taper(table, joints))
+        lists: dict[str, Any] = {key: texts_of(table, key) for key in _LISTS}
+        joints = joints_of(table)
+        limits = ControllerLimits(**limits_of(table, joints, "limits", LIMITS), taper=taper_of(table, joints))
         with table.at("interfaces"):
-            return cls(joints=joints, limits=limits, interfaces=_interfaces(table, limits), **texts, **lists)
+            return cls(joints=joints, limits=limits, interfaces=interfaces_of(table, limits), **texts, **lists)
+
+    @classmethod
+    def from_table(cls, table: Table, key: str) -> Self:
+        """A preset as a key of a file says it: "franka-panda", "franka-panda:torque", a file, or a table.
+
+        Raises:
+            ProblemError: there is none; the message says in which line.
+        """
+        if isinstance(table.values[key], dict):
+            return cls._from(table.table(key))
+        with table.at(key):
+            name, _, interface = text(table.values[key], key).partition(":")
+            if name.lower().endswith(".toml"):
+                return cls.read(file_inside(Path(table.path).parent, name)).on(interface)
+            return cls.named(name, interface)
+
+    def to_text(self) -> str:
+        """The preset's name and interface, "franka-panda:torque", if it is a built-in one; else empty."""
+        own = self.name in self.names() and self == type(self).named(self.name, self.interface)
+        return f"{self.name}:{self.interface}" if own else ""
 
     def to_table(self) -> dict[str, Any]:
-        """The keys of a TOML file that describes the preset."""
+        """The keys of a TOML file or table that describes the preset."""
         named = all(self.joints)
         limits = {key: list(row) for key in LIMITS if (row := getattr(self.limits, key)) is not None}
         written: dict[str, Any] = {key: getattr(self, key) for key in (*_TEXTS, "interface") if getattr(self, key)}
@@ -161,7 +174,7 @@ class ControllerPreset:
         for condition in conditions:
             one_of(condition, tuple(UNITS), "condition")
         left: dict[str, Any] = {
-            kind: tuple(c for c in getattr(self.chosen, kind) if c not in conditions) for kind in _KINDS
+            kind: tuple(c for c in getattr(self.chosen, kind) if c not in conditions) for kind in KINDS
         }
         kept = [replace(one, **left) if one.name == self.interface else one for one in self.interfaces]
         return replace(self, interfaces=tuple(kept))
@@ -228,85 +241,3 @@ class ControllerPreset:
             names = [f"column {i + 1}" for i in range(count)]
         self.expect_joints(names, "the motion")
         return controller_check(self.name, self.limits, self.chosen, names, motion)
-
-
-_KINDS = ("necessary", "recommended")
-
-
-def _texts(table: Table, key: str) -> tuple[str, ...]:
-    values = table.values.get(key, [])
-    if not isinstance(values, list) or not all(isinstance(one, str) for one in values):
-        raise table.error(key, f"{table.called(key)} is {shown(values)}; it must be a list of texts")
-    return tuple(_line(table, key, one) for one in values)
-
-
-def _line(table: Table, key: str, value: str) -> str:
-    """A text that a terminal shows as one line."""
-    if not value.isprintable() or len(value) > MOST_LETTERS:
-        raise table.error(
-            key, f"{table.called(key)} has {shown(value)}; it must be one line of up to {MOST_LETTERS} letters"
-        )
-    return value
-
-
-def _joints(table: Table) -> tuple[str, ...]:
-    """Ends of the joints' names; empty texts where only their number is known."""
-    if isinstance(table.values.get("joints"), list):
-        names = _texts(table, "joints")
-    else:
-        with table.at("joints"):
-            names = ("",) * whole(table.values.get("joints"), table.called("joints"), 1, MOST_JOINTS)
-    if not 1 <= len(names) <= MOST_JOINTS:
-        raise table.error("joints", f"{table.called('joints')} has {len(names)} names; expected 1 to {MOST_JOINTS}")
-    return names
-
-
-def _limits(table: Table, joints: Sequence[str], key: str, known: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The rows of a table of limits, one number per joint each."""
-    inner = table.table(key)
-    inner.only(known)
-    names = [name or f"joint {i + 1}" for i, name in enumerate(joints)]
-    found = {}
-    for name, value in inner.values.items():
-        signed = name in ("lower", "upper", "position_lower", "position_upper")
-        with inner.at(name):
-            row = per_joint(
-                value, names, inner.called(name), error=ProblemError, finite=False,
-                sign="any" if signed else "not negative" if name == "offset" else "positive",
-            )  # fmt: skip
-        found[name] = tuple(row.tolist())
-    for below, above in (("position_lower", "position_upper"), ("lower", "upper")):
-        for joint, low, high in zip(names, found.get(below, ()), found.get(above, ()), strict=False):
-            if not low < high:
-                raise inner.error(below, f"{below} of joint {joint!r} is {low:g}, {above} {high:g}; it must be below")
-    return found
-
-
-def _taper(table: Table, joints: Sequence[str]) -> VelocityTaper | None:
-    if "velocity_taper" not in table.values:
-        return None
-    known = ("lower", "upper", "gain", "offset")
-    rows = _limits(table, joints, "velocity_taper", known)
-    if missing := [name for name in known if name not in rows]:
-        raise table.error("velocity_taper", f"velocity_taper has no {missing[0]}; it needs {', '.join(known)}")
-    return VelocityTaper(**rows)
-
-
-def _interfaces(table: Table, limits: ControllerLimits) -> tuple[Interface, ...]:
-    inner, found = table.table("interfaces"), []
-    inner.only(COMMANDED)
-    for name in inner.values:
-        own = inner.table(name)
-        own.only(("rate", *_KINDS))
-        with own.at("rate"):
-            rate = number(own.values.get("rate"), own.called("rate"), unit="Hz", sign="positive")
-            if rate > MOST_RATE:
-                raise ProblemError(f"{own.called('rate')} is {rate:g} Hz; it must be at most {MOST_RATE:g}")
-        conditions = {}
-        for kind in _KINDS:
-            conditions[kind] = _texts(own, kind)
-            for condition in conditions[kind]:
-                with own.at(kind):
-                    limits.expect(condition)
-        found.append(Interface(name, rate, **conditions))
-    return tuple(found)

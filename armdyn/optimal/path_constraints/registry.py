@@ -11,6 +11,7 @@ from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
 from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
+from armdyn.optimal.path_constraints.limits.velocity_taper import VelocityTaperLimit
 from armdyn.optimal.path_constraints.via import ViaPoints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
@@ -22,6 +23,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     JerkLimit,
     FrameSpeedLimit,
     TorqueRateLimit,
+    VelocityTaperLimit,
     TorqueSpeedLimit,
     RmsTorque,
 )

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import several
 from armdyn.errors import ProblemError
+from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
@@ -113,6 +114,50 @@ def resolved_limits(
         own, position_lower=lower, position_upper=upper, velocity=velocity,
         effort_lower=effort_lower, effort_upper=effort_upper,
     )  # fmt: skip
+
+
+def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
+    """The stricter of some limits and a controller's.
+
+    Where a velocity limit falls to zero with the position, the position is limited to where the arm may rest.
+    """
+    lower, upper = limits.position_lower, limits.position_upper
+    velocity, torque = preset.limit("velocity"), preset.limit("torque")
+    least, most = preset.limit("position_lower"), preset.limit("position_upper")
+    if least is not None and most is not None:
+        lower, upper = np.maximum(lower, least), np.minimum(upper, most)
+    if (taper := preset.taper) is not None:
+        rest = np.square(taper.offset) / np.asarray(taper.gain)
+        lower, upper = np.maximum(lower, taper.lower + rest), np.minimum(upper, taper.upper - rest)
+    strongest = np.inf if torque is None else torque
+    return replace(
+        limits, position_lower=lower, position_upper=upper,
+        velocity=limits.velocity if velocity is None else np.minimum(limits.velocity, velocity),
+        effort_lower=np.maximum(limits.effort_lower, -strongest),
+        effort_upper=np.minimum(limits.effort_upper, strongest),
+    )  # fmt: skip
+
+
+def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: ControllerPreset | None) -> Array | None:
+    """The stricter of a given limit and a controller's, shape (nv,); None: there is none.
+
+    Args:
+        value: as given; None: none.
+        name: "acceleration_limit" or "jerk_limit".
+        robot: that moves.
+        preset: of its controller.
+
+    Raises:
+        ProblemError: the value is not one positive number, nor one per joint.
+    """
+    unit = {"acceleration_limit": "rad/s²", "jerk_limit": "rad/s³"}[name]
+    found = None if preset is None else preset.limit(name.removesuffix("_limit"))
+    if value is not None:
+        own = per_joint(value, robot.joint_names, name, unit=unit, error=ProblemError, finite=False, sign="positive")
+        found = own if found is None else np.minimum(own, found)
+    if found is not None:
+        found.setflags(write=False)
+    return found
 
 
 def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, flag, number, path, several
 from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel, collision_model
@@ -36,7 +37,7 @@ from armdyn.optimal.problem.checks import (
     warn_if_not_held,
 )
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
-from armdyn.optimal.problem.planning_limits import Reserve, resolved_limits
+from armdyn.optimal.problem.planning_limits import Reserve, limits_under, rate_limit, resolved_limits
 from armdyn.optimal.problem.robot_tables import robot_table
 from armdyn.optimal.problem.turns import endless, ways_round
 from armdyn.parsing.toml import MAX_BYTES, to_toml
@@ -87,6 +88,8 @@ class MinimumTimeProblem:
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
         path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
+        preset: conditions of the robot's controller, those of the preset's interface, necessary and recommended: where
+            they are stricter than the limits above, they take their place.
         limits: the limits that hold for the motion, less the reserves, each of shape (nv,). Certificate, lower bound,
             sensitivities and all else that is said of the motion speak of these.
         goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
@@ -124,11 +127,17 @@ class MinimumTimeProblem:
     acceleration_limit: ArrayLike | None = None
     jerk_limit: ArrayLike | None = None
     path_constraints: Sequence[PathConstraintSpec] = ()
+    preset: ControllerPreset | None = None
     limits: JointLimits = field(init=False, repr=False)
     goals: tuple[Array, ...] = field(init=False, repr=False)
+    own_rates: Mapping[str, ArrayLike | None] = field(init=False, repr=False)
+    """Limits of acceleration and jerk as given, without the preset's."""
 
     def __post_init__(self) -> None:
         expect_robot(self.robot)
+        if self.preset is not None:
+            expect(self.preset, ControllerPreset, "preset", "ControllerPreset.named('franka-panda')")
+            self.preset.expect_joints(self.robot.joint_names)
         if self.q_goal is None and self.goal_pose is None:
             raise ProblemError("give `q_goal` or `goal_pose`")
         self._resolve_ends()
@@ -179,6 +188,8 @@ class MinimumTimeProblem:
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
             "torque-speed curves": not self.limits.actuators.constant,
+            "torque-rate limits": self._asks("torque_rate"),
+            "velocity limits by position": self.preset is not None and self.preset.taper is not None,
             **{constraint.name: True for constraint in self.path_constraints},
         }
         return tuple(name for name, wanted in asked.items() if wanted)
@@ -200,7 +211,11 @@ class MinimumTimeProblem:
     @property
     def continuous_torque(self) -> bool:
         """Jumps of the torque are forbidden."""
-        return self.jerk_limit is not None or any(constraint.continuous_torque for constraint in self.path_constraints)
+        rated = self.jerk_limit is not None or self._asks("torque_rate")
+        return rated or any(constraint.continuous_torque for constraint in self.path_constraints)
+
+    def _asks(self, limit: str) -> bool:
+        return self.preset is not None and self.preset.limit(limit) is not None
 
     @property
     def poses(self) -> Array:
@@ -245,7 +260,7 @@ class MinimumTimeProblem:
         """
         given = {}
         for own in fields(self):
-            value = getattr(self, own.name)
+            value = self.own_rates.get(own.name, getattr(self, own.name))
             found = own.name == "q_goal" and self.goal_pose is not None  # by inverse kinematics
             if own.init and own.name != "robot" and not found and not _is_default(value, own.default):
                 given[own.name] = _plain(value)
@@ -269,7 +284,7 @@ class MinimumTimeProblem:
         """The problem with some fields changed, without a second warning of a goal that cannot be held."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ArmdynWarning)
-            return replace(self, **changes)
+            return replace(self, **{**self.own_rates, **changes})
 
     @property
     def unheld(self) -> Unheld | None:
@@ -339,14 +354,10 @@ class MinimumTimeProblem:
         object.__setattr__(self, "obstacles", obstacles)
         for name in ("allowed_contacts", "end_contacts"):
             object.__setattr__(self, name, contacts(getattr(self, name), name, self.robot, obstacles))
-        for name, unit in (("acceleration_limit", "rad/s²"), ("jerk_limit", "rad/s³")):
-            if getattr(self, name) is not None:
-                value = per_joint(
-                    getattr(self, name), self.robot.joint_names, name,
-                    unit=unit, error=ProblemError, finite=False, sign="positive",
-                )  # fmt: skip
-                value.setflags(write=False)
-                object.__setattr__(self, name, value)
+        names = ("acceleration_limit", "jerk_limit")
+        object.__setattr__(self, "own_rates", {name: getattr(self, name) for name in names})
+        for name in names:
+            object.__setattr__(self, name, rate_limit(getattr(self, name), name, self.robot, self.preset))
         self._resolve_clear()
         path_constraints = check_path_constraints(self.path_constraints)
         bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
@@ -370,6 +381,7 @@ class MinimumTimeProblem:
         object.__setattr__(self, "reserve", kept.effort)
         object.__setattr__(self, "velocity_reserve", kept.velocity)
         limits = resolved_limits(robot, self.effort_limit, self.velocity_limit, self.position_limit)
+        limits = limits if self.preset is None else limits_under(limits, self.preset)
         object.__setattr__(self, "passive", several(self.passive, "passive"))
         limits = limits.without_motors(self.passive, robot.joint_names, ProblemError)
         check_motors(robot, limits, self.relative_effort_weight)
@@ -402,6 +414,8 @@ def _plain(value: Any) -> Any:
         return obstacle_entry(value)
     if isinstance(value, PathConstraintSpec):
         return value.option_text()
+    if isinstance(value, ControllerPreset):
+        return value.to_text() or value.to_table()
     if isinstance(value, tuple | list):
         return [_plain(one) for one in value]
     return np.asarray(value).tolist()

@@ -49,6 +49,11 @@ class TorqueRateLimit(PathConstraint):
         numbers(self.limit, "TorqueRateLimit", "one number, or one per joint [N m/s]")
 
     @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        limit = None if problem.preset is None else problem.preset.limit("torque_rate")
+        return None if limit is None else cls(limit)
+
+    @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
         """One number, or one per joint."""
         if frame is not None:

@@ -1,0 +1,81 @@
+"""Velocity limits that fall to zero towards the ends of the joints' ranges, as Franka Research 3 has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.presets.interface import VelocityTaper
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.optimal.program.interval import Stages
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+REST = 1e-3
+"""Velocity that is allowed wherever the limit is lower [rad/s]: libfranka's own tolerance."""
+
+
+@dataclass(frozen=True)
+class VelocityTaperLimit(PartialLimit):
+    """The velocity limits by position of the problem's preset.
+
+    √(c (u - q)) - b ≥ v is q + max(0, v + b)² / c ≤ u: convex, and smooth.
+    """
+
+    name = "velocity limits by position"
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        return None if problem.preset is None or problem.preset.taper is None else cls()
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """At the stages of every interval, as parts of the joints' ranges."""
+        return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        taper = _taper(problem)
+        return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """At five points of every sample."""
+        t = pieces(motion)[0].ravel()
+        at = motion(t)
+        lower, upper = _taper(problem).at(at.q)
+        shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST)
+        k, i = np.unravel_index(np.argmax(shares), shares.shape)
+        share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
+        said = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
+        if share <= 1 + self.policy.rate_tolerance:
+            return ConstraintReport(self.name, said, share, order=1)
+        reason = f"joint {joint!r} exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
+        worst = Violation("velocity limit by position", joint, when, share - 1)
+        return ConstraintReport(self.name, said, share, (f"{reason} at t = {when:.4g} s",), worst, order=1)
+
+
+def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
+    assert problem.preset is not None and problem.preset.taper is not None  # noqa: S101  # `from_problem` asked
+    return problem.preset.taper
+
+
+def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
+    """How far positions are beyond those at which their velocities are allowed, of both sides of the range."""
+    n = stages.effort.numel()
+    lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
+    first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before
+    rows = []
+    for k in range(first, stages.c.size):
+        q, v = stages.q[:, k], stages.v[:, k] / part
+        rows += [
+            (side + ca.fmax(0, speed + offset) ** 2 / gain) / (upper - lower)
+            for side, speed in ((q - upper, v), (lower - q, -v))
+        ]
+    return ca.vertcat(*rows)
