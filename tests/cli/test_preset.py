@@ -73,12 +73,8 @@ def test_an_export_is_checked_before_it_is_written(here):
     assert kept["controller"]["accepted"] and kept["status"] == "written" and kept["rate"] == 1000
     # Accelerations of rows are means over a step: at 20 Hz the quintics between them go beyond.
     (here / "run" / "trajectory.json").unlink(missing_ok=True)
-    told = answer(
-        run_here(
-            "export", file, "--format", "ros2", "--rate", "20", "--tolerance", "1", "--preset", "own.toml", "--json"
-        ),
-        3,
-    )
+    coarse = ("--format", "ros2", "--rate", "20", "--tolerance", "1", "--preset", "own.toml")
+    told = answer(run_here("export", file, *coarse, "--json"), 3)
     assert told["status"] == "refused" and told["message"].startswith("not written: own, position interface")
     assert not told["controller"]["accepted"] and not (here / "run" / "trajectory.json").exists()
     words = run_here("export", file, *coarse)
