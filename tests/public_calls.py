@@ -158,6 +158,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.likely_plants: {"robot": RR},
         ad.load_scene: {"path": folder / "scene.json", "robot": None, "lock": None, "package_dirs": ()},
         ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
+        ad.mujoco_model: {"robot": RR, "samples": MOTION.resample(100.0), "geometry": False, "motors": True},
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.lower_bound: {"problem": PROBLEM, "stop": None},
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
@@ -241,7 +242,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.with_payload: {"payload": None},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
-        RR.with_armature: {"armature": 1.0},
+        RR.with_armature: {"armature": None, "rotor_inertia": 1e-4, "gear_ratio": 10.0},
         RR.with_torque_speed: {"torque_speed": {RR.joint_names[0]: [[0.0, 1.0], [1.0, 0.5]]}},
         RR.with_passive: {"joints": [RR.joint_names[0]]},
         RR.frame: {"name": "tip"},

@@ -5,6 +5,7 @@ from armdyn.models.reading.repair import UrdfRepair as UrdfRepair
 from armdyn.models.reading.repair import repair_urdf as repair_urdf
 from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
+from armdyn.models.scene.mujoco_model import mujoco_model as mujoco_model
 from armdyn.models.scene.obstacles import Box as Box
 from armdyn.models.scene.obstacles import Capsule as Capsule
 from armdyn.models.scene.obstacles import Cylinder as Cylinder

@@ -115,3 +115,17 @@ def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
     assert told["rate"] > 1000 and told["deviation"] <= 4e-6  # raised
     told = answer(run_here(*tight, "--rate", "1000", cwd=here), 2)
     assert "give a higher --rate or --tolerance" in told["message"]
+
+
+def test_a_model_of_the_arm_that_moved(tmp_path):
+    bare = ("--no-figure", "--no-report", "--json", "--out", "run")
+    answer(run_here("mintime", "rr", "--payload", "0.1006", *bare, cwd=tmp_path))
+    told = answer(run_here("export", "run/trajectory.npz", "--format", "mujoco", "--model", "--json", cwd=tmp_path))
+    model = mujoco.MjSpec.from_file(str(tmp_path / told["files"][0])).compile()
+    assert (model.nv, model.nu, model.nkey) == (2, 2, told["samples"])
+    (tmp_path / "alone.npz").write_bytes((tmp_path / "run" / "trajectory.npz").read_bytes())
+    alone = ("export", "alone.npz", "--format", "mujoco", "--model", "--json")
+    assert "name it by --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
+    assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
+    told = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
+    assert told["message"] == "--model is of the format mujoco; csv has none"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.motion.controller import ControllerVerdict, NoCosts
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import flag, given, option
@@ -96,6 +97,7 @@ def mintime(
     search: SearchOptions,
     results: ResultOptions,
     require: Require = None,
+    no_costs: NoCosts = False,
 ) -> None:
     """Fastest motion between two poses that the actuators allow.
 
@@ -106,8 +108,12 @@ def mintime(
     Certified: Pontryagin's conditions hold along the motion, or it is proven to be at most 0.1 % slower than the
     fastest possible. With obstacles, via points or path limits Pontryagin's conditions are not checked.
 
-    Exit code 0: the motion is usable: it reaches the goal and satisfies all limits. 3: it is not, and the output says
-    why. 4: it is, but --require certified (or extremal, or gap:0.5%) is not met.
+    With --preset the conditions of the robot's controller are limits, too. The motion is checked as the controller sees
+    it, and solved again without each necessary condition that it meets, to say what that condition costs.
+
+    Exit code 0: the motion is usable: it reaches the goal and satisfies all limits. 3: it is not, or the controller of
+    --preset would refuse it, and the output says why. 4: it is, but --require certified (or extremal, or gap:0.5%) is
+    not met.
 
     [dim]armdyn mintime rr --payload 0.1006
     armdyn mintime rr --obstacle sphere:0.05@0.34,0,-0.12
@@ -117,7 +123,7 @@ def mintime(
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn mintime problem.toml
-    armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0[/]
+    armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
     with answering(results.output.json) as answer:
         required = requirements_of(require or ())
@@ -132,7 +138,9 @@ def mintime(
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, progress)
-            problem, summary = solution.problem, minimum_time_summary(solution) | _reserve_facts(curve)
+            verdict = ControllerVerdict.of(solution, progress, not no_costs)
+            problem = solution.problem
+            summary = minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts
             carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
             title = f"{arm.name}{carried}: {title_words(solution)}"
             motion = solution.trajectory
@@ -150,14 +158,14 @@ def mintime(
         }
         if solution.status is ad.Status.INTERRUPTED:
             answer.code = INTERRUPTED
-        elif not solution.usable:
+        elif not solution.usable or verdict.refused:
             answer.code = NOT_USABLE
         elif missing:
             answer.code = NOT_AS_REQUIRED
         words = (
             carried_words(arm) | friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
         )
-        words |= _reserve_choice(curve) | missing_words(missing) | written.words
+        words |= verdict.words | _reserve_choice(curve) | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
 
 

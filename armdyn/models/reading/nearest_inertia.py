@@ -72,21 +72,22 @@ def second_moments(tensor: Array) -> Array:
     return np.asarray(0.5 * np.trace(tensor) * np.eye(3) - tensor)
 
 
-def nearest_physical(mass: float, tensor: Array) -> Array:
+def nearest_physical(mass: float, tensor: Array, thinnest: float = THINNEST) -> Array:
     """The physical inertia about the centre of mass that is nearest to another [kg m²], shape (3, 3).
 
     An inertia is physical if the pseudo-inertia diag(Σ, m) is positive definite (Traversaro et al., IROS 2016;
     Wensing et al. 2018), which includes the triangle inequality of the principal moments. The nearest one in the
     Frobenius norm has the same eigenvectors, and eigenvalues clipped (Higham, Linear Algebra Appl. 103, 1988); here at
-    m `THINNEST`² instead of zero. Geometric distances (Lee, Park, RA-L 2018) are infinite from a tensor that is not
+    m `thinnest`² instead of zero. Geometric distances (Lee, Park, RA-L 2018) are infinite from a tensor that is not
     physical.
 
     Args:
         mass: of the body [kg], positive.
         tensor: its inertia [kg m²], shape (3, 3), symmetric.
+        thinnest: least radius of gyration along an axis [m].
     """
     values, vectors = np.linalg.eigh(second_moments(tensor))
-    nearest = vectors @ np.diag(np.maximum(values, mass * THINNEST**2)) @ vectors.T
+    nearest = vectors @ np.diag(np.maximum(values, mass * thinnest**2)) @ vectors.T
     return np.asarray(np.trace(nearest) * np.eye(3) - nearest)
 
 

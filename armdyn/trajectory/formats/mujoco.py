@@ -45,8 +45,17 @@ class Mujoco:
 
 
 def _attribute(name: str) -> str:
-    if _NO_XML.search(name):
-        raise TrajectoryError(f"the name {name[:80]!r} has characters that XML cannot say")
     from xml.sax.saxutils import quoteattr  # it loads urllib, which nobody else needs
 
-    return quoteattr(name)
+    return quoteattr(xml_name(name))
+
+
+def xml_name(name: str) -> str:
+    """The name, which XML can say.
+
+    Raises:
+        TrajectoryError: it cannot.
+    """
+    if _NO_XML.search(name):
+        raise TrajectoryError(f"the name {name[:80]!r} has characters that XML cannot say")
+    return name

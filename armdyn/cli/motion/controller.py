@@ -1,0 +1,108 @@
+"""The controller's verdict on a solution, and what its conditions cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
+
+import typer
+
+import armdyn as ad
+from armdyn.cli.options.preset import PresetOptions
+from armdyn.cli.parsing.panels import LIMITS
+
+if TYPE_CHECKING:
+    from armdyn.studies.preset_costs import ConditionCost
+    from armdyn.trajectory import Samples
+
+
+def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
+    """The preset of the options, else that under which the motion of a file was planned, if it is a built-in one."""
+    asked, beside = given.read(), file.parent / "result.json"
+    if asked is not None or file.name != "trajectory.npz" or not beside.is_file():
+        return asked
+    from armdyn.show.results import load_result
+
+    planned = load_result(beside).get("controller")
+    name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
+    return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
+
+
+def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
+    """The check of an export.
+
+    Args:
+        preset: of the controller.
+        samples: that are exported.
+        accelerations: whether the controller gets accelerations, too, and interpolates by quintics.
+
+    Raises:
+        ArmdynError: see `ControllerPreset.check`.
+    """
+    from armdyn.trajectory.planned import Planned
+
+    if accelerations:
+        return preset.check(Planned(samples.t, samples.q, samples.v, samples.a, samples.tau), samples.joint_names)
+    return preset.check(
+        ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
+    )
+
+
+NoCosts = Annotated[
+    bool,
+    typer.Option(
+        "--no-costs",
+        rich_help_panel=LIMITS,
+        help="With --preset: do not solve again without each necessary condition to see what it costs.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class ControllerVerdict:
+    """What the controller makes of a solution.
+
+    Attributes:
+        found: check of the motion; None: the problem has no preset, or there is no motion.
+        costs: of the necessary conditions.
+    """
+
+    found: ad.ControllerCheck | None = None
+    costs: tuple[ConditionCost, ...] = ()
+
+    @classmethod
+    def of(cls, solution: ad.Solution, progress: Callable[[str], None], costs: bool) -> Self:
+        """The check of a solution, and what the conditions cost if that is asked for."""
+        preset = solution.problem.preset
+        if preset is None or not solution.moves:
+            return cls()
+        from armdyn.studies.preset_costs import condition_costs
+
+        solved = solution.usable and solution.status is not ad.Status.INTERRUPTED
+        return cls(
+            preset.check(solution.trajectory), condition_costs(solution, None, progress) if costs and solved else ()
+        )
+
+    @property
+    def refused(self) -> bool:
+        """Whether the controller would stop the motion."""
+        return self.found is not None and not self.found.ok
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """The verdict for JSON; empty without a preset."""
+        if self.found is None:
+            return {}
+        return {"controller": self.found.facts() | {"costs": [asdict(cost) for cost in self.costs]}}
+
+    @property
+    def words(self) -> dict[str, str]:
+        """The verdict as `facts_table` shows it; empty without a preset."""
+        if self.found is None:
+            return {}
+        ignored = [row for row in self.found.offences if not row.necessary]
+        lines = [str(self.found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
+        words = {"controller": "\n".join(lines)}
+        return words | ({"its conditions cost": "\n".join(map(str, self.costs))} if self.costs else {})

@@ -1,0 +1,133 @@
+"""MuJoCo's model of an arm as armdyn moves it: the same bodies, locked joints, friction and payload."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect, flag
+from armdyn.errors import ProblemError
+from armdyn.models.reading.nearest_inertia import nearest_physical
+from armdyn.models.reading.urdf_check import POINT_MASS
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.bodies import Body, bodies
+from armdyn.trajectory.formats.mujoco import Mujoco, xml_name
+from armdyn.trajectory.samples import Samples
+
+Array = NDArray[np.float64]
+
+_LEAST_MASS = 1e-9
+"""Mass that a moving body without one gets [kg]: MuJoCo refuses zero."""
+
+_SHAPES = {"Box": "box", "Sphere": "sphere", "Capsule": "capsule", "Cylinder": "cylinder"}
+"""Classes of coal to MuJoCo's types of geometry; others are convex meshes."""
+
+
+def mujoco_model(robot: Robot, samples: Samples | None = None, *, geometry: bool = True, motors: bool = True) -> str:
+    """MuJoCo's XML of an arm, complete in one file: bodies, joints, motors, keyframes, convex geometry.
+
+    Locked joints are welded, tool and payload are in the bodies, damping and dry friction are those of the robot, not
+    those of its file. Dry friction is MuJoCo's `frictionloss`, which has no width. Geometry touches nothing. Inertias
+    that a file rounds to just beyond physical are the nearest physical ones, as MuJoCo refuses others.
+
+    Args:
+        robot: the arm.
+        samples: a motion, whose stamps become keyframes with its torques as ctrl; None: no keyframes.
+        geometry: write the solids of the arm, convex parts of its meshes with their vertices; False: none.
+        motors: write a motor of unit gear per joint.
+
+    Raises:
+        ProblemError: the motion has other joints, or geometry is wanted that the arm does not have.
+        TrajectoryError: a name is none that XML can say.
+    """
+    robot, model = expect_robot(robot), robot.model
+    solids = bodies(robot) if flag(geometry, "geometry") else ()
+    root = Element("mujoco", model=xml_name(robot.name))
+    SubElement(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false", balanceinertia="false")
+    SubElement(root, "option", gravity=_words(model.gravity.linear), integrator="RK4", timestep="0.0005")
+    asset, world = SubElement(root, "asset"), SubElement(root, "worldbody")
+    places = {0: world}
+    for joint in range(1, model.njoints):
+        places[joint] = _body(places[int(model.parents[joint])], robot, joint)
+    for k, solid in enumerate(solids):
+        _geometry(places[solid.joint], asset, f"part{k}", solid)
+    tip = robot.frame(robot.tip)
+    SubElement(places[int(tip.parentJoint)], "site", {"name": xml_name(robot.tip), **_pose(tip.placement.homogeneous)})
+    if flag(motors, "motors"):
+        actuators = SubElement(root, "actuator")
+        for i, name in enumerate(robot.joint_names):
+            ends = np.array([robot.limits.effort_lower[i], robot.limits.effort_upper[i]])
+            limited = {"ctrlrange": _words(ends)} if np.all(np.isfinite(ends)) and ends[0] < ends[1] else {}
+            SubElement(actuators, "motor", {"name": xml_name(name), "joint": xml_name(name), **limited})
+    if samples is not None:
+        if expect(samples, Samples, "samples", "motion.resample(1000)").q.shape[1] != robot.nv:
+            raise ProblemError(f"the motion has {samples.q.shape[1]} joints; {robot.name} has {robot.nv}")
+        keys = ElementTree.fromstring(Mujoco(motors=False).text(samples)).find("keyframe")  # noqa: S314  # our own text
+        for key in keys if keys is not None else ():
+            if not motors:
+                del key.attrib["ctrl"]
+        root.extend([] if keys is None else [keys])
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _body(parent: Element, robot: Robot, joint: int) -> Element:
+    """The body that a joint moves, with its joint and inertia."""
+    model, i = robot.model, joint - 1
+    name, inertia = xml_name(str(model.names[joint])), model.inertias[joint]
+    body = SubElement(parent, "body", {"name": name, **_pose(model.jointPlacements[joint].homogeneous)})
+    subspace = np.ravel(model.joints[joint].createData().S)
+    damping, coulomb = robot.friction.per_joint(robot.nv)
+    ends = np.array([robot.limits.position_lower[i], robot.limits.position_upper[i]])
+    numbers: dict[str, Array] = {
+        "axis": subspace[:3] if robot.slides[i] else subspace[3:],
+        "damping": damping[i : i + 1],
+        "frictionloss": coulomb[i : i + 1],
+        "armature": np.array([model.armature[i]]),
+    }
+    if np.all(np.isfinite(ends)):
+        numbers["range"] = ends
+    written = {key: _words(values) for key, values in numbers.items()}
+    SubElement(body, "joint", {"name": name, "type": "slide" if robot.slides[i] else "hinge", **written})
+    tensor = np.array(inertia.inertia)
+    if np.max(np.abs(tensor)) < POINT_MASS or inertia.mass <= 0:
+        tensor = tensor + POINT_MASS * np.eye(3)
+    else:
+        tensor = nearest_physical(inertia.mass, tensor, thinnest=0.0) + POINT_MASS * np.eye(3)
+    full = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
+    mass = _words([max(inertia.mass, _LEAST_MASS)])
+    SubElement(body, "inertial", pos=_words(inertia.lever), mass=mass, fullinertia=_words(full))
+    return body
+
+
+def _geometry(body: Element, asset: Element, name: str, solid: Body) -> None:
+    """A solid that only shows; a mesh has its vertices in the file, and MuJoCo takes their convex hull."""
+    shape: Any = solid.geometry
+    kind = _SHAPES.get(type(shape).__name__, "mesh")
+    if kind == "mesh":
+        SubElement(asset, "mesh", name=name, vertex=_words(np.array(shape.points()).ravel(), digits=6))
+        what = {"mesh": name}
+    elif kind == "box":
+        what = {"size": _words(shape.halfSide)}
+    elif kind == "sphere":
+        what = {"size": _words([shape.radius])}
+    else:
+        what = {"size": _words([shape.radius, shape.halfLength])}
+    shown = {"contype": "0", "conaffinity": "0", "group": "2"}
+    SubElement(body, "geom", {"type": kind, **what, **_pose(solid.placement), **shown})
+
+
+def _pose(placement: Array) -> dict[str, str]:
+    """Position and quaternion, w first, of a placement, shape (4, 4)."""
+    x, y, z, w = pin.Quaternion(placement[:3, :3]).coeffs()
+    return {"pos": _words(placement[:3, 3]), "quat": _words([w, x, y, z])}
+
+
+def _words(values: Iterable[float], digits: int = 17) -> str:
+    return " ".join(f"{float(value):.{digits}g}" for value in values)
