@@ -45,7 +45,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         message="; ".join((_message(task, status, best, found), *best.missed, *([met] if met else []))),
         problem=task.problem,
         duration=duration,
-        trajectory=best.trajectory,
+        trajectory=replace(best.trajectory, name=task.problem.robot.marked(best.trajectory.name)),
         certificate=certificate,
         arcs=best.phases.arcs if best.phases else (),
         phases=best.phases,
