@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from inspect import signature
 from pathlib import Path
@@ -10,13 +11,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import answering, console, escape
+from armdyn.cli.console import NOT_USABLE, answering, console, escape
+from armdyn.cli.motion.check import show_check
+from armdyn.cli.motion.controller import check_samples, preset_of
+from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
-from armdyn.errors import ProblemError, TrajectoryError
+from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import number, numbers
-from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat
+from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -36,7 +40,8 @@ def export(
         str | None,
         typer.Option(
             metavar="HZ|own",
-            help="Rows per second; own: the motion's own samples. By default 1000, of urscript and ur-rtde 500.",
+            help="Rows per second; own: the motion's own samples. By default the preset's, or 1000, of urscript and "
+            "ur-rtde 500.",
         ),
     ] = None,
     out: Annotated[
@@ -81,6 +86,7 @@ def export(
         str | None, typer.Option(metavar="X,Y,Z", help="Its centre of mass from the flange \\[m]; by default 0,0,0.")
     ] = None,
     part: PartOptions,
+    controller: PresetOptions,
     json: Json = False,
 ) -> None:
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
@@ -96,6 +102,9 @@ def export(
     The programs for Universal Robots' and Franka's arms go to the start slowly, or refuse to run elsewhere. They were
     planned on a model: try them in simulation or at reduced speed first.
 
+    With --preset the export is checked as the robot's controller sees it; a refused one is not written (exit code 3). A
+    motion that was planned under a preset is checked by that one, and a refused export is written with a warning.
+
     [dim]armdyn mintime rr --payload 0.1006 --reserve 0.1 --out results
     armdyn export results/trajectory.npz --rate 1000
     armdyn export results/trajectory.npz --format ros2 --rate 250
@@ -104,7 +113,7 @@ def export(
     armdyn export results/trajectory.npz --format mujoco --rate 1000
     armdyn export results/mintime-ur5/trajectory.npz --format mujoco --model
     armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
-    armdyn export results/trajectory.npz --format panda-python[/]
+    armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
     with answering(json) as answer:
         from armdyn.models import mujoco_model
@@ -119,7 +128,15 @@ def export(
         motion = Trajectory.load(file)
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
-        samples, ticks, deviation = _sampled(made, motion, rate)
+        preset = None if isinstance(made, Mujoco) else preset_of(file, controller)
+        samples, ticks, deviation = _sampled(made, motion, rate, 1000.0 if preset is None else preset.chosen.rate)
+        found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
+        if found is not None and not found.ok and controller.preset is not None:
+            answer.failed("refused", f"not written: {found}", NOT_USABLE)
+            answer.facts["controller"] = found.facts()
+            show_check(found, name)
+            console.print("[red]not written[/]; without --preset it is, for simulations and figures")
+            return
         if not model:
             content = made.text(samples)
         elif isinstance(made, Mujoco):
@@ -130,9 +147,13 @@ def export(
         write_whole(target, content.encode())
         rows = samples.t.size
         facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration, "deviation": deviation}
-        answer.done("written", facts, [target])
+        answer.done("written", facts | ({} if found is None else {"controller": found.facts()}), [target])
         even = "its own samples" if ticks is None else f"{ticks:g} Hz"
         console.print(f"{escape(str(target))}  ({rows} rows at {even}, {motion.duration:.6f} s)")
+        if found is not None:
+            console.print(escape(str(found)))
+            if not found.ok:
+                warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
         if deviation is not None:
             console.print(
                 f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
@@ -174,13 +195,21 @@ def _made(kind: type[OutputFormat], given: Mapping[str, object]) -> OutputFormat
     return kind(**options)
 
 
-def _sampled(made: OutputFormat, motion: Trajectory, rate: str | None) -> tuple[Samples, float | None, float | None]:
+def _sampled(
+    made: OutputFormat, motion: Trajectory, rate: str | None, usual: float
+) -> tuple[Samples, float | None, float | None]:
     """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.
+
+    Args:
+        made: the format.
+        motion: the motion.
+        rate: of the option.
+        usual: rate without the option, of formats without their own [Hz].
 
     Raises:
         TrajectoryError: the deviation is above the tolerance, and the rate was given.
     """
-    ticks = getattr(made, "rate", 1000.0) if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
+    ticks = getattr(made, "rate", usual) if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
     while True:
         samples = motion.resample(ticks)
         deviation = getattr(made, "deviation", None)

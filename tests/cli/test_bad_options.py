@@ -14,6 +14,7 @@ POSES = ["--q-start", "--q-goal", "--via"]
 RESERVES = ["--reserve", "--velocity-reserve"]
 MORE = ["--lock", "--arm", "--goal-pose", "--obstacle", "--limit", "--clearance", "--starts", "--time-limit", "--seed"]
 JOINTS = ["--effort-limit", "--damping", "--friction", "--friction-width", "--torque-speed", "--armature"]
+JOINTS += ["--rotor-inertia", "--gear-ratio"]
 WRONG = ("nan", "x", ",", "½")
 """No option of numbers takes one of these."""
 OPTIONS = {

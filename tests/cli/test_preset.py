@@ -64,3 +64,49 @@ def test_wrong_presets(here):
     said = answer(run_here("mintime", "problem.toml", "--preset", "own.toml", "--json"), 2)["message"]
     assert "--preset: problem.toml says this itself" in said
     assert answer(run_here("mintime", "problem.toml", "--no-costs", *QUICK, "--json"))["controller"]["accepted"]
+
+
+def test_an_export_is_checked_before_it_is_written(here):
+    run_here("mintime", "r", "--preset", "own.toml", "--no-costs", "--out", "run", *QUICK)
+    file = "run/trajectory.npz"
+    kept = answer(run_here("export", file, "--preset", "own.toml", "--json"))
+    assert kept["controller"]["accepted"] and kept["status"] == "written" and kept["rate"] == 1000
+    # Accelerations of rows are means over a step: at 20 Hz the quintics between them go beyond.
+    (here / "run" / "trajectory.json").unlink(missing_ok=True)
+    coarse = ("--format", "ros2", "--rate", "20", "--tolerance", "1", "--preset", "own.toml")
+    told = answer(run_here("export", file, *coarse, "--json"), 3)
+    assert told["status"] == "refused" and told["message"].startswith("not written: own, position interface")
+    assert not told["controller"]["accepted"] and not (here / "run" / "trajectory.json").exists()
+    words = run_here("export", file, *coarse)
+    assert words.returncode == 3 and "not written; without --preset it is" in words.stdout
+    assert "controller" not in answer(run_here("export", file, "--format", "ros2", "--json"))  # "own" is a file's
+
+
+def test_an_export_is_checked_by_the_preset_of_its_run(here):
+    result = here / "run" / "result.json"
+    run_here("mintime", "r", "--preset", "own.toml", "--no-costs", "--out", "run", *QUICK)
+    facts = json.loads(result.read_text())
+    # As if it had been planned under a built-in preset, of other joints.
+    facts["controller"] |= {"preset": "ur5e", "interface": "velocity"}
+    result.write_text(json.dumps(facts))
+    assert "preset 'ur5e' has 6 joints" in answer(run_here("export", "run/trajectory.npz", "--json"), 2)["message"]
+    facts["controller"] = 3
+    result.write_text(json.dumps(facts))
+    assert answer(run_here("export", "run/trajectory.npz", "--json"))["success"]
+
+
+@pytest.mark.slow
+def test_a_motion_planned_under_a_preset_is_exported_at_its_rate(here):
+    goal = "1,0.2,0.5,-1.5,0.3,2,-0.5"
+    facts = answer(
+        run_here("mintime", "panda", "--q-start", "ready", "--q-goal", goal, "--preset", "franka-panda", "--out", "run",
+                 *QUICK, "--json")
+    )  # fmt: skip
+    costs = {one["condition"]: one for one in facts["controller"]["costs"]}
+    assert facts["controller"]["accepted"] and list(costs) == ["position", "velocity", "acceleration", "jerk"]
+    assert costs["acceleration"]["cost"] > 0.1 and costs["velocity"]["reason"] == "the robot's own limit is as strict"
+    for kind in ("csv", "ros2", "panda-python"):
+        told = answer(run_here("export", "run/trajectory.npz", "--format", kind, "--json"))
+        assert told["controller"]["accepted"] and told["rate"] == 1000
+    done = run_here("export", "run/trajectory.npz", "--format", "ros2", "--rate", "100")
+    assert done.returncode == 0 and "the controller would refuse trajectory.json" in " ".join(done.stderr.split())

@@ -82,9 +82,13 @@ def test_a_bare_motion(tracked, tmp_path):
 
 def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):
     pid = ("pid", "rr", "--duration", "0.2", "--armature", "0.01", "--damping", "0.1", "--friction", "0.02",
-           "--effort-limit", "5", *BARE)  # fmt: skip
+           "--effort-limit", "5", "--torque-speed", "joint1=0:5,1:4,2:1", *BARE)  # fmt: skip
     answer(run_here(*pid, "--json", "--out", tmp_path), 3)
     assert not report(tmp_path)["warnings"]
+    assert json.loads((tmp_path / "result.json").read_text())["model"]["torque_speed"] == {
+        "joint1": [[0, 5], [1, 4], [2, 1]]
+    }
+    assert "Torque and speed" in (tmp_path / "report.html").read_text()
 
 
 def test_side_by_side(tracked, loop, tmp_path):

@@ -4,15 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 
 import typer
 
 import armdyn as ad
+from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.parsing.panels import LIMITS
 
 if TYPE_CHECKING:
     from armdyn.studies.preset_costs import ConditionCost
+    from armdyn.trajectory import Samples
+
+
+def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
+    """The preset of the options, else that under which the motion of a file was planned, if it is a built-in one."""
+    asked, beside = given.read(), file.parent / "result.json"
+    if asked is not None or file.name != "trajectory.npz" or not beside.is_file():
+        return asked
+    from armdyn.show.results import load_result
+
+    planned = load_result(beside).get("controller")
+    name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
+    return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
+
+
+def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
+    """The check of an export.
+
+    Args:
+        preset: of the controller.
+        samples: that are exported.
+        accelerations: whether the controller gets accelerations, too, and interpolates by quintics.
+
+    Raises:
+        ArmdynError: see `ControllerPreset.check`.
+    """
+    from armdyn.trajectory.planned import Planned
+
+    if accelerations:
+        return preset.check(Planned(samples.t, samples.q, samples.v, samples.a, samples.tau), samples.joint_names)
+    return preset.check(
+        ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
+    )
+
 
 NoCosts = Annotated[
     bool,

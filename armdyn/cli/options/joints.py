@@ -43,6 +43,8 @@ class JointOptions:
         rich_help_panel=LIMITS,
     )
     armature: str | None = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
+    rotor_inertia: str | None = option("J[,J…]", "Inertia of the rotors themselves \\[kg m²], with --gear-ratio.")
+    gear_ratio: str | None = option("N[,N…]", "Turns of the rotor for one of the joint, with --rotor-inertia.")
 
     def fit(self, robot: Robot) -> Robot:
         """A robot with these joints.
@@ -53,7 +55,11 @@ class JointOptions:
         return (
             robot.with_limits(one_or_more(self.effort_limit, "--effort-limit"), None)
             .with_torque_speed(_curves(self.torque_speed))
-            .with_armature(one_or_more(self.armature, "--armature"))
+            .with_armature(
+                one_or_more(self.armature, "--armature"),
+                one_or_more(self.rotor_inertia, "--rotor-inertia"),
+                one_or_more(self.gear_ratio, "--gear-ratio"),
+            )
             .with_friction(
                 _friction(self.damping, "--damping"),
                 _friction(self.friction, "--friction"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,7 @@ from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryEr
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.scene.attached import payload_from, tool_from
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from
+from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.report import Subject
 
@@ -78,7 +80,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     named = spec.robot or _known(options.text("robot")) or _file(options.text("robot"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
-    limits = _limits(model, count)
+    limits = _limits(model, joints)
     sliding = tuple(model.values["sliding"]) if _flags(model.values.get("sliding"), count) else (False,) * count
     name = model.text("name") or named or saved.path.stem
     bare = Subject(name, joints, limits or _no_limits(count), sliding)
@@ -147,8 +149,9 @@ def _given(facts: Facts) -> dict[str, Any]:
     return {name: value for name, value in facts.values.items() if value is not None}
 
 
-def _limits(model: Facts, count: int) -> JointLimits | None:
+def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
     """The limits that a result says; None if it does not."""
+    count, curves = len(joints), model.part("torque_speed").values
     given = model.part("limits").values
     ends = {"position_lower": -np.inf, "position_upper": np.inf, "velocity": np.inf} | {
         "effort_lower": -np.inf,
@@ -161,7 +164,12 @@ def _limits(model: Facts, count: int) -> JointLimits | None:
             return None
         columns[name] = [open_end if x is None else x for x in values]
     arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
-    return JointLimits(**arrays)
+    found = JointLimits(**arrays)
+    with suppress(ArmdynError):  # what was written by others may be no curves
+        if curves:
+            own = TorqueSpeed(found.effort_lower, found.effort_upper, joints=joints, curves=curves)
+            return replace(found, actuators=own)
+    return found
 
 
 def _no_limits(count: int) -> JointLimits:

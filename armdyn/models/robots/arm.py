@@ -239,12 +239,25 @@ class Arm:
             ),
         )
 
-    def with_armature(self, armature: ArrayLike | None) -> Self:
-        """This robot with reflected rotor inertia [kg m² or kg]: one number, or one per joint; None keeps its own.
+    def with_armature(
+        self, armature: ArrayLike | None, rotor_inertia: ArrayLike | None = None, gear_ratio: ArrayLike | None = None
+    ) -> Self:
+        """This robot with other rotors, each as one number or one per joint; without any it keeps its own.
+
+        Args:
+            armature: reflected rotor inertia, which the joint feels [kg m² or kg].
+            rotor_inertia: about the rotor's own axis [kg m²]; the armature is then gear_ratio² × rotor_inertia.
+            gear_ratio: turns of the rotor for one of the joint [-], or its angle for one metre of the joint [rad/m].
 
         Raises:
-            SpecError: wrong length, NaN, negative, or beyond `urdf_xml.LARGEST`.
+            SpecError: wrong length, NaN, negative, or beyond `urdf_xml.LARGEST`; or of rotor_inertia and gear_ratio one
+                alone, or besides armature.
         """
+        if (rotor_inertia is None) != (gear_ratio is None) or (armature is not None and rotor_inertia is not None):
+            raise SpecError("give armature, or rotor_inertia and gear_ratio: armature is gear_ratio² × rotor_inertia")
+        if rotor_inertia is not None and gear_ratio is not None:
+            inertia = self._read(rotor_inertia, "rotor_inertia", "kg m²")
+            armature = self._read(gear_ratio, "gear_ratio") ** 2 * inertia
         if armature is None:
             return self
         model = self.model.copy()

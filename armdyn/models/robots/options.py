@@ -28,6 +28,8 @@ class RobotKeywords(TypedDict, total=False):
     velocity_limit: ArrayLike | None
     torque_speed: Mapping[str, ArrayLike] | None
     armature: ArrayLike | None
+    rotor_inertia: ArrayLike | None
+    gear_ratio: ArrayLike | None
     damping: FrictionValue | None
     friction: FrictionValue | None
     friction_width: float | None
@@ -54,6 +56,9 @@ class RobotOptions:
         torque_speed: torque-speed curves of motors, joint name to [speed [rad/s or m/s], torque [N m or N]] of two or
             more points; see `Robot.with_torque_speed`.
         armature: reflected rotor inertia: one number, or one per joint [kg m² or kg]; None: the file's.
+        rotor_inertia: with gear_ratio instead of armature, about the rotors' own axes, see `Robot.with_armature`
+            [kg m²].
+        gear_ratio: turns of the rotor for one of the joint [-], or angle of the rotor over way of the joint [rad/m].
         damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf": the file's,
             `<dynamics damping=…>`; 0: none. None: the file's, but none for a library's robot, whose numbers are there
             to calm simulators: z1 and talos_arm have 1 for every joint, panda 0.003 beside `mu_viscous="16"`.
@@ -75,6 +80,8 @@ class RobotOptions:
     velocity_limit: ArrayLike | None = None
     torque_speed: Mapping[str, ArrayLike] | None = None
     armature: ArrayLike | None = None
+    rotor_inertia: ArrayLike | None = None
+    gear_ratio: ArrayLike | None = None
     damping: FrictionValue | None = None
     friction: FrictionValue | None = None
     friction_width: float | None = None

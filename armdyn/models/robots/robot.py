@@ -86,8 +86,8 @@ class Robot(Arm):
             robot = robot._carrying(given.tool)._carrying(given.payload)
         idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
-        robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_armature(given.armature)
-        robot = robot.with_torque_speed(given.torque_speed)
+        robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_torque_speed(given.torque_speed)
+        robot = robot.with_armature(given.armature, given.rotor_inertia, given.gear_ratio)
         check_inertia(robot.model, robot.source)
         return robot.with_passive(given.passive).with_friction(
             own_friction if given.damping is None else given.damping,
@@ -124,8 +124,8 @@ class Robot(Arm):
             path: the file.
             payload: fixed to `payload.frame`, by default the tip.
             keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, torque_speed,
-                armature, damping, friction, friction_width, passive, package_dirs; or `options`, a whole
-                `RobotOptions`.
+                armature, rotor_inertia, gear_ratio, damping, friction, friction_width, passive, package_dirs; or
+                `options`, a whole `RobotOptions`.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.

@@ -195,6 +195,12 @@ class TorqueSpeed(ActuatorLimits):
         return replace(super().reserving(parts), curves=curves)
 
 
+def torque_speed_entry(limits: ActuatorLimits) -> dict[str, list[list[float]]]:
+    """The torque-speed curves of limits as lists, by the names of joints; empty: there are none."""
+    curves = limits.curves if isinstance(limits, TorqueSpeed) else {}
+    return {name: np.asarray(points).tolist() for name, points in curves.items()}
+
+
 def _lines(points: Array) -> Array:
     """Slopes s and torques c at rest of the lines t = c - s v through neighbouring points, shape (points - 1, 2)."""
     speed, torque = points.T

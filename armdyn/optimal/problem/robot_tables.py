@@ -20,12 +20,15 @@ from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
 from armdyn.models.scene.attached import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
-from armdyn.models.values.actuator_limits import TorqueSpeed
+from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
 from armdyn.parsing.toml import Table
 
 _SOURCES = ("name", "urdf", "mjcf", "spec")
-_NUMBERS = ("effort_limit", "velocity_limit", "armature", "damping", "friction", "friction_width", "passive")
+_NUMBERS = (
+    "effort_limit", "velocity_limit", "armature", "rotor_inertia", "gear_ratio", "damping", "friction",
+    "friction_width", "passive",
+)  # fmt: skip
 KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "limits")
 """The keys of [robot]."""
 
@@ -97,8 +100,8 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     rows = {name: (own, plain.limits.rows[name]) for name, own in robot.limits.rows.items()}
     if changed := {name: own.tolist() for name, (own, read) in rows.items() if not np.array_equal(own, read)}:
         written["limits"] = changed
-    if isinstance(motors := robot.limits.actuators, TorqueSpeed):
-        written["torque_speed"] = {name: np.asarray(points).tolist() for name, points in motors.curves.items()}
+    if curves := torque_speed_entry(robot.limits.actuators):
+        written["torque_speed"] = curves
     if not np.array_equal(robot.model.armature, plain.model.armature):
         written["armature"] = robot.model.armature.tolist()
     (damping, coulomb), (own_damping, own_coulomb) = (one.friction.per_joint(robot.nv) for one in (robot, plain))

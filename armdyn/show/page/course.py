@@ -138,6 +138,7 @@ def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Se
         limits: of the joints.
     """
     q, v, tau = sample
+    weakest, strongest = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
     lanes = []
     for j in range(q.shape[1]):
         if limits.passive[j]:
@@ -148,14 +149,13 @@ def sampled_lanes(t: Array, sample: Sample, limits: JointLimits) -> list[list[Se
         margin = NEAR_LIMIT * (high - low)
         if np.isfinite(margin):
             codes[q[:, j] >= high - margin], codes[q[:, j] <= low + margin] = "Q+", "Q-"
+        fastest = np.full(t.size, limits.velocity[j])
         for x, least, most, kind in (
-            (v[:, j], -limits.velocity[j], limits.velocity[j], "V"),
-            (tau[:, j], limits.effort_lower[j], limits.effort_upper[j], "T"),
+            (v[:, j], -fastest, fastest, "V"),
+            (tau[:, j], weakest[:, j], strongest[:, j], "T"),
         ):
-            if np.isfinite(most) and most > 0:
-                codes[x >= (1 - NEAR_LIMIT) * most] = f"{kind}+"
-            if np.isfinite(least) and least < 0:
-                codes[x <= (1 - NEAR_LIMIT) * least] = f"{kind}-"
+            codes[np.isfinite(most) & (most > 0) & (x >= (1 - NEAR_LIMIT) * most)] = f"{kind}+"
+            codes[np.isfinite(least) & (least < 0) & (x <= (1 - NEAR_LIMIT) * least)] = f"{kind}-"
         pieces = [(float(a), float(b), str(code)) for (a, b), code in zip(pairwise(t), codes[:-1], strict=True)]
         lanes.append(_merged(pieces))
     return lanes
@@ -213,7 +213,13 @@ def _left(limits: JointLimits, facts: Facts) -> JointLimits:
         return limits
     effort, velocity = 1 - np.array(kept["tau"]), 1 - np.array(kept["v"])
     left = limits.actuators.reserving(1 - effort)
-    return replace(limits, velocity=limits.velocity * velocity, effort_lower=left.lower, effort_upper=left.upper)
+    return replace(
+        limits,
+        velocity=limits.velocity * velocity,
+        effort_lower=left.lower,
+        effort_upper=left.upper,
+        actuators=left,
+    )
 
 
 def _packed(array: Array, kind: str) -> str:

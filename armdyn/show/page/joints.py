@@ -41,13 +41,14 @@ def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits,
     """Peak velocity and torque of each joint, compared with its limits."""
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
+    lower, upper = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
     words = ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")
     head = [th(word) for word in words]
     rows = []
     for j, name in enumerate(joints):
         turn, force = ("m", "N") if sliding[j] else ("rad", "N m")
         speed = most_used(v[:, j], -limits.velocity[j], limits.velocity[j])
-        torque = most_used(tau[:, j], limits.effort_lower[j], limits.effort_upper[j])
+        torque = most_used(tau[:, j], lower[:, j], upper[:, j])
         rows.append([
             th(name, "row"), td(f"{q[0, j]:.4f} {turn}"), td(f"{q[-1, j]:.4f} {turn}"),
             td(f"{np.abs(v[:, j]).max():.4g} {turn}/s"), _share(speed),
@@ -86,7 +87,7 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
     first, rows = at_the_goal(moves[0]), []
     for move in moves:
         there = at_the_goal(move)
-        _, _, v, tau = dense(move.motion)
+        _, q, v, tau = dense(move.motion)
         rows.append(
             Compared(
                 name=move.name,
@@ -95,7 +96,7 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
                 later=None if there is None or not first else there / first - 1,
                 work=mechanical_work(move.motion),
                 speed=most_used(v, -limits.velocity, limits.velocity),
-                torque=most_used(tau, limits.effort_lower, limits.effort_upper),
+                torque=most_used(tau, *limits.actuators.range(q, v)),
                 verdict=verdict_of(move.facts).headline.partition(" after")[0],
             )
         )
@@ -159,7 +160,7 @@ def most_used(x: Array, lower: Array, upper: Array) -> float | None:
 
     Args:
         x: numbers over time, shape (n,) of one joint or (n, nv).
-        lower: their lower limits, shape () or (nv,).
+        lower: their lower limits, which broadcast to them.
         upper: their upper limits.
     """
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -30,6 +30,7 @@ from armdyn.show.page.joints import (
     joint_section,
     worth_seeing,
 )
+from armdyn.show.page.motors import motor_section
 from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
 from armdyn.show.page.sections import (
     Section,
@@ -180,6 +181,7 @@ def _sections(
         optima_section(facts, duration),
         course_section(facts),
         *(joint_section(move, subject.joints, subject.limits, subject.sliding) for move in moves[:1]),
+        motor_section(moves[0], subject.joints, subject.limits, subject.sliding),
         model_section(subject.name, facts),
         making_section(facts),
         *(making_section(move.facts, f"-{k}", move.name) for k, move in others),

@@ -99,3 +99,11 @@ def test_speed_position_and_passive_joints():
 )  # fmt: skip
 def test_arcs_from_strangers(arcs):
     assert arc_lanes(Facts({**FACTS, "arcs": arcs}), 2) == []
+
+
+def test_a_joint_is_on_its_torque_limit_at_its_speed():
+    robot, _ = bang_bang()
+    limits = robot.with_torque_speed({"joint1": [[0, 3], [4, 3], [16, 1]]}).limits
+    t, v = np.array([0.0, 1.0, 2.0]), np.array([[0.0, 0.0], [10.0, 10.0], [10.0, 10.0]])
+    lanes = sampled_lanes(t, Sample(np.zeros((3, 2)), v, np.full((3, 2), 2.0)), limits)
+    assert [code for _, _, code in lanes[0]] == ["", "T+"] and [code for _, _, code in lanes[1]] == [""]

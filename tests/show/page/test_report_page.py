@@ -190,3 +190,14 @@ def test_bad_input():
         report_of(Subject.of(robot), [])
     with pytest.raises(TrajectoryError, match="2 joints"):
         report_of(Subject.of(ad.Robot.from_spec(ad.ArmSpec.paper("rrr"))), [move])
+
+
+def test_torque_speed_curves_are_drawn_with_the_motion_inside():
+    robot, move = judged()
+    assert 'id="motors"' not in page_of(move, robot=robot)
+    robot = robot.with_torque_speed({"joint1": [[0, 3], [4, 3], [16, 1]]})  # 8 rad/s: 7/3 N m
+    page = page_of(move, robot=robot)
+    (section,) = re.findall(r'<section[^>]*id="motors".*?</section>', page, flags=re.S)
+    assert section.count("<polygon") == 1 and section.count("<polyline") == 1 and "joint1: ±16 rad/s" in section
+    (joints,) = re.findall(r'<section[^>]*id="joints".*?</section>', page, flags=re.S)
+    assert "129 %" in joints and "over" in joints  # 3 of 7/3 N m, since this motion knows nothing of the curve
