@@ -214,10 +214,10 @@ def test_curves_keep_continuous_torques():
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
-        (lambda: ad.RmsTorque("x"), "limit of RmsTorque is 'x'; expected one number, or one per joint"),
-        (lambda: ad.RmsTorque([1.0, 2.0]), "limit of RmsTorque has shape (2,)"),
-        (lambda: ad.RmsTorque(0.0), "limit of RmsTorque of joint 'turn' is 0.0 N m"),
-        (lambda: ad.RmsTorque(1.0, dwell=-1.0), "dwell of RmsTorque is -1.0 s"),
+        (lambda: ad.RmsTorque("x"), "RmsTorque limit is 'x'; expected one number, or one per joint"),
+        (lambda: ad.RmsTorque([1.0, 2.0]), "RmsTorque limit has shape (2,)"),
+        (lambda: ad.RmsTorque(0.0), "RmsTorque limit of joint 'turn' is 0.0 N m"),
+        (lambda: ad.RmsTorque(1.0, dwell=-1.0), "RmsTorque dwell is -1.0 s"),
     ],
 )
 def test_wrong_continuous_torques_are_refused(asked, words):
