@@ -19,6 +19,7 @@ from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.errors import ResultError
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.studies.plants import MAX_ARMS, Plants, PlantSample
 from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.study import OwnTask
@@ -187,7 +188,9 @@ class PlantStudy(OwnTask):
 def identity(robot: Robot) -> dict[str, object]:
     """The robot as JSON tells it from others."""
     effort = np.concatenate([robot.limits.effort_lower, robot.limits.effort_upper])
-    return {"name": robot.name, "model": robot.model_hash, "effort": [f"{x:g}" for x in effort]}
+    falling = torque_speed_entry(robot.limits.actuators)
+    facts = {"name": robot.name, "model": robot.model_hash, "effort": [f"{x:g}" for x in effort]}
+    return facts | ({"torque_speed": falling} if falling else {})
 
 
 def digest(motion: Trajectory) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from armdyn.errors import ProblemError, did_you_mean
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
+from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.optimal import MinimumTimeProblem
 from armdyn.optimal.problem.robot_tables import robot_from
 from armdyn.optimal.problem_files import PROBLEM, problem_from
@@ -97,9 +98,11 @@ class ArmProblems:
         robot = _plain_robot(json.dumps(dict(self.arm(own).robot)), given.get("payload"))
         robot = robot.with_limits(given.get("effort_limit"), given.get("velocity_limit"))
         if "effort_scale" in given:
-            limits = robot.limits
-            effort = given["effort_scale"] * np.maximum(limits.effort_upper, -limits.effort_lower)
-            robot = robot.with_limits(effort, None)
+            limits, scales = robot.limits, np.broadcast_to(given["effort_scale"], robot.nv)
+            effort = scales * np.maximum(limits.effort_upper, -limits.effort_lower)
+            each, curves = zip(robot.joint_names, scales, strict=True), torque_speed_entry(limits.actuators)
+            scaled = {name: np.array(curves[name]) * [1.0, scale] for name, scale in each if name in curves}
+            robot = robot.with_limits(effort, None).with_torque_speed(scaled or None)
         if "velocity_scale" in given:
             robot = robot.with_limits(None, given["velocity_scale"] * robot.limits.velocity)
         return robot.with_friction(given.get("damping"), given.get("friction"), None)

@@ -9,6 +9,7 @@ from scipy.stats import kstest
 import armdyn as ad
 from armdyn.dynamics.driven import plant_of
 from armdyn.errors import ProblemError
+from armdyn.studies.plant_study import identity
 from armdyn.studies.plants import with_payload_times
 from problems import paper_arm
 
@@ -115,3 +116,9 @@ def test_a_robot_without_payload_has_none_that_could_differ():
     with pytest.raises(ProblemError, match=r"0\.8 to 1\.2 times the payload of r, which has none"):
         ad.Plants().arms(robot, 1)
     assert ad.Plants(payload=(1, 1), damping=(0, 1)).arms(robot, 1)[0].friction.present
+
+
+def test_a_study_tells_motors_apart():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    falling = robot.with_torque_speed({"joint1": [[0, 3], [9, 1]]})
+    assert "torque_speed" not in identity(robot) and identity(falling) != identity(robot)

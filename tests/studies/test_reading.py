@@ -75,6 +75,10 @@ def test_limits_are_scaled_and_replaced(study):
     limits = asked.task.problems.problem(asked.parameters(0)).limits
     assert limits.effort_upper == pytest.approx(0.5 * own.effort_upper, rel=1e-15)
     assert limits.velocity.tolist() == [8.0, 8.0]
+    arm = ARM + "torque_speed = { joint2 = [[0, 3], [9, 1]] }\n"
+    asked = study(arm + "[vary]\neffort_scale = [0.5]\n")
+    falling = asked.task.problems.problem(asked.parameters(0)).limits.actuators
+    assert np.allclose(falling.range(np.zeros(2), np.full(2, 9.0))[1], [1.5, 0.5])
 
 
 def test_several_arms_are_an_axis_of_their_own(study):

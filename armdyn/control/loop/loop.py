@@ -48,7 +48,8 @@ class Loop:
         cutoff: of the velocity's filter, or of the observer [Hz].
         noise: standard deviation of the readings' noise, added before rounding [rad or m].
         seed: of the noise.
-        saturate: clip torques at the effort limits.
+        saturate: clip torques at the effort limits; of motors with torque-speed curves the arm gets what these leave at
+            its speed, which the integral's anti-windup does not know.
         antiwindup: see `Antiwindup`.
         hold: see `Hold`; a continuous loop has no other imperfections.
 
