@@ -80,6 +80,16 @@ def _rounding(q: Array) -> float:
     return 0.0
 
 
+def _differences(t: Array, q: Array) -> tuple[Array, Array]:
+    """Velocities and accelerations at both ends of a motion with positions only, each of shape (2, nv)."""
+    h = np.diff(t)[:, None]
+    slopes = np.diff(q, axis=0) / h
+    if len(slopes) == 1:
+        return slopes[[0, 0]], np.zeros((2, q.shape[1]))
+    a = np.diff(slopes, axis=0)[[0, -1]] / ((h[1:] + h[:-1]) / 2)[[0, -1]]
+    return slopes[[0, -1]] + np.array([[-1.0], [1.0]]) * a * h[[0, -1]] / 2, a
+
+
 def check_points(motion: Trajectory | Planned) -> None:
     """Check times and shapes of a motion.
 
