@@ -76,6 +76,7 @@ INNER = {
     ),
     *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without", "without_motors"),
     "from_description",  # takes a package, and the internet
+    "from_table",  # of a file that was read
 }
 """Methods that the pipeline asks of conditions and answers, with values that it has made."""
 

@@ -41,7 +41,7 @@ def export(
         typer.Option(
             metavar="HZ|own",
             help="Rows per second; own: the motion's own samples. By default the preset's, or 1000, of urscript and "
-            "ur-rtde 500.",
+            "ur-rtde 500, with --model 4000: the torques are played open loop.",
         ),
     ] = None,
     out: Annotated[
@@ -129,7 +129,8 @@ def export(
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         preset = None if isinstance(made, Mujoco) else preset_of(file, controller)
-        samples, ticks, deviation = _sampled(made, motion, rate, 1000.0 if preset is None else preset.chosen.rate)
+        usual = preset.chosen.rate if preset is not None else 4000.0 if model else 1000.0
+        samples, ticks, deviation = _sampled(made, motion, rate, usual)
         found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
         if found is not None and not found.ok and controller.preset is not None:
             answer.failed("refused", f"not written: {found}", NOT_USABLE)

@@ -247,7 +247,7 @@ def trajectory_from_path(
         raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
     torque = inverse_dynamics(robot)
     tau = [torque(*sample) for sample in zip(bare.q, speeds, given, strict=True)]
-    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, name, robot.model_hash)
+    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, robot.marked(name), robot.model_hash)
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:

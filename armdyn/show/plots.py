@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import JointLimits
-from armdyn.show.figures.limit_lines import Panel, draw_limits, scales
+from armdyn.show.figures.limit_lines import Panel, draw_limits, draw_ranges, scales
 from armdyn.show.figures.style import INK, LOOK, Style, color, literal, styles
 from armdyn.trajectory import Trajectory
 
@@ -106,6 +106,9 @@ def plot_panels(
         start = min(float(trajectory.t[0]) for trajectory in trajectories)
         end = max(float(trajectory.t[-1]) for trajectory in trajectories)
         axes[0].set_xlim(start, end + 0.01 * (end - start))
+        if limits is not None and not limits.actuators.constant and len(trajectories) == 1:
+            for panel in panels[2:]:
+                draw_ranges(panel, limits, trajectories[0])
         limited = [limits is not None and draw_limits(panel, limits) for panel in panels]
         figure.align_ylabels(axes)
         _add_legend(figure, trajectories, any(limited), unresolved)

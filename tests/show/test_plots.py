@@ -199,3 +199,14 @@ def test_names_that_are_no_mathematics(tmp_path):
 def test_importing_armdyn_loads_no_graphics():
     code = "import sys, armdyn, armdyn.show; assert not {'matplotlib', 'meshcat', 'trimesh'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_torque_limits_that_fall_with_speed_are_drawn_along_the_motion():
+    t, rest = np.linspace(0, 1, 5), np.zeros((5, 2))
+    v = np.column_stack([10 * t, rest[:, 0]])
+    robot = paper_arm("rr")
+    motion = ad.Trajectory(t, rest, v, rest, robot.joint_names)
+    limits = robot.with_torque_speed({"joint1": [[0, 3], [10, 1]]}).limits
+    plain, falling = (curves(plots.plot_trajectories([motion], limits=of).axes[2]) for of in (robot.limits, limits))
+    assert len(falling) == len(plain) + 2
+    assert any(np.allclose(line.get_ydata(), 3 - 2 * t) for line in falling[len(plain) :])

@@ -203,7 +203,7 @@ def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory
     times = t if t.size > 1 else np.array([0.0, 1e-9])
     return Trajectory(
         t=times, q=driven.q[rows], v=driven.v[rows], tau=np.nan_to_num(driven.tau[rows]),
-        joint_names=robot.joint_names, name=name, model_hash=robot.model_hash,
+        joint_names=robot.joint_names, name=robot.marked(name), model_hash=robot.model_hash,
     )  # fmt: skip
 
 

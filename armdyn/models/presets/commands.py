@@ -30,6 +30,8 @@ class Commands:
         tau: joint torques [N m], shape (n, nv); None: unknown.
         ends: velocities [rad/s] and accelerations [rad/s²] at the start and the end, shape (2, 2, nv).
         interpolation: of the positions between the motion's points.
+        sparse: whether points are further apart than ticks.
+        rounding: smallest step of positions with a few digits after the point [rad]; 0: they have all of them.
     """
 
     t: Array
@@ -38,6 +40,8 @@ class Commands:
     tau: Array | None
     ends: Array
     interpolation: str
+    sparse: bool
+    rounding: float
 
 
 def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
@@ -62,8 +66,28 @@ def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
         tau = None if motion.tau is None else interpolated(t, [motion.tau], at)[0]
     q, v, _ = interpolated(t, given, at)
     v[(ticks < start) | (ticks > end)] = 0
-    _, velocities, a = interpolated(t, given, np.array([start, end]))
-    return Commands(at, q, v, tau, np.stack([velocities, a]), INTERPOLATIONS[len(given)])
+    ends = _differences(t, motion.q) if len(given) == 1 else interpolated(t, given, np.array([start, end]))[1:]
+    sparse = bool(np.max(np.diff(t)) > 1.5 / rate)
+    return Commands(at, q, v, tau, np.stack(ends), INTERPOLATIONS[len(given)], sparse, _rounding(motion.q))
+
+
+def _rounding(q: Array) -> float:
+    """The decimal step that all positions are multiples of; 0: none from 1e-3 to 1e-8 rad."""
+    moving = q[:, np.ptp(q, axis=0) > 0]
+    for step in (10.0**-digits for digits in range(3, 9)):
+        if moving.size and np.allclose(moving / step, np.round(moving / step), rtol=0, atol=1e-4):
+            return step
+    return 0.0
+
+
+def _differences(t: Array, q: Array) -> tuple[Array, Array]:
+    """Velocities and accelerations at both ends of a motion with positions only, each of shape (2, nv)."""
+    h = np.diff(t)[:, None]
+    slopes = np.diff(q, axis=0) / h
+    if len(slopes) == 1:
+        return slopes[[0, 0]], np.zeros((2, q.shape[1]))
+    a = np.diff(slopes, axis=0)[[0, -1]] / ((h[1:] + h[:-1]) / 2)[[0, -1]]
+    return slopes[[0, -1]] + np.array([[-1.0], [1.0]]) * a * h[[0, -1]] / 2, a
 
 
 def check_points(motion: Trajectory | Planned) -> None:

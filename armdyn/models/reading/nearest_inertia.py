@@ -104,14 +104,12 @@ def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
             continue
         name, mass = str(link.get("name")), float(inertial.find("mass").get("value", ""))  # type: ignore[union-attr]
         tensor = inertia_tensor(inertial, source, f"link {name!r}")
+        if mass <= 0 or np.max(np.abs(tensor)) < POINT_MASS:
+            continue
         least, *_, largest = np.linalg.eigvalsh(second_moments(tensor))
-        if mass > 0 and np.max(np.abs(tensor)) >= POINT_MASS and least < -_ROUNDED * max(largest, 0.0):
-            found.append(
-                InertiaRepair(
-                    link=name, fault=inertia_fault(tensor), mass=mass, before=tensor,
-                    after=nearest_physical(mass, tensor),
-                )
-            )  # fmt: skip
+        if (fault := inertia_fault(tensor)) or least < -_ROUNDED * largest:
+            after = nearest_physical(mass, tensor)
+            found.append(InertiaRepair(link=name, fault=fault, mass=mass, before=tensor, after=after))
     return tuple(found)
 
 

@@ -128,6 +128,10 @@ class Arm:
         """Whether each joint is prismatic, shape (nv,): its position is in metres."""
         return np.array([joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]])
 
+    def marked(self, name: str) -> str:
+        """Name of a result of this robot: that of a repaired model says so."""
+        return f"{name} (repaired model)" if self.repaired else name
+
     @property
     def poses(self) -> dict[str, Array]:
         """Joint positions that have a name [rad or m], each of shape (nv,): from an SRDF by the URDF, or a table."""

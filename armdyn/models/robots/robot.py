@@ -66,7 +66,7 @@ class Robot(Arm):
             given = replace(given, tool=replace(given.tool, frame=reading.tip))
         name = source.name if source.format == "model" else str(reading.model.name)
         robot = cls(
-            name=f"{name} (repaired model)" if reading.repaired else name,
+            name=name,
             model=reading.model,
             limits=source.limits or reading.limits,
             joint_names=tuple(list(reading.model.names)[1:]),
@@ -79,6 +79,7 @@ class Robot(Arm):
             origin=source,
             options=given,
         )
+        robot = replace(robot, name=robot.marked(robot.name))
         if source.spec and given.tool is None:  # the payload is one of its links
             robot = replace(robot, payload=given.payload)
         else:

@@ -18,7 +18,7 @@ from armdyn.errors import SpecError, did_you_mean
 Array = NDArray[np.float64]
 
 _CONCAVE = 1e-9
-"""Relative rounding of the slopes of a curve's points, which were typed with ten digits."""
+"""Relative rounding of a curve's torques and slopes, which were typed with ten digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,10 +168,10 @@ class TorqueSpeed(ActuatorLimits):
     @cached_property
     def lines(self) -> tuple[Array, Array]:
         """See `ActuatorLimits.lines`; a joint with fewer lines than others has some of infinite torque."""
-        motors = zip(self.joints, ~self.passive, strict=True)
+        joints = zip(self.joints, self.strongest * (1 - _CONCAVE), strict=True)
         own = [
-            _lines(np.asarray(self.curves[name])) if name in self.curves and motor else np.empty((0, 2))
-            for name, motor in motors
+            _lines(np.asarray(self.curves[name]), most) if name in self.curves and most else np.empty((0, 2))
+            for name, most in joints
         ]
         count = max((len(each) for each in own), default=0)
         padded = [np.vstack([each, np.tile([0.0, np.inf], (count - len(each), 1))]) for each in own]
@@ -201,11 +201,15 @@ def torque_speed_entry(limits: ActuatorLimits) -> dict[str, list[list[float]]]:
     return {name: np.asarray(points).tolist() for name, points in curves.items()}
 
 
-def _lines(points: Array) -> Array:
-    """Slopes s and torques c at rest of the lines t = c - s v through neighbouring points, shape (points - 1, 2)."""
+def _lines(points: Array, most: float) -> Array:
+    """Slopes s and torques c at rest of the lines t = c - s v through neighbouring points, shape (lines, 2).
+
+    Without level ones at the largest torque, which say what the torque limits say.
+    """
     speed, torque = points.T
     slopes = -np.diff(torque) / np.diff(speed)
-    return np.stack([slopes, torque[:-1] + slopes * speed[:-1]], axis=1)
+    lines = np.stack([slopes, torque[:-1] + slopes * speed[:-1]], axis=1)
+    return np.compress((slopes > 0) | (torque[:-1] < most), lines, axis=0)
 
 
 def _checked(joint: str, given: ArrayLike) -> Array:

@@ -17,6 +17,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 _ALIKE = 1e-6
 """Relative difference of two durations that are the same to people."""
@@ -45,7 +46,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         message="; ".join((_message(task, status, best, found), *best.missed, *([met] if met else []))),
         problem=task.problem,
         duration=duration,
-        trajectory=best.trajectory,
+        trajectory=_marked(task, best.trajectory),
         certificate=certificate,
         arcs=best.phases.arcs if best.phases else (),
         phases=best.phases,
@@ -63,6 +64,12 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         decides=best.decides
         or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),
     )
+
+
+def _marked(task: Task, motion: Trajectory) -> Trajectory:
+    """The motion, which says so where it is one of a repaired model."""
+    name = task.problem.robot.marked(motion.name)
+    return motion if name == motion.name else replace(motion, name=name)
 
 
 def failed(task: Task, found: Found, elapsed: float) -> Solution:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from armdyn.codegen.background import awaited
 from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import CurveInterval
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import (
@@ -24,6 +25,7 @@ from armdyn.optimal.flat.refinement import (
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
+from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
@@ -230,13 +232,13 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
         size = np.where(multiplier > 0, problem.limits.actuators.upper, problem.limits.actuators.lower) / half
         parts = {"torque limit": np.sum(multiplier * size, axis=0)} if torques.size else {}
         if shape.lines:
-            used = np.abs(solved.result.lam_g[shape.torque_speeds(leg)])
-            rest = problem.limits.actuators.lines[1] / half
-            parts["torque-speed curve"] = np.sum(used * np.where(np.isinf(rest), 0.0, rest), axis=(0, 1))
+            lines = solved.result.lam_g[shape.torque_speeds(leg)]
+            parts["torque-speed curve"] = np.sum(lines * solved.result.x[torques][:, None], axis=(0, 1))
         for order in shape.orders:
             parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
         for limit, part in parts.items():
             by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
+    by_joint |= _heating(task, refined)
     shares = [
         Share(limit, name, float(part))
         for limit, parts in by_joint.items()
@@ -244,6 +246,22 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
         if part > task.policy.curves.least_share
     ]
     return tuple(sorted(shares, key=lambda share: -share.part))
+
+
+def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
+    """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
+    solved, found, end = refined.solved, dict[str, Array](), 0
+    place, intervals = CurveInterval(task.dynamics, task.scheme.compile), sum(solved.shape.intervals)
+    asked = (each for each in refined.constraints.path_constraints if isinstance(each, RmsTorque))
+    heated = {rows: each.dwell for each in asked for rows in each.rows(task.problem)}
+    for rows in reversed(solved.rows):  # the last equations
+        begin = end - rows.functions(place).defects.numel_out(0) * (intervals if rows.where == "every" else 1)
+        if rows in heated:
+            multipliers = solved.result.lam_g[slice(begin, end or None)]
+            part = 2 * multipliers * solved.guessed * (1 + heated[rows] / solved.curve.duration)
+            found["continuous-torque limit"] = part
+        end = begin
+    return found
 
 
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:

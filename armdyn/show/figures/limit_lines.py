@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from armdyn.models import JointLimits
 from armdyn.show.figures.style import INK, SOFT, color
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,17 @@ def draw_limits(panel: Panel, limits: JointLimits) -> bool:
     free = sum(not np.isfinite(lower[joint]) and not np.isfinite(upper[joint]) for joint in own)
     panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=SOFT)
     return bool(drawn)
+
+
+def draw_ranges(panel: Panel, limits: JointLimits, motion: Trajectory) -> None:
+    """Draw the torque limits of a motion in its panel, of joints whose motors give less at speed."""
+    falling = np.any(limits.actuators.lines[0] > 0, axis=0)
+    ends = limits.actuators.range(motion.q, motion.v)
+    for joint in filter(falling.__getitem__, panel.joints):
+        for end in ends:
+            panel.axes.plot(
+                motion.t, end[:, joint], color=color(joint), linestyle=(0, (1, 2)), linewidth=0.9, alpha=0.7
+            )
 
 
 def _told_limits(panel: Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:

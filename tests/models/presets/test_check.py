@@ -115,6 +115,25 @@ def test_coarse_points_with_positions_only_are_corners():
     assert worst.first == pytest.approx(0.001, abs=1e-9)
 
 
+def test_points_at_the_ticks_need_no_velocities():
+    motion, _ = ramps(0, v=2.175, a=15.0, j=7500.0)
+    check = PANDA.check(Planned(motion.t, motion.q))
+    assert check.ok and check.interpolation == "linear" and len(check.notes) == 1  # no torques
+    assert rows(check, "zero_acceleration")["joint1"].ok and rows(check, "zero_velocity")["joint1"].ok
+    count = 100
+    ends = PANDA.check(Planned(motion.t[:count], motion.q[:count]))  # cut off while it accelerates
+    assert rows(ends, "zero_acceleration")["joint1"].value == pytest.approx(15, rel=1e-3)
+    assert rows(ends, "zero_velocity")["joint1"].value == pytest.approx(motion.v[count - 1, 0], rel=1e-3)
+
+
+def test_rounded_positions_have_a_note():
+    motion, _ = ramps(0, v=1.0, a=5.0, j=2000.0)
+    check = PANDA.check(Planned(motion.t, np.round(motion.q, 6)))
+    assert check.notes[-1] == "positions are rounded to 1e-06 rad, which alone is 4e+03 rad/s³ of jerk"
+    assert len(PANDA.check(Planned(motion.t, motion.q)).notes) == 1
+    assert len(PANDA.check(Planned(motion.t, np.round(motion.q, 9))).notes) == 1
+
+
 def test_ruckig_keeps_the_limits_that_it_is_given():
     assert PANDA.check(ruckig_motion(1.0)).ok
     fast = PANDA.check(ruckig_motion(1.1), [f"panda_joint{i}" for i in range(1, 8)])

@@ -71,8 +71,12 @@ def test_results_of_a_repaired_model_say_so(tmp_path):
     assert ad.Robot.from_urdf_string(RR).repaired == ""
     np.testing.assert_allclose(robot.model.inertias[1].mass, ad.Robot.from_urdf_string(RR).model.inertias[1].mass)
     problem = ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[0.1, 0])
-    assert "repaired model" in repr(problem)
-    assert "repaired model" in ad.ramp(robot, [0, 0], [1, 1], 1.0).name + robot.with_payload(None).name
+    assert "repaired model" in repr(problem) and "repaired model" in robot.with_payload(None).name
+    motion = ad.ramp(robot, [0, 0], [1, 1], 1.0)
+    solution, run = ad.solve_minimum_time(problem), ad.track(robot, motion)
+    names = [one.name for one in (motion, solution.trajectory, solution.trajectory.resample(100), run.trajectory)]
+    assert all(name.endswith(" (repaired model)") and name.count("repaired") == 1 for name in names)
+    assert "repaired" not in ad.ramp(ad.Robot.from_urdf_string(RR), [0, 0], [1, 1], 1.0).name
 
 
 def test_hostile_names_stay_names(tmp_path):

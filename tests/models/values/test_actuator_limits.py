@@ -81,6 +81,9 @@ def test_torque_falls_with_speed_where_it_drives():
     slopes, rest = FALLING.lines
     assert np.allclose(slopes, [[0.5, 0, 0], [0.75, 0, 0]]) and np.allclose(rest[:, 0], [2.5, 2.75])
     assert np.all(np.isinf(rest[:, 1:]))  # no curve, no motor
+    corner = replace(FALLING, curves={"a": [[0.0, 3.0], [1.0, 3.0], [2.0, 2.0]]})
+    assert np.array_equal(np.squeeze(corner.lines), [[1, 0, 0], [4, np.inf, np.inf]])  # level: the torque limit's own
+    assert not replace(FALLING, curves={"a": [[0.0, 3.0], [1.0, 3.0]]}).lines[0].size
 
 
 def test_a_reserve_takes_its_part_at_every_speed():

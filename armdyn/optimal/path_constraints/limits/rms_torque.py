@@ -50,8 +50,8 @@ class RmsTorque(PartialLimit):
     )
 
     def __post_init__(self) -> None:
-        numbers(self.limit, "limit of RmsTorque", "one number, or one per joint [N m]")
-        number(self.dwell, "dwell of RmsTorque", unit="s", sign="not negative")
+        numbers(self.limit, "RmsTorque limit", "one number, or one per joint [N m]")
+        number(self.dwell, "RmsTorque dwell", unit="s", sign="not negative")
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
@@ -69,7 +69,7 @@ class RmsTorque(PartialLimit):
         limit = per_joint(
             self.limit,
             robot.joint_names,
-            "limit of RmsTorque",
+            "RmsTorque limit",
             unit="N m",
             error=ProblemError,
             finite=False,

@@ -28,7 +28,7 @@ class TorqueSpeedLimit(PartialLimit):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        return None if problem.limits.actuators.constant else cls()
+        return cls() if problem.limits.actuators.lines[0].size else None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
         """At the stages of every interval, as parts of c; torques do not jump at knots."""
