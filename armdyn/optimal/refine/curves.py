@@ -252,7 +252,7 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
     """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
     solved, found, end = refined.solved, dict[str, Array](), 0
     place, intervals = CurveInterval(task.dynamics, task.scheme.compile), sum(solved.shape.intervals)
-    asked = (each for each in refined.constraints.path_constraints if isinstance(each, RmsTorque))
+    asked = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
     heated = {rows: each.dwell for each in asked for rows in each.rows(task.problem)}
     for rows in reversed(solved.rows):  # the last equations
         begin = end - rows.functions(place).defects.numel_out(0) * (intervals if rows.where == "every" else 1)
