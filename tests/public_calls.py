@@ -242,6 +242,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.with_payload: {"payload": None},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
+        RR.marked: {"name": "motion"},
         RR.with_armature: {"armature": None, "rotor_inertia": 1e-4, "gear_ratio": 10.0},
         RR.with_torque_speed: {"torque_speed": {RR.joint_names[0]: [[0.0, 1.0], [1.0, 0.5]]}},
         RR.with_passive: {"joints": [RR.joint_names[0]]},

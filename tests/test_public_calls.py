@@ -68,6 +68,7 @@ INNER = {
         "check",
         "asked_distances",
         "derivative_limit",
+        "from_table",
         "least_duration",
         "of",
         "of_option",

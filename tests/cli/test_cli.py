@@ -161,7 +161,7 @@ def test_doctor(tmp_path):
     [
         (["mintime", "nosuch"], "no robot named 'nosuch'"),
         (["mintime", "missing.urdf"], "missing.urdf: no such file"),
-        (["mintime", "rr", "--q-goal", "1"], "q_goal has shape"),
+        (["mintime", "rr", "--q-goal", "1"], "--q-goal has shape"),
         (["mintime", "rr", "--q-goal", "1,x"], "'x' is not a number"),
         (["mintime", "rr", "--q-goal", "nan,0"], "must be finite"),
         (["mintime", "rr", "--q-goal", "4,0"], "outside its limits"),

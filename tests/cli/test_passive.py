@@ -38,7 +38,7 @@ def test_bound_takes_it_too(stranger):
     [
         (("--passive", "pol"), "there is no joint 'pol'; did you mean 'pole'?"),
         (("--passive", "pole", "--passive", "cart"), "no joint has a motor"),
-        ((), "passive=('pole',) if it has no motor"),
+        ((), "name the joint in --passive if it has no motor"),
     ],
 )
 def test_what_is_refused(stranger, options, words):

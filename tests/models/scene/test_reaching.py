@@ -61,7 +61,7 @@ def test_a_problem_takes_a_goal_pose():
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], goal_pose=GoalPose("tip", [0.3, 0.0, 0.2]))
     assert len(problem.goals) == 2
     np.testing.assert_array_equal(problem.q_goal, problem.goals[0])
-    with pytest.raises(ProblemError, match="q_goal or goal_pose"):
+    with pytest.raises(ProblemError, match="`q_goal` or `goal_pose`"):
         ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0])
 
 

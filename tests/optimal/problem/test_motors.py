@@ -35,7 +35,9 @@ def test_the_ways_to_say_it_are_one():
 
 
 def test_an_unset_limit_of_a_urdf_stays_refused():
-    with pytest.raises(ProblemError, match=r"joint 'pole' has torque limits .* passive=\('pole',\) if it has no motor"):
+    with pytest.raises(
+        ProblemError, match=r"joint 'pole' has torque limits .* the joint in `passive` if it has no motor"
+    ):
         ad.MinimumTimeProblem(bare(), **ENDS)
 
 
@@ -43,10 +45,10 @@ def test_an_unset_limit_of_a_urdf_stays_refused():
     ("more", "words"),
     [
         ({"passive": ("joint3",)}, "passive: there is no joint 'joint3'; did you mean 'joint[12]'.*joint1, joint2"),
-        ({"passive": ("joint1", "joint2")}, "no joint has a motor: .*joint1, joint2.*fewer joints in passive="),
+        ({"passive": ("joint1", "joint2")}, "no joint has a motor: .*joint1, joint2.*fewer joints in `passive`"),
         ({"effort_limit": 0.0}, "no joint has a motor"),
         ({"passive": "joint1"}, "passive is 'joint1'; it must be a list"),
-        ({"passive": ("joint2",), "relative_effort_weight": 1.0}, "joint 'joint2' has no motor.*give effort_weight"),
+        ({"passive": ("joint2",), "relative_effort_weight": 1.0}, "joint 'joint2' has no motor.*give `effort_weight`"),
     ],
 )
 def test_too_few_motors(more, words):
