@@ -81,6 +81,8 @@ def _facts(solution: Solution) -> dict[str, str]:
         shares = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
         saved = f"1 % more of the first saves {10 * most.part * solution.duration:.3g} ms"
         facts["time decided by"] = f"{shares}{' …' if len(solution.decides) > 3 else ''}; {saved}"
+    if solution.calm and solution.moves:
+        facts["calm joints"] = f"take {1000 * solution.calm:.2g} ms of it; --calm 0 is the fastest"
     if (by := solution.sensitivities()) is not None:
         facts["payload"] = f"1 g more at the tip costs {by.payload_mass:.3g} ms"
     facts["solved in"] = f"{solution.solve_time:.1f} s, {solution.iterations} iterations"
