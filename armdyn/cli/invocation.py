@@ -31,7 +31,6 @@ _OTHER_NAMES = {
     "end_contacts": "end_contact",
     "obstacles": "obstacle",
     "path_constraints": "limit",
-    "relative_effort_weight": "smooth",
 }
 """Arguments in Python, to the options that have another name."""
 

@@ -24,7 +24,7 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "problem", "options")
-OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "smooth")
+OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
 

@@ -14,7 +14,7 @@ TURNTABLE = f"""<robot name="turntable"><link name="base"/><link name="arm"><ine
 <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="{INERTIA}"/></inertial></link>
 <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
 <limit effort="{PEAK}" velocity="100"/></joint></robot>"""
-ONE = ad.MinimumTimeOptions(workers=1)
+ONE = ad.MinimumTimeOptions(calm=0.0, workers=1)
 
 
 def turntable(**options):

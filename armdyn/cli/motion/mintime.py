@@ -46,10 +46,11 @@ class SolverOptions:
     time_limit: float = option("S", "For the whole solve \\[s].", default=300.0)
     max_intervals: int = option("N", "Of the finest mesh, where a coarser one is not enough.", default=160)
     seed: int = option("N", "Of the guesses after the first.", default=0)
-    smooth: float = option(
+    calm: float = option(
         "SHARE",
-        "How much of the time may be given for gentle torques, where velocity limits shape the motion; 0: "
-        "none. 0.1 gives some 0.02 % of it, and halves what torques go up and down.",
+        "Part of the time that may be given for calm joints, where motions are curves (arms of more than three joints, "
+        "or velocity limits that shape the motion): joints travel no farther than they need, and turn back less. 0: "
+        "the fastest.",
         default=1e-3,
     )
 

@@ -59,6 +59,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         constraint_reports=best.reports.each if best.reports else (),
         via_times=best.via_times,
         moves=_moves(task, best),
+        calm=best.calm,
         met=met,
         decides=best.decides
         or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),

@@ -55,6 +55,7 @@ class Solution:
         moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
             missing it is the best so far; else it is no motion, and `duration` says nothing.
         decides: how much of the time each limit decides, most first; empty if that is not known.
+        calm: time that was given for calm joints [s]: without, the motion takes so much less.
         met: how many different optima the guesses met, and how often the best, of a curve that is not certified.
     """
 
@@ -78,6 +79,7 @@ class Solution:
     goals: tuple[GoalTried, ...] = ()
     moves: bool = True
     decides: tuple[Share, ...] = ()
+    calm: float = 0.0
     met: str = ""
 
     def __str__(self) -> str:

@@ -30,7 +30,7 @@ def minimum_time_summary(solution: Solution) -> dict[str, object]:
         "idle": list(certificate.idle),
         **_plain(solution, "lower_bound", "gap", "gap_proven"),
         "decides": [_plain(one, "limit", "joint", "part") for one in solution.decides],
-        **_plain(solution, "what_to_do"),
+        **_plain(solution, "calm", "what_to_do"),
         "certificate": _checks(certificate),
         **_plain(solution, "replay_error", "replay_velocity_error"),
         "arcs": [{"duration": arc.duration, "modes": [str(mode) for mode in arc.modes]} for arc in solution.arcs],

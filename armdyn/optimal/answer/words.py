@@ -106,7 +106,7 @@ def paragraph(solution: Solution) -> str:
     if solution.feasible and solution.moves:
         words = replay_words(solution.certificate)
         said.append(f"{words[0].upper()}{words[1:]}.")
-    said.append(_decided(solution))
+    said += [_decided(solution), _calmed(solution)]
     if solution.lower_bound is not None and solution.moves:
         said.append(f"No motion is faster than {solution.lower_bound:.6f} s.")
     if solution.met:
@@ -135,6 +135,14 @@ def replay_words(certificate: Certificate) -> str:
         f"corrections of at most {certificate.correction:.1e} N m "
         f"({certificate.correction_share:.1e} of half the torque range)"
     )
+
+
+def _calmed(solution: Solution) -> str:
+    """Time given for calm joints; empty if none was."""
+    if not (solution.calm and solution.usable):
+        return ""
+    part = percent(solution.calm / (solution.duration - solution.calm))
+    return f"{1000 * solution.calm:.2g} ms of it ({part}) are given for calm joints: calm = 0 is the fastest."
 
 
 def _decided(solution: Solution) -> str:

@@ -26,7 +26,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.values.friction import JointFriction
-from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 from armdyn.optimal.bound.terms import Indices, Terms
 
@@ -46,17 +45,17 @@ class Forces:
     Attributes:
         terms: inertia and gravity over the boxes of positions.
         v: velocities [rad/s or m/s], shape (boxes, nv).
-        limits: of torque.
+        torque: [N m or N], shape (boxes, nv).
         friction: in the joints.
     """
 
     terms: Terms
     v: Interval
-    limits: JointLimits
+    torque: Interval
     friction: JointFriction
 
     def __getitem__(self, boxes: slice | Indices) -> Forces:
-        return Forces(self.terms[boxes], self.v[boxes], self.limits, self.friction)
+        return Forces(self.terms[boxes], self.v[boxes], self.torque[boxes], self.friction)
 
     def rate(self, w: Array, way: Interval | None = None, steps: Interval | None = None) -> Interval:
         """Enclosure of λᵀ v + ẇᵀ M(q) v + wᵀ (τ + e(q, v)), shape (boxes, m).
@@ -77,8 +76,7 @@ class Forces:
             steps = steps.spread((boxes, *steps.lower.shape[-2:]))
             linear = linear + self.terms.inertia.dot(steps)
             turning = self.terms.inertia_slopes.dot(steps[:, None])
-        torque = Interval(self.limits.actuators.lower, self.limits.actuators.upper)
-        constant = torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
+        constant = self.torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
         weight = self.terms.gravity_slopes.dot(exact)
         return self._form(linear, self._squares(w), turning, -weight) + constant[:, None].dot(exact)[:, 0]
 

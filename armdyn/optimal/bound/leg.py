@@ -13,7 +13,9 @@ from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
+from armdyn.optimal.bound.rates import least_times
 from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
@@ -37,6 +39,8 @@ class BoundLeg:
         v_goal: likewise.
         velocity: limits, no less than the velocities at the ends, shape (nv,).
         acceleration: limits [rad/s² or m/s²], infinite where there is none, shape (nv,).
+        jerk: likewise [rad/s³ or m/s³]; accelerations are zero where velocities are given.
+        torque_rate: likewise of the torques [N m/s or N/s]; where the arm rests they are what holds it.
         position: limits that hold all poses, each end of shape (nv,).
         torque: the limits of it.
         policy: tuned numbers of the bound.
@@ -49,6 +53,8 @@ class BoundLeg:
     v_goal: Array | None
     velocity: Array
     acceleration: Array
+    jerk: Array
+    torque_rate: Array
     position: Interval
     torque: JointLimits
     policy: BoundPolicy
@@ -96,6 +102,19 @@ class BoundLeg:
         """Shortest duration within the velocity limits [s]."""
         return float(np.max(self.kinematic))
 
+    @property
+    def ramped(self) -> Array:
+        """Time of every joint with its limits of velocity, acceleration and jerk [s], rounded down, shape (nv,)."""
+        if not (self.at_rest(self.v_start) and self.at_rest(self.v_goal)):
+            return self.kinematic
+        way = np.maximum(down(self.away.mignitude), 0.0)
+        return np.maximum(self.kinematic, least_times(way, self.velocity, self.acceleration, self.jerk))
+
+    @staticmethod
+    def at_rest(v: Array | None) -> bool:
+        """Whether the arm rests at an end of such velocities."""
+        return v is not None and not np.any(v)
+
 
 def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
     """The legs of a problem, in order.
@@ -104,8 +123,7 @@ def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg,
     """
     nv, poses, limits = problem.robot.nv, problem.poses, problem.limits
     v_start, v_goal = problem.x_start[nv:], problem.x_goal[nv:]
-    none = np.full(nv, np.inf)
-    asked = problem.acceleration_limit
+    rates = _rates(problem)
     lower, upper = limits.position_lower, limits.position_upper
     position = Interval(np.minimum(lower, poses.min(axis=0)), np.maximum(upper, poses.max(axis=0)))
     dynamics = Dynamics(problem.robot)
@@ -118,10 +136,25 @@ def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg,
             v_start=v_start if i == 0 else None,
             v_goal=v_goal if i == last else None,
             velocity=np.max([limits.velocity, np.abs(v_start), np.abs(v_goal)], axis=0),
-            acceleration=none if asked is None else np.asarray(asked),
+            acceleration=rates["acceleration"],
+            jerk=rates["jerk"],
+            torque_rate=rates["torque"],
             position=position,
             torque=limits,
             policy=policy,
         )
         for i in range(last + 1)
     )
+
+
+def _rates(problem: MinimumTimeProblem) -> dict[str, Array]:
+    """Limits of accelerations, jerks and torque rates by the path constraints, infinite where there is none."""
+    names = {2: "acceleration", 3: "jerk"}
+    found = dict.fromkeys((*names.values(), "torque"), np.full(problem.robot.nv, np.inf))
+    for each in path_constraints_of(problem):
+        limit, torque_rate = each.derivative_limit(problem), each.torque_rate_limit(problem)
+        if limit is not None:
+            found[names[limit[0]]] = np.minimum(found[names[limit[0]]], limit[1])
+        if torque_rate is not None:
+            found["torque"] = np.minimum(found["torque"], torque_rate)
+    return found

@@ -10,6 +10,7 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
+from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
 from armdyn.optimal.bound.terms import terms_over
@@ -23,7 +24,8 @@ def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tu
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
         known: a bound that is proven already [s].
     """
-    known, joint = max(known, leg.shortest), int(np.argmax(leg.kinematic))
+    ramped = leg.ramped
+    known, joint = max(known, float(np.max(ramped))), int(np.argmax(ramped))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
     numbers, ahead = leg.policy, leg.policy.ahead
@@ -44,7 +46,7 @@ def _on_grid(
     for done in range(numbers.passes):
         if stop():
             break
-        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, leg.torque, leg.friction)
+        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
         if done:  # the first boxes are too wide for a program to say much
             by = relaxed(leg, cells, forces, known)
             if by is None:

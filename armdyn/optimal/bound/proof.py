@@ -19,6 +19,7 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.reach import End
 from armdyn.optimal.bound.relaxation import Multipliers
 
@@ -33,10 +34,12 @@ def proven(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> floa
     ways = way + _differences(by.speed) / lengths[:, None]
     both = np.stack([w[:-1], w[1:]], axis=2)
     rates = forces[outer].rate(both, ways[:, :, None], steps[:, :, None])
-    accelerated = (Interval.at(np.abs(by.speed)) * Interval.at(_finite(leg.acceleration))).sum(1)
-    mean = (rates[:, 0] + rates[:, 1] + accelerated[:-1] + accelerated[1:]) * Interval.at(0.5)
+    speed, most = np.abs(by.speed), _finite(accelerations(leg, cells))
+    accelerated = (Interval.at(speed[:-1]) + Interval.at(speed[1:])) * Interval.at(most[outer])
+    mean = (rates[:, 0] + rates[:, 1] + accelerated.sum(1)) * Interval.at(0.5)
     made = (lengths * mean).sum(0) + _at_ends(leg, by)
-    middle = forces[k : k + 1].rate(w[k][:, None], way[:, None])[0, 0] + accelerated[k]
+    middle = forces[k : k + 1].rate(w[k][:, None], way[:, None])[0, 0]
+    middle = middle + (Interval.at(speed[k]) * Interval.at(most[k])).sum(0)
     left = leg.least_way(by.way) - made.upper
     if left <= 0:
         return 0.0

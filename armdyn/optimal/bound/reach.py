@@ -17,11 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure.interval import Interval, up
+from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.rates import accelerations
 
 Array = NDArray[np.float64]
+
+
+_HUGE = 1e100
+"""Acceleration [rad/s² or m/s²] that stands for none: sums of infinite ones are not defined."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +59,11 @@ def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
     """Bounds of the velocities in every cell, shape (2 k + 1, nv)."""
     k = cells.middle
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
-    times = np.append(cells.side, cells.between)
+    times, fastest = np.append(cells.side, cells.between), accelerations(leg, cells)
     for outward, own in ((1, np.arange(k + 1)), (-1, np.arange(2 * k, k - 1, -1))):
         end = End.at(leg, outward)
         if end is not None:
-            found = _from_end(leg, end, times, forces[own]).meet(_accelerated(leg, end, times))
+            found = _from_end(leg, end, times, forces[own]).meet(_accelerated(end, times, fastest[own]))
             met = found.meet(Interval(lower[own], upper[own]))
             lower[own], upper[own] = met.lower, met.upper
     return Interval(lower, upper)
@@ -80,9 +85,9 @@ def _from_end(leg: BoundLeg, end: End, times: Array, forces: Forces) -> Interval
     return forces.v.meet(Interval(lower, upper))
 
 
-def _accelerated(leg: BoundLeg, end: End, times: Array) -> Interval:
-    """Bounds by the limits of acceleration, shape (k, nv)."""
-    room = up(Interval.at(times).running().upper[1:, None] * leg.acceleration)
+def _accelerated(end: End, times: Array, most: Array) -> Interval:
+    """Bounds by the largest accelerations, shape (k, nv)."""
+    room = (Interval.at(times[:, None]) * Interval.at(np.minimum(most, _HUGE))).running().upper[1:]
     return Interval.at(end.v) + Interval(-room, room)
 
 

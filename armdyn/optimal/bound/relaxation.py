@@ -25,6 +25,7 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.rates import accelerations
 
 Array = NDArray[np.float64]
 
@@ -47,8 +48,8 @@ class Multipliers:
     def ramp(self, leg: BoundLeg, cells: Cells) -> float:
         """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
         torque = leg.torque.actuators.strongest
-        acceleration = np.where(np.isfinite(leg.acceleration), leg.acceleration, 0.0)
-        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ acceleration
+        most = np.max(accelerations(leg, cells), axis=0)
+        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ np.where(np.isfinite(most), most, 0.0)
         counts = worth > leg.policy.idle * np.max(worth)
         times = np.append(0.0, np.cumsum(cells.side))
         k = cells.middle
@@ -80,10 +81,10 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
     nv, nodes = len(leg.velocity), 2 * cells.middle + 1
     kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
-    accelerated = np.isfinite(leg.acceleration)
+    most = accelerations(leg, cells)
+    accelerated = np.all(np.isfinite(most), axis=0)
     if np.any(accelerated):
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
-        most = np.broadcast_to(leg.acceleration, (nodes, nv))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
     ways = hstack([eye(nv) * (time / duration) for time in times])

@@ -28,25 +28,28 @@ class Shared:
         effort: scales of the torques: half their ranges [N m or N], shape (nv,).
         weights: of the squares of scaled torques over time, shape (nv,).
         body: dynamic parameters of what the last joint carries, shape (10,).
+        travel: scales of the derivatives of positions by the part of the time, where these are paid for [rad or m],
+            shape (nv,).
         hurry: what a second costs.
     """
 
     effort: ca.SX
     weights: ca.SX
     body: ca.SX
+    travel: ca.SX
     hurry: ca.SX
 
     @staticmethod
     def size(joints: int) -> int:
-        return 2 * joints + BODY + 1
+        return 3 * joints + BODY + 1
 
     @classmethod
     def symbols(cls, joints: int) -> "Shared":
-        sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("hurry", 1))
+        sizes = (("effort", joints), ("weights", joints), ("body", BODY), ("travel", joints), ("hurry", 1))
         return cls(*(ca.SX.sym(name, size) for name, size in sizes))
 
     def column(self) -> ca.SX:
-        return ca.vertcat(self.effort, self.weights, self.body, self.hurry)
+        return ca.vertcat(self.effort, self.weights, self.body, self.travel, self.hurry)
 
 
 @built_once(maxsize=16)
@@ -55,21 +58,23 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
 
     Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
     Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
-    the time; what a squared torque costs there, whatever T is; then `Shared`.
+    the time; what a squared torque costs there, whatever T is, and squared derivatives by the part of the time, over
+    the scales of `Shared`; then `Shared`.
     The chain from control points to (q, q', q'') is linear, so that dynamics are differentiated by these only.
     """
     n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
-    basis, part, tie = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie")
+    basis, part, tie, calm = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie"), ca.SX.sym("calm")
     present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
     q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
     load = dynamics.rnea(q, dq / duration, ddq / duration**2, present) / shared.effort
-    cost = (tie * ca.sumsqr(torque) + shared.hurry * part * duration * ca.dot(shared.weights, torque**2)) / 2
-
     points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
-    y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, shared.column())
+    y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, calm, shared.column())
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
     outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
+    moving = calm * ca.sumsqr(at[n : 2 * n] / shared.travel)
+    effort = shared.hurry * part * duration * ca.dot(shared.weights, torque**2)
+    cost = (tie * ca.sumsqr(torque) + moving + effort) / 2
     inner = ca.vertcat(curve, duration)
     curvature = ca.hessian(ca.dot(lam, load), inner)[0]
     jacobian = ca.horzcat(ca.jacobian(load, inner) @ outer, -ca.SX.eye(n))
@@ -91,6 +96,17 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
         hessian=fast[1],
         hessian_pattern=hessian.sparsity(),
     )
+
+
+@built_once(maxsize=16)
+def torque_step_cost(joints: int) -> IntervalFunctions:
+    """Cost of the squared change of torques from one point of a leg to the next; no equations.
+
+    Unknowns: the scaled torques at both points. Parameter: what a squared change costs.
+    """
+    y, price = ca.SX.sym("y", 2 * joints), ca.SX.sym("price")
+    cost = price * ca.sumsqr(y[joints:] - y[:joints]) / 2
+    return differentiated("torque_step", y, price, ca.SX(0, 1), cost, False)
 
 
 @built_once(maxsize=16)

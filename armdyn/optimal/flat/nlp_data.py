@@ -45,17 +45,23 @@ class TorqueMargin:
 
 @dataclass(frozen=True, eq=False)
 class CurveSpec:
-    """Specification of a curve: tightened constraints, torque margins, weight of smoothness.
+    """Specification of a curve: tightened constraints, torque margins, weights of what is paid for beside the time.
 
     Attributes:
         constraints: path constraints, as strict as they have to be.
         margins: of every leg; empty: none is left.
         smooth: weight of the mean squared torque against the duration.
+        travel: likewise of the mean squared velocities, over scales of every joint.
+        steps: likewise of the squared changes of torques from point to point.
+        least: duration [s] below which nothing is gained; 0: the fastest is asked for.
     """
 
     constraints: TightenedConstraints
     margins: tuple[TorqueMargin, ...] = ()
     smooth: float = 0.0
+    travel: float = 0.0
+    steps: float = 0.0
+    least: float = 0.0
 
 
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
@@ -121,16 +127,18 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     for k, leg in enumerate(guess.legs):
         s, weights = leg.basis.gauss(POINTS)
         basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
-        tie = spec.smooth * leg.duration / whole / n
+        ties = np.array([spec.smooth, spec.travel]) * leg.duration / whole / n
         nothing = np.zeros(s.size * n)
-        numbers.add(np.hstack([basis, weights.reshape(-1, 1), tie * weights.reshape(-1, 1)]), nothing, nothing)
+        numbers.add(np.hstack([basis, weights.reshape(-1, 1), weights.reshape(-1, 1) * ties]), nothing, nothing)
+        numbers.add(np.full(s.size - 1, spec.steps / n), np.array([]), np.array([]))
         _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
         points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
         _add_torque_speeds(numbers, limits.actuators, basis, margin)
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.actuators.lower / half, limits.actuators.upper / half
         lower[torques], upper[torques] = least + margin.lower, most - margin.upper
-        lower[shape.duration(k)] = max(float(problem.leg_bounds()[k]), 1e-3 * leg.duration)
+        bound = max(float(problem.leg_bounds()[k]), spec.least * leg.duration / whole)
+        lower[shape.duration(k)] = max(bound, 1e-3 * leg.duration)
         x[points], x[shape.duration(k)] = leg.points, leg.duration
         x[torques] = np.clip(leg.torques(problem.robot, s.ravel()) / half, _CAUTIOUS * least, _CAUTIOUS * most)
         _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
@@ -141,9 +149,16 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     _add_torque_rates(numbers, task, spec, guess)
     _add_rows(numbers, task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
-    shared = np.concatenate([half, squares, task.dynamics.last_body, [1 / whole]])
+    shared = np.concatenate([half, squares, task.dynamics.last_body, _travel(task, guess), [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
     return NlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
+
+
+def _travel(task: Task, guess: Curve) -> Array:
+    """Scales of derivatives by the part of the time [rad or m], shape (nv,): small for joints that need not move."""
+    most = guess.duration * _finite(task.problem.limits.velocity)
+    ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
+    return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
 
 
 def _finite(limit: Array) -> Array:

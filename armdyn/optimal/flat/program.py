@@ -21,6 +21,7 @@ from armdyn.optimal.flat.equations import (
     torque_equations,
     torque_rate_equations,
     torque_speed_equations,
+    torque_step_cost,
 )
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.program.assembly import Block, Program, program_of
@@ -179,7 +180,8 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
     """
     n, parts = shape.joints, list[_Part]()
     for leg in shape.legs:
-        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 2, shared=True))
+        parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 3, shared=True))
+        parts.append(_Part(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n], 1))
         parts += [
             _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
         ]

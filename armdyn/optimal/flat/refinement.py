@@ -34,18 +34,20 @@ class RefinedCurve:
     Attributes:
         curve: the motion.
         solved: the program's last solution; the curve may be slower.
-        constraints: as strict as they had to be.
+        spec: what was asked of it: constraints and margins as strict as they had to be.
         iterations: of IPOPT, or quadratic programs, over all rounds.
         excess: of a torque between the points, as a part of half its range; not positive: none.
         reports: the path constraints.
+        calm: time that was given for calm joints [s].
     """
 
     curve: Curve
     solved: Solved
-    constraints: TightenedConstraints
+    spec: CurveSpec
     iterations: int
     excess: float
     reports: ConstraintReports
+    calm: float = 0.0
 
 
 def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
@@ -57,11 +59,36 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
         task: what is to be solved.
         guess: the curve to start from.
     """
-    numbers, problem = task.policy.curves, task.problem
-    smooth = 0.0 if problem.pays_effort else task.options.smooth
-    spec = CurveSpec(TightenedConstraints.of(task), smooth=smooth)
-    solved = solve_curve(task, guess, spec)
-    iterations = solved.result.iterations
+    spec = CurveSpec(
+        TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.policy.curves.smooth
+    )
+    return _in_rounds(task, solve_curve(task, guess, spec), spec)
+
+
+def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
+    """The curve near a fastest one, slower by a share, whose joints travel least and whose torques change least.
+
+    It is the fastest one that comes back where none is found, or only slower ones than that.
+
+    Args:
+        task: what is to be solved.
+        fastest: kept within its limits.
+        share: of its duration that is given.
+    """
+    numbers, duration = task.policy.curves, fastest.curve.duration
+    least = (1 + share - numbers.little) * duration
+    spec = replace(fastest.spec, smooth=0.0, travel=numbers.travel, steps=numbers.torque_steps, least=least)
+    found = _in_rounds(task, solve_curve(task, fastest.curve, spec, fastest.solved), spec)
+    given = found.curve.duration - duration
+    kept = found.solved.converged and found.excess <= numbers.little and constraints_mended(task, found.reports)
+    if task.stop or not kept or given > share * duration:
+        return fastest
+    return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
+
+
+def _in_rounds(task: Task, solved: Solved, spec: CurveSpec) -> RefinedCurve:
+    """Tighten a specification and solve it again until the limits are kept between the points, too."""
+    numbers, problem, iterations = task.policy.curves, task.problem, solved.result.iterations
     for k in range(numbers.rounds):
         over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, spec.constraints)
         enough = numbers.little if can_be_slowed(problem) else 0.0
@@ -81,7 +108,7 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
     if can_be_slowed(problem):
         curve = _slowed(task, curve)
     excess = max(map(_worst, excesses_of(task, curve)))
-    return RefinedCurve(curve, solved, spec.constraints, iterations, excess, reports_on(task, curve, spec.constraints))
+    return RefinedCurve(curve, solved, spec, iterations, excess, reports_on(task, curve, spec.constraints))
 
 
 def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
@@ -108,7 +135,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
             curve = _slowed(task, curve)
             excess = max(map(_worst, excesses_of(task, curve)))
         kept = reports_on(task, curve, spec.constraints)
-        found.append(RefinedCurve(curve, solved, spec.constraints, iterations, excess, kept))
+        found.append(RefinedCurve(curve, solved, spec, iterations, excess, kept))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")

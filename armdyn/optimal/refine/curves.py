@@ -14,7 +14,14 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import CurveInterval
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec
-from armdyn.optimal.flat.refinement import RefinedCurve, constraints_mended, refine_curve, reports_on, sampled
+from armdyn.optimal.flat.refinement import (
+    RefinedCurve,
+    calm_curve,
+    constraints_mended,
+    refine_curve,
+    reports_on,
+    sampled,
+)
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
@@ -66,8 +73,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
-        task.progress(f"replaying a motion of {one.curve.duration:.6f} s")
-        optima.append(_landed(task, one))
+        calm = _calm(task, one)
+        task.progress(f"replaying a motion of {calm.curve.duration:.6f} s")
+        optima.append(_landed(task, calm))
         kept = optima[-1].reports is None or constraints_mended(task, optima[-1].reports)
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
             break
@@ -124,7 +132,8 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     (best,) = _refined(free, _guesses(free, 1)[:1])
     constraints = TightenedConstraints.of(task)
     reports = reports_on(task, best.curve, constraints)
-    return [replace(best, constraints=constraints, reports=reports)] if constraints_mended(task, reports) else []
+    spec = replace(best.spec, constraints=constraints)
+    return [replace(best, spec=spec, reports=reports)] if constraints_mended(task, reports) else []
 
 
 def _trouble(task: Task, refined: RefinedCurve) -> bool:
@@ -174,6 +183,18 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
         return False
     bound = task.lower_bound()
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
+
+
+def _calm(task: Task, fastest: RefinedCurve) -> RefinedCurve:
+    """A curve with calm joints, as slow as the options allow, and a proven bound where that is near; or the fastest."""
+    problem, share, duration = task.problem, task.options.calm, fastest.curve.duration
+    if not share or problem.pays_effort or problem.crowded or task.stop or not fastest.solved.converged:
+        return fastest
+    bound = task.lower_bound()
+    if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound:
+        share = min(share, (1 + GAP_TOLERANCE) * bound / duration - 1)
+    task.progress(f"{duration:.6f} s; {100 * share:.2g} % of that are given for calm joints")
+    return calm_curve(task, fastest, share)
 
 
 def _no_way(task: Task) -> Attempt:
@@ -231,7 +252,7 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
     """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
     solved, found, end = refined.solved, dict[str, Array](), 0
     place, intervals = CurveInterval(task.dynamics, task.scheme.compile), sum(solved.shape.intervals)
-    asked = (each for each in refined.constraints.path_constraints if isinstance(each, RmsTorque))
+    asked = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
     heated = {rows: each.dwell for each in asked for rows in each.rows(task.problem)}
     for rows in reversed(solved.rows):  # the last equations
         begin = end - rows.functions(place).defects.numel_out(0) * (intervals if rows.where == "every" else 1)
@@ -257,7 +278,8 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
             curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
             replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
-    looked = refined.constraints.check(problem, replay, curve.passing) if refined.constraints.path_constraints else None
+    constraints = refined.spec.constraints
+    looked = constraints.check(problem, replay, curve.passing) if constraints.path_constraints else None
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
@@ -272,4 +294,5 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         reports=looked,
         via_times=tuple(map(float, curve.passing)),
         decides=shares,
+        calm=refined.calm,
     )

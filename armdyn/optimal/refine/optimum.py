@@ -30,6 +30,7 @@ class Optimum:
         reports: the path constraints, if there are any.
         via_times: when it passes the via points [s].
         decides: how much of the time each limit decides, most first, where there are no arcs that say so.
+        calm: time that was given for calm joints [s].
     """
 
     trajectory: Trajectory
@@ -42,6 +43,7 @@ class Optimum:
     reports: ConstraintReports | None = None
     via_times: tuple[float, ...] = ()
     decides: tuple[Share, ...] = ()
+    calm: float = 0.0
 
     @classmethod
     def of(

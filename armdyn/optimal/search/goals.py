@@ -129,7 +129,9 @@ def _tried(task: Task) -> _Screened:
 
 
 def _spec(task: Task) -> CurveSpec:
-    return CurveSpec(TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.options.smooth)
+    return CurveSpec(
+        TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.policy.curves.smooth
+    )
 
 
 def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:

@@ -12,6 +12,8 @@ from armdyn.trajectory import Trajectory
 
 MAX_STARTS = 10**5
 """Guesses of one search, at most: a hundred times what `search="thorough"` has; they are drawn before it begins."""
+MAX_CALM = 0.5
+"""Of `MinimumTimeOptions.calm`: more is no longer a motion of least time."""
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
 up for."""
@@ -48,8 +50,9 @@ class MinimumTimeOptions:
             kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
         max_iterations: of IPOPT, for one guess on one mesh, or one curve.
         tolerance: of IPOPT, on the scaled problem.
-        smooth: how much of the duration may be given, among nearly fastest motions of larger arms or such that
-            velocity limits shape, for gentle torques: the weight of their mean square against the time; 0: nothing.
+        calm: part of the duration that may be given for calm joints, where motions are curves: of those about so much
+            slower than the fastest one found, the one whose joints travel and turn back least. A motion within a
+            proven thousandth of the least duration stays so. 0: the fastest.
         time_limit: wall time for the whole solve [s]. What is tried is a count of work, the same on every machine; the
             clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking the motion
             takes up to 1 s and a tenth of the limit beyond it.
@@ -74,7 +77,7 @@ class MinimumTimeOptions:
     compile: bool | None = None
     max_iterations: int = 500
     tolerance: float = 1e-8
-    smooth: float = 1e-3
+    calm: float = 1e-3
     time_limit: float = 300.0
     workers: int | None = None
     verbose: bool = False
@@ -98,7 +101,8 @@ class MinimumTimeOptions:
         whole(self.seed, "seed", least=0)
         for name in ("replay_tolerance", "tolerance", "time_limit"):
             number(getattr(self, name), name, sign="positive", finite=False)
-        number(self.smooth, "smooth", sign="not negative")
+        if number(self.calm, "calm", sign="not negative") > MAX_CALM:
+            raise ProblemError(f"calm is {self.calm:g}; a part of the duration of at most {MAX_CALM:g} may be given")
         one_of(self.search, SEARCH_LEVELS, "search")
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")

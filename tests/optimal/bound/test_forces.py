@@ -28,6 +28,11 @@ def momentum_rate(robot, q, v, tau):
     return tau - bias - robot.friction.torque(v) + turning @ v, inertia(q)
 
 
+def torques_of(robot, v):
+    """The whole range of the torques in every box."""
+    return Interval(robot.limits.effort_lower, robot.limits.effort_upper).spread(v.lower.shape)
+
+
 @pytest.mark.parametrize("most_corners", [9, 0])
 @pytest.mark.parametrize("arm", ARMS)
 def test_the_range_holds_the_rate_at_points(arm, most_corners, monkeypatch):
@@ -36,7 +41,7 @@ def test_the_range_holds_the_rate_at_points(arm, most_corners, monkeypatch):
     n = robot.nv
     q_middle, v_middle = rng.uniform(-1, 1, (4, n)), rng.uniform(-1, 1, (4, n))
     q, v = Interval(q_middle - 0.1, q_middle + 0.1), Interval(v_middle - 1, v_middle + 1)
-    forces = Forces(terms_over(Dynamics(robot), q), v, robot.limits, robot.friction)
+    forces = Forces(terms_over(Dynamics(robot), q), v, torques_of(robot, v), robot.friction)
     w, way, steps = (rng.uniform(-1, 1, (n, 3)) for _ in range(3))
     found = forces.rate(w, Interval.at(way), Interval.at(steps))
     seen = []
@@ -60,7 +65,7 @@ def test_the_greatest_value_is_that_of_chords_less_squares(concave):
     robot = ARMS["rr"]()
     lower = np.array([[-1.0, -2.0], [0.5, -0.1], [0.3, 0.3]])
     v = Interval(lower, lower + np.array([[2.0, 2.5], [1.0, 0.3], [0.0, 0.0]]))
-    forces = Forces(terms_over(Dynamics(robot), v), v, robot.limits, robot.friction)
+    forces = Forces(terms_over(Dynamics(robot), v), v, torques_of(robot, v), robot.friction)
     linear, weights = rng.uniform(-1, 1, (2, 1)), np.full((3, 2, 1), concave)
     points = lower[:, None] + rng.uniform(0, 1, (3, 4000, 2)) * (v.upper - lower)[:, None]
     points = np.concatenate([points, forces._corners], axis=1)
@@ -82,7 +87,12 @@ def test_velocities_that_only_hurt_count_at_their_best():
     robot = ARMS["rr"]()
     q = Interval.at(np.array([[0.3, 1.0]]))
     limit = np.array([[5.0, 0.0]])
-    forces = Forces(terms_over(Dynamics(robot), q), Interval(-limit, limit), robot.limits, robot.friction)
+    forces = Forces(
+        terms_over(Dynamics(robot), q),
+        Interval(-limit, limit),
+        torques_of(robot, Interval(-limit, limit)),
+        robot.friction,
+    )
     found = forces.rate(np.array([[0.0], [1.0]]), Interval.at(np.array([[0.02], [0.0]])))
     fast = np.linspace(-5, 5, 2001)
     seen = []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import armdyn as ad
 from armdyn.errors import ProblemError
@@ -40,6 +41,54 @@ def test_a_rail(problem, exact):
     found = ad.lower_bound(problem)
     assert found.duration <= exact
     assert found.duration == pytest.approx(exact, rel=2e-4)  # cells of a twentieth of a ramp
+
+
+def seven_phases(way, velocity, acceleration, jerk):
+    """Least time of a joint from rest to rest, by the peak velocity whose phases add up to the way."""
+
+    def ramp(peak):
+        rise = min(np.sqrt(peak / jerk), acceleration / jerk)  # [s] in which the acceleration grows
+        return rise + peak / (jerk * rise)  # the way of two ramps is that at the peak for as long as one takes
+
+    if velocity * ramp(velocity) <= way:
+        return way / velocity + ramp(velocity)
+    peak = brentq(lambda peak: peak * ramp(peak) - way, 1e-9, velocity)
+    return 2 * ramp(peak)
+
+
+@pytest.mark.parametrize(
+    "limits", [(0.5, 0.8, 2.0), (0.5, 5.0, 2.0), (2.0, 0.8, 0.5), (2.0, 0.8, 20.0), (9.0, 9.0, 1.0)]
+)
+def test_a_rail_with_limited_jerk(limits):
+    velocity, acceleration, jerk = limits
+    strong = {"effort_limit": 1.5 * acceleration}
+    found = ad.lower_bound(
+        rail(velocity_limit=velocity, acceleration_limit=[acceleration], jerk_limit=[jerk], **strong)
+    )
+    exact = seven_phases(1.0, *limits)
+    assert found.duration <= exact
+    assert found.duration == pytest.approx(exact, rel=1e-9)  # a closed form
+
+
+@pytest.mark.parametrize("rate", [2.0, 10.0])
+def test_a_rail_whose_force_changes_slowly(rate):
+    """A mass of 1 kg: limits of force and of its rate are those of acceleration and jerk."""
+    limits = {"velocity_limit": 3.0, "path_constraints": [ad.TorqueRateLimit([rate])]}
+    found, exact = ad.lower_bound(rail(**limits)), seven_phases(1.0, 3.0, 1.0, rate)
+    assert found.duration <= exact
+    # The force turns round in the middle as fast as one likes, as far as this bound knows.
+    assert found.duration > 2.0 + 0.6 * (exact - 2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit", [{"jerk_limit": 200.0}, {"path_constraints": [ad.TorqueRateLimit(1000.0)]}])
+def test_limits_of_rates_raise_the_bound_and_never_above_a_motion(limit):
+    for k in range(3):
+        problem = random_problem(ARMS["ur5"](), k)
+        plain, found = ad.lower_bound(problem), ad.lower_bound(problem.variant(**limit))
+        solution = ad.solve_minimum_time(problem.variant(**limit), ad.MinimumTimeOptions(calm=0))
+        assert solution.usable
+        assert plain.duration < found.duration <= solution.duration
 
 
 def quadrature(problem, limit):

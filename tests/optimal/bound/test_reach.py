@@ -7,6 +7,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import legs_of
+from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
@@ -22,7 +23,7 @@ def nested(problem, passes=3, ahead=1.5):
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)
     for _ in range(passes):
-        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, leg.torque, leg.friction)
+        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
         cells = cells.narrowed(leg, reached(leg, cells, forces))
     return leg, cells
 

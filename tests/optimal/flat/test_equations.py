@@ -38,7 +38,7 @@ def parameters(job, leg, half, k):
     part = np.linspace(0.05, 0.95, 9)
     values = leg.basis.local(start + h * part)[:, 0]
     powers = np.linalg.lstsq(part[:, None] ** np.arange(5), values, rcond=None)[0]
-    return np.concatenate([powers.ravel(), [h], half, np.zeros(2), job.dynamics.last_body, [1.0]])
+    return np.concatenate([powers.ravel(), [h], half, np.zeros(2), job.dynamics.last_body, np.ones(2), [1.0]])
 
 
 def test_stages_are_the_curves():
@@ -99,7 +99,17 @@ def test_a_torque_costs_its_square_for_as_long_as_it_lasts():
     job = task("plain")
     functions = torque_equations(job.dynamics, False)
     y = np.concatenate([np.zeros(10), [0.5], [0.3, -0.4]])
-    basis, shared = np.zeros(15), [3.0, 3.0, 2.0, 5.0, *job.dynamics.last_body, 4.0]
-    cost = float(functions.cost(y, [*basis, 0.1, 0.02, *shared]))
+    basis, shared = np.zeros(15), [3.0, 3.0, 2.0, 5.0, *job.dynamics.last_body, 0.5, 0.25, 4.0]
+    cost = float(functions.cost(y, [*basis, 0.1, 0.02, 7.0, *shared]))
     # tie/2 |τ|² + hurry part T/2 (2 τ₁² + 5 τ₂²)
     assert cost == pytest.approx(0.02 / 2 * 0.25 + 4 * 0.1 * 0.5 / 2 * (2 * 0.09 + 5 * 0.16), rel=1e-14)
+
+
+def test_a_motion_that_is_to_be_calm_costs_its_squared_velocities():
+    job = task("plain")
+    y = np.concatenate([np.tile([0.2, -0.1], 5), [0.5], [0.0, 0.0]])
+    basis = np.repeat([0.2, 0.3, -0.4], 5)  # derivatives are 1.5 times the points
+    shared = [3.0, 3.0, 2.0, 5.0, *job.dynamics.last_body, 0.5, 0.25, 4.0]
+    cost = float(torque_equations(job.dynamics, False).cost(y, [*basis, 0.1, 0.0, 7.0, *shared]))
+    squares = (0.2 / 0.5) ** 2 + (0.1 / 0.25) ** 2
+    assert cost == pytest.approx(squares * 7 * 1.5**2 / 2, rel=1e-14)

@@ -10,13 +10,13 @@ from armdyn.optimal.flat.nlp_data import assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
 from optimal.flat.bends import KINDS, bent, problem, spec, task
 
-SMOOTH = 0.01
+SMOOTH, TRAVEL, STEPS = 0.01, 0.02, 0.03
 
 
 def built(kind):
     """A program, and the numbers of a bent curve."""
     job = task(kind)
-    guess, asked = bent(job.problem), spec(job.problem, smooth=SMOOTH)
+    guess, asked = bent(job.problem), spec(job.problem, smooth=SMOOTH, travel=TRAVEL, steps=STEPS)
     shape = curve_layout(job.problem, guess, asked.constraints)
     program = build(job.dynamics, shape, rows_of(job.problem, asked.constraints), False)
     return program, shape, guess, job, assemble_curve(job, guess, asked, shape)
@@ -97,9 +97,24 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
     part = [leg.basis.gauss(POINTS)[1].ravel() @ leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) ** 2
             for leg in guess.legs]  # fmt: skip
     tie = sum(SMOOTH / 2 * leg.duration * (own / half**2).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))
+    calm = sum(_calm(guess, leg, robot, half, job) for leg in guess.legs)
     weights = job.problem.effort_weights()
     effort = sum(leg.duration * (own * weights).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))
-    assert cost[0] == pytest.approx((guess.duration + effort + tie) / guess.duration, rel=1e-12)  # rounding of sums
+    assert cost[0] == pytest.approx(
+        (guess.duration + effort + tie) / guess.duration + calm, rel=1e-12
+    )  # rounding of sums
+
+
+def _calm(guess, leg, robot, half, job):
+    """Price of a leg's mean squared velocities, over scales that ways of the joints have, and of its torque steps."""
+    s, weights = (one.ravel() for one in leg.basis.gauss(POINTS))
+    limit = job.problem.limits.velocity
+    speed = np.where(np.isinf(limit), 1.0, limit)
+    ways = sum(np.abs(one.points[-1] - one.points[0]) for one in guess.legs)
+    scale = speed * np.sqrt(ways / (guess.duration * speed) + job.policy.curves.resting)
+    moving = weights @ np.sum((leg.at(s)[1] / scale) ** 2, axis=1) * leg.duration**2 / guess.duration**2
+    steps = np.sum(np.diff(leg.torques(robot, s) / half, axis=0) ** 2)
+    return TRAVEL * moving * leg.duration / guess.duration / robot.nv / 2 + STEPS * steps / robot.nv / 2
 
 
 def test_lines_of_torque_speed_curves_are_the_curves_torques_and_speeds():

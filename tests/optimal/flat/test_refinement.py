@@ -53,7 +53,7 @@ def shares(problem, curve, looks=43):
 @pytest.mark.slow
 def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     job = Task.of(ur5())
-    plain = solve_curve(job, straight(job), CurveSpec(TightenedConstraints.of(job), smooth=job.options.smooth))
+    plain = solve_curve(job, straight(job), CurveSpec(TightenedConstraints.of(job), smooth=job.policy.curves.smooth))
     settled = refine_curve(job, straight(job))
     tau, speed, _ = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
@@ -86,7 +86,7 @@ def test_where_nothing_is_exceeded_nothing_is_solved_again():
     job = cart_task(acceleration_limit=0.5)  # half the torque will do
     told = []
     settled = refine_curve(replace(job, progress=told.append), straight(job, 20))
-    once = solve_curve(job, straight(job, 20), CurveSpec(TightenedConstraints.of(job), smooth=job.options.smooth))
+    once = solve_curve(job, straight(job, 20), CurveSpec(TightenedConstraints.of(job), smooth=job.policy.curves.smooth))
     assert not told and settled.iterations == once.result.iterations
     assert settled.curve.duration == pytest.approx(once.curve.duration, rel=1e-6)  # slowed by IPOPT's 1e-7
     assert settled.reports.reasons == ()

@@ -138,6 +138,7 @@ SOLVES = {
         between("r", rubbing("r"), velocity_limit=3.0),
         [("curves", {"samples": 1, "steps": 4, "bandwidth": 1.0})],
         starts=1,
+        calm=0.0,
     ),
     "curves that do not converge": lambda: noted(
         ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5), [("curves", {"patience": 2})]

@@ -37,6 +37,19 @@ class CurvePolicy:
         "xArm6 with the friction of its URDF",
     )
     accepted_after: int = tuned(8, "iterations", "in a row; those that converge need 3", "xArm6")
+    smooth: float = tuned(1e-3, "-", "weight of the mean squared torque against the duration: the fastest is unique")
+    travel: float = tuned(
+        3e-4,
+        "-",
+        "weight of mean squared velocities where time is given for calm joints; with three times that some motions "
+        "take more time than is given",
+    )
+    torque_steps: float = tuned(
+        1.5e-4, "-", "the same of squared torque steps, which halves how far torques go up and down"
+    )
+    resting: float = tuned(
+        0.02, "of a velocity limit", "mean speed below which joints are the calmer the less far they have to go"
+    )
     in_flight: float = tuned(
         1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
     )

@@ -1,0 +1,85 @@
+"""Bounds by limits of rates: how soon a joint can be there, and what accelerations and torques can be near an end.
+
+Where a motion begins and ends with no acceleration, and jerks are limited, an acceleration is no larger than the jerk's
+limit times the time since the nearer end. Likewise torques are no farther from what holds the arm at rest.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.bound.enclosure.interval import Interval, up
+from armdyn.optimal.bound.terms import terms_over
+
+if TYPE_CHECKING:
+    from armdyn.optimal.bound.cells import Cells
+    from armdyn.optimal.bound.leg import BoundLeg
+
+Array = NDArray[np.float64]
+
+_ROUNDED = 1e-12
+"""Part of a time in closed form that is taken off: its twenty operations err by 1e-15 each."""
+
+
+def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
+    """Least times from rest to rest, with no acceleration at either end, of joints by themselves [s], rounded down.
+
+    The profile of seven phases: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008,
+    section 3.4. All limits may be infinite.
+
+    Args:
+        way: [rad or m], shape (nv,), not negative.
+        velocity: limits [rad/s or m/s], shape (nv,).
+        acceleration: limits [rad/s² or m/s²], shape (nv,).
+        jerk: limits [rad/s³ or m/s³], shape (nv,).
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        rising = np.nan_to_num(
+            acceleration / jerk, nan=np.inf
+        )  # [s] to the greatest acceleration; 0 without jerk limits
+        full = velocity > acceleration * rising  # the greatest acceleration is reached on the way to the velocity limit
+        ramp = np.where(full, rising + velocity / acceleration, 2 * np.sqrt(velocity / jerk))
+        cruising = way / velocity + ramp
+        slower = (rising + np.sqrt(rising**2 + 4 * way / acceleration), np.cbrt(32 * way / jerk))
+        short = np.where(way > 2 * acceleration * rising**2, *slower)
+        found = np.where(way >= velocity * ramp, cruising, short)
+    return np.where(way > 0, np.nan_to_num(found, nan=0.0, posinf=0.0), 0.0) * (1 - _ROUNDED)
+
+
+def accelerations(leg: BoundLeg, cells: Cells) -> Array:
+    """Largest accelerations in every cell [rad/s² or m/s²], shape (2 k + 1, nv); infinite: no limit."""
+    if leg.v_start is None or leg.v_goal is None:  # at a via point any acceleration is allowed
+        return np.broadcast_to(leg.acceleration, cells.v.lower.shape)
+    since = _since_ends(cells)
+    since[cells.middle] = up(np.array(cells.longest / 2))
+    return np.minimum(leg.acceleration, up(since[:, None] * leg.jerk))
+
+
+def torques(leg: BoundLeg, cells: Cells) -> Interval:
+    """Torques in every cell [N m or N], shape (2 k + 1, nv)."""
+    k, actuators = cells.middle, leg.torque.actuators
+    shape = cells.v.lower.shape
+    found = Interval(actuators.lower, actuators.upper).spread(shape)
+    if not np.any(np.isfinite(leg.torque_rate)):
+        return found
+    room = up(_since_ends(cells)[:, None] * leg.torque_rate)
+    lower, upper = found.lower.copy(), found.upper.copy()
+    ends = (Interval.at(leg.q_start), leg.v_start, slice(0, k)), (leg.q_goal, leg.v_goal, slice(k + 1, None))
+    for q, v, own in ends:
+        terms = terms_over(leg.dynamics, q[None])
+        open_ = up(np.sum(terms.gravity_slopes.magnitude[0], axis=0))
+        hold = terms.gravity[0] + Interval(-open_, open_)
+        held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else torques begin anywhere
+        if leg.at_rest(v) and np.all(held):
+            lower[own] = np.maximum(lower[own], hold.lower - room[own])
+            upper[own] = np.minimum(upper[own], hold.upper + room[own])
+    return Interval(lower, upper).outward()
+
+
+def _since_ends(cells: Cells) -> Array:
+    """Most time since the nearer end in every cell [s], rounded up, shape (2 k + 1,); infinite in the middle one."""
+    times = Interval.at(cells.side).running().upper[1:]
+    return np.concatenate([times, [np.inf], times[::-1]])
