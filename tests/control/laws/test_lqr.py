@@ -131,7 +131,7 @@ def test_what_does_not_fit_is_refused():
     ticks = Ticks.of(ROBOT, MOTION, 1000.0)
     with pytest.raises(ad.ArmdynError, match="position has shape"):
         ad.Lqr(position=(0.1, 0.1)).law(ROBOT, ticks, ad.Loop())
-    with pytest.raises(ad.ArmdynError, match="give effort_limit"):
+    with pytest.raises(ad.ArmdynError, match="give `effort_limit`"):
         ad.Lqr().law(ROBOT.with_limits(np.inf, None), ticks, ad.Loop())
     idle = ad.Robot.from_library("acrobot")
     with pytest.raises(ad.ArmdynError, match="motor at every joint"):
