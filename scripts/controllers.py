@@ -4,8 +4,8 @@
 
 Poses are uniform over 80 % of the joint ranges within ±π. "Accepted": by `preset.check`, at the controller's rate.
 Ruckig (L. Berscheid, T. Kröger, RSS 2021) knows velocity, acceleration and jerk limits, and no torques; where a preset
-has no limit of acceleration or jerk there is no ratio. Seconds are of one solve, bound included, with what is built once
-for an arm built before.
+has no limit of acceleration or jerk there is no ratio. Seconds are of one solve, bound included, with what is built
+once for an arm built before.
 """
 
 import argparse
