@@ -58,7 +58,7 @@ def _urdf_of(robot: str | None) -> Path:
     from armdyn.models.robots.source import RobotSource
 
     if robot is None:
-        raise ProblemError("--repair needs a URDF: armdyn doctor FILE.urdf --repair")
+        raise ProblemError("--repair needs a URDF; name the file: armdyn doctor FILE --repair")
     source = RobotSource.named(robot)
     file = library_arm(robot)[0] if source.format == "library" else source.file
     if file is None or source.format == "mjcf":
