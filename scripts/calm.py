@@ -1,4 +1,6 @@
-"""Prints what calm joints cost and what they give: random pairs of poses with two joints that end where they begin.
+"""Prints the time that calm joints cost, and the travel that they save.
+
+On random pairs of poses, of which two joints end where they begin:
 
     python scripts/calm.py [--pairs 20] [--seed 5] [--figure calm.png]
 
@@ -20,7 +22,7 @@ PAIRS = {
     "ur5": ([0, -1.2, 1.2, 0, 0.5, 0], [1, -0.8, 0.8, 0.4, 0.3, 0]),
     "panda": ([0, -0.785, 0, -2.356, 0, 1.571, 0.785], [1, 0.2, 0, -1.5, 0, 2, -0.5]),
 }
-"""Of which some joints end where they begin; the figure shows these motions."""
+"""Start and goal of the figure's motions, some of whose joints end where they begin [rad]."""
 
 
 def measured(robot: ad.Robot, motion: ad.Trajectory) -> tuple[Array, Array, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +14,7 @@ from armdyn.arguments import one_of
 from armdyn.cli.console import NOT_USABLE, answering, console, escape
 from armdyn.cli.motion.check import show_check
 from armdyn.cli.motion.controller import check_samples, preset_of
+from armdyn.cli.options.groups import flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
@@ -25,6 +26,87 @@ from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.trajectory import Samples, Trajectory
+
+
+_DEFAULT_RATE = 1000.0
+"""Rows per second of a table or message [Hz]."""
+_MODEL_RATE = 4000.0
+"""Keyframes per second of a complete model, whose torques are played open loop [Hz]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormatOptions:
+    """Fields of some formats: see `armdyn.trajectory.formats`."""
+
+    motors: bool = option(
+        "",
+        "mujoco: write a motor per joint, too; --no-motors for a model that has its own.",
+        default=True,
+        name="--motors/--no-motors",
+    )
+    tolerance: float | None = option(
+        "RAD",
+        "ros2: distance of ros2_control's spline from the motion at most, by default 1e-3; the rate is raised for it "
+        "unless --rate is given. ur-rtde, panda-python: distance from the start at most, by default 0.01.",
+    )
+    payload: float | None = option(
+        "KG", "urscript, ur-rtde, panda-python: mass of the payload for the controller \\[kg]."
+    )
+    payload_com: str | None = option("X,Y,Z", "Centre of mass of --payload from the flange \\[m]; by default 0,0,0.")
+
+    def fill(self, kind: type[OutputFormat]) -> OutputFormat:
+        """A format with the given options.
+
+        Raises:
+            ProblemError: an option is given that the format does not have.
+        """
+        options = given(self)
+        if self.payload_com is not None:
+            options["payload_com"] = tuple(numbers(self.payload_com, "--payload-com"))
+        for name in options:
+            if name not in signature(kind).parameters:
+                those = ", ".join(other for other, each in FORMATS.items() if name in signature(each).parameters)
+                raise ProblemError(f"--{name.replace('_', '-')} is of the formats {those}; {kind.name} has none")
+        return kind(**options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """MuJoCo's model of the arm that moved."""
+
+    model: bool = flag(
+        "mujoco: one complete model with the keyframes in it, of the arm of FILE's result or of --robot: locked joints "
+        "welded, friction and payload as it moved."
+    )
+    robot: str | None = option("ROBOT", "With --model: the arm that moved, as mintime takes it.")
+    geometry: bool = option(
+        "",
+        "With --model: convex parts of the arm's meshes, in the file.",
+        default=True,
+        name="--geometry/--no-geometry",
+    )
+    part: PartOptions
+
+    def expect_format(self, kind: type[OutputFormat]) -> None:
+        """Refuse a model of another format, and options of a model where none is written.
+
+        Raises:
+            ProblemError: there are such options.
+        """
+        if self.model and kind is not Mujoco:
+            raise ProblemError(f"--model is of the format mujoco; {kind.name} has none")
+        if not self.model and self != ModelOptions(part=PartOptions()):
+            raise ProblemError("--robot, --no-geometry, --lock, --arm, --tool and --package-dir need --model")
+
+    def content(self, file: Path, samples: Samples, motors: bool) -> str:
+        """The model of the arm of a motion's file, with the motion's samples as keyframes.
+
+        Raises:
+            ArmdynError: the arm cannot be read, or another one moved.
+        """
+        from armdyn.models import mujoco_model
+
+        return mujoco_model(_arm(file, self.robot, self.part), samples, geometry=self.geometry, motors=motors)
 
 
 def export(
@@ -40,52 +122,15 @@ def export(
         str | None,
         typer.Option(
             metavar="HZ|own",
-            help="Rows per second; own: the motion's own samples. By default the preset's, or 1000, of urscript and "
-            "ur-rtde 500, with --model 4000: the torques are played open loop.",
+            help="Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and "
+            "ur-rtde, 4000 with --model, whose torques are played open loop, and 1000 otherwise.",
         ),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
     ] = None,
-    motors: Annotated[
-        bool,
-        typer.Option(
-            "--motors/--no-motors",
-            help="mujoco: write a motor per joint, too; --no-motors for a model that has its own.",
-        ),
-    ] = True,
-    tolerance: Annotated[
-        float | None,
-        typer.Option(
-            metavar="RAD",
-            help="ros2: distance of ros2_control's spline from the motion at most, by default 1e-3; the rate is raised "
-            "for it unless --rate is given. ur-rtde, panda-python: distance from the start at most, by default 0.01.",
-        ),
-    ] = None,
-    payload: Annotated[
-        float | None,
-        typer.Option(metavar="KG", help="urscript, ur-rtde, panda-python: mass that the controller is told \\[kg]."),
-    ] = None,
-    model: Annotated[
-        bool,
-        typer.Option(
-            "--model",
-            metavar="",
-            help="mujoco: one complete model with the keyframes in it, of the arm of FILE's result or of --robot: "
-            "locked joints welded, friction and payload as it moved.",
-        ),
-    ] = False,
-    robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="With --model: the arm that moved, as mintime takes it.")
-    ] = None,
-    geometry: Annotated[
-        bool,
-        typer.Option("--geometry/--no-geometry", help="With --model: convex parts of the arm's meshes, in the file."),
-    ] = True,
-    payload_com: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Its centre of mass from the flange \\[m]; by default 0,0,0.")
-    ] = None,
-    part: PartOptions,
+    fields: FormatOptions,
+    mujoco: ModelOptions,
     controller: PresetOptions,
     json: Json = False,
 ) -> None:
@@ -116,21 +161,21 @@ def export(
     armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
     with answering(json) as answer:
-        from armdyn.models import mujoco_model
         from armdyn.trajectory import Trajectory
 
         kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
-        centre = None if payload_com is None else tuple(numbers(payload_com, "--payload-com"))
-        given = {"tolerance": tolerance, "payload": payload, "payload_com": centre}
-        made = _made(kind, given if motors else given | {"motors": False})
+        made = fields.fill(kind)
+        mujoco.expect_format(kind)
+        if kind is Mujoco and controller.read() is not None:
+            raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
         motion = Trajectory.load(file)
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
-        preset = None if isinstance(made, Mujoco) else preset_of(file, controller)
-        usual = preset.chosen.rate if preset is not None else 4000.0 if model else 1000.0
-        samples, ticks, deviation = _sampled(made, motion, rate, usual)
+        preset = None if kind is Mujoco else preset_of(file, controller)
+        usual = _MODEL_RATE if mujoco.model else getattr(kind, "rate", _DEFAULT_RATE)
+        samples, ticks, deviation = _sampled(made, motion, rate, usual if preset is None else preset.chosen.rate)
         found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
         if found is not None and not found.ok and controller.preset is not None:
             answer.failed("refused", f"not written: {found}", NOT_USABLE)
@@ -138,12 +183,7 @@ def export(
             show_check(found, name)
             console.print("[red]not written[/]; without --preset it is, for simulations and figures")
             return
-        if not model:
-            content = made.text(samples)
-        elif isinstance(made, Mujoco):
-            content = mujoco_model(_arm(file, robot, part), samples, geometry=geometry, motors=motors)
-        else:
-            raise ProblemError(f"--model is of the format mujoco; {format} has none")
+        content = mujoco.content(file, samples, fields.motors) if mujoco.model else made.text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         rows = samples.t.size
@@ -182,20 +222,6 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
     return arm
 
 
-def _made(kind: type[OutputFormat], given: Mapping[str, object]) -> OutputFormat:
-    """A format with the options that were given.
-
-    Raises:
-        ProblemError: it has none of that name.
-    """
-    options = {name: value for name, value in given.items() if value is not None}
-    for name in options:
-        if name not in signature(kind).parameters:
-            those = ", ".join(other for other, each in FORMATS.items() if name in signature(each).parameters)
-            raise ProblemError(f"--{name.replace('_', '-')} is of the formats {those}; {kind.name} has none")
-    return kind(**options)
-
-
 def _sampled(
     made: OutputFormat, motion: Trajectory, rate: str | None, usual: float
 ) -> tuple[Samples, float | None, float | None]:
@@ -204,13 +230,13 @@ def _sampled(
     Args:
         made: the format.
         motion: the motion.
-        rate: of the option.
-        usual: rate without the option, of formats without their own [Hz].
+        rate: value of --rate.
+        usual: rate without --rate [Hz].
 
     Raises:
         TrajectoryError: the deviation is above the tolerance, and the rate was given.
     """
-    ticks = getattr(made, "rate", usual) if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
+    ticks = usual if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
     while True:
         samples = motion.resample(ticks)
         deviation = getattr(made, "deviation", None)

@@ -32,7 +32,7 @@ _OTHER_NAMES = {
     "obstacles": "obstacle",
     "path_constraints": "limit",
 }
-"""Arguments in Python, to the options that have another name."""
+"""Options of arguments in Python that have another name on the command line."""
 
 _PHRASES = {
     "np.deg2rad(…)": "--degrees",
@@ -40,7 +40,7 @@ _PHRASES = {
     "RmsTorque": "--limit rms-torque",
     "TorqueRateLimit": "--limit torque-rate",
 }
-"""Other words of Python in messages, to those of the command line."""
+"""Options of other expressions of Python in messages."""
 
 
 @contextmanager
@@ -132,7 +132,7 @@ def _flag(name: str, hint: Any) -> str:
     """A parameter's option as it is declared, such as "--arm" or "--motors/--no-motors"; empty: it is an argument."""
     if _is_argument(hint):
         return ""
-    info = next((info for info in _told(hint) if isinstance(info, OptionInfo)), None)
+    info = next((info for info in _annotations(hint) if isinstance(info, OptionInfo)), None)
     # Where it is annotated, typer keeps the first name as the default.
     names = (
         [] if info is None else [each for each in (info.default, *(info.param_decls or ())) if isinstance(each, str)]
@@ -140,12 +140,12 @@ def _flag(name: str, hint: Any) -> str:
     return names[0] if names else f"--{name.replace('_', '-')}"
 
 
-def _told(hint: Any) -> tuple[Any, ...]:
+def _annotations(hint: Any) -> tuple[Any, ...]:
     return get_args(hint)[1:] if get_origin(hint) is not None else ()
 
 
 def _is_argument(hint: Any) -> bool:
-    return any(isinstance(info, ArgumentInfo) for info in _told(hint))
+    return any(isinstance(info, ArgumentInfo) for info in _annotations(hint))
 
 
 def _word(value: object) -> str:

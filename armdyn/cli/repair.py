@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 
 def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | None) -> None:
-    """Say what a URDF lacks, and write it with physical inertias where a file is named.
+    """Print the faults and gaps of a URDF; with `out` write the URDF with physical inertias.
 
     Raises:
-        ArmdynError: the robot is none of a URDF, or the file cannot be written.
+        ArmdynError: the robot has no URDF, or the file cannot be written.
     """
     from armdyn.models import repair_urdf
 
@@ -52,17 +52,17 @@ def _urdf_of(robot: str | None) -> Path:
     """The URDF file of a robot's name.
 
     Raises:
-        ArmdynError: it has none.
+        ArmdynError: the robot has no URDF.
     """
     from armdyn.models.robots.library import library_arm
     from armdyn.models.robots.source import RobotSource
 
     if robot is None:
-        raise ProblemError("--repair is of a URDF; name the file")
+        raise ProblemError("--repair needs a URDF; name the file: armdyn doctor FILE --repair")
     source = RobotSource.named(robot)
     file = library_arm(robot)[0] if source.format == "library" else source.file
     if file is None or source.format == "mjcf":
-        raise ProblemError(f"--repair is of a URDF; {robot} is none")
+        raise ProblemError(f"--repair needs a URDF; {robot} has none")
     return file
 
 

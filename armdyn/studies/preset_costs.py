@@ -32,12 +32,12 @@ class ConditionCost:
     """Cost of one necessary condition, all others kept.
 
     Attributes:
-        condition: its name.
+        condition: name of the condition, such as "jerk".
         share: the largest part of its limit that the motion uses [-].
         without: duration of the motion without the condition [s]; None: it was not solved for, or no motion was found.
         cost: time that the condition costs at least [s]: a motion without it may be faster than the one found; None: no
             motion was found.
-        reason: why nothing was to be solved; empty: it was.
+        reason: why the condition cannot cost time; empty: the problem was solved without it.
     """
 
     condition: str
@@ -63,12 +63,12 @@ def condition_costs(
     options: MinimumTimeOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> tuple[ConditionCost, ...]:
-    """What each necessary condition of a problem's preset costs, by solving the problem without it.
+    """Costs of the necessary conditions of a problem's preset, by solving the problem without each of them.
 
     Args:
-        solution: a usable one of a problem with a preset.
-        options: of the solves; by default a quick search.
-        progress: is called with a line on what is solved.
+        solution: a usable solution of a problem with a preset.
+        options: options of the solves; by default a quick search.
+        progress: called with a line of text before each solve.
 
     Raises:
         ProblemError: the problem has no preset, or the solution is not usable.

@@ -95,7 +95,7 @@ def test_what_is_refused(motion, here):
         ("own.npz", "--preset", "none.toml"): "none.toml: no such file",
         ("own.npz", "--preset", "ur5e", "--interface", "torque"): "no 'torque' interface; it has position, velocity",
         ("own.npz", "--preset", "franka-panda", "--robot", "ur5"): "has 7 joints, but the robot has 6",
-        ("own.npz", "--preset", "franka-panda", "--payload", "1"): "give --robot, too",
+        ("own.npz", "--preset", "franka-panda", "--payload", "1"): "need --robot",
         ("none.csv", "--preset", "franka-panda"): "none.csv: no such file",
         (".", "--preset", "franka-panda"): "trajectory.npz: no such file",
         ("back.csv", "--preset", "franka-panda"): "times must increase: t[2] is",

@@ -8,6 +8,7 @@ import pandas
 import pytest
 import yaml
 
+import armdyn as ad
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import read_planned
 from cli.command import answer, run_here
@@ -129,3 +130,26 @@ def test_a_model_of_the_arm_that_moved(tmp_path):
     assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
     told = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
     assert told["message"] == "--model is of the format mujoco; csv has none"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (("--format", "mujoco", "--preset", "franka-panda"), "--preset checks commands for a controller"),
+        (("--format", "mujoco", "--interface", "torque"), "--interface torque needs --preset"),
+        (("--format", "mujoco", "--robot", "rr"), "--robot, --no-geometry, --lock, --arm, --tool and --package-dir"),
+        (("--lock", "joint1=0"), "need --model"),
+    ],
+)
+def test_options_that_would_not_do_anything_are_refused(here, given, said):
+    told = answer(run_here("export", "trajectory.npz", *given, "--json", cwd=here), 2)
+    assert said in told["message"] and sorted(path.name for path in here.iterdir()) == ["trajectory.npz"]
+
+
+def test_a_program_has_the_rate_of_its_controller(tmp_path):
+    rest = np.zeros((50, 6))
+    names = ad.Robot.from_library("ur5").joint_names
+    Trajectory(np.linspace(0, 0.2, 50), rest, rest, rest, names).save(tmp_path / "m.npz")
+    program = ("export", "m.npz", "--format", "urscript", "--json")
+    assert answer(run_here(*program, "--preset", "ur5", cwd=tmp_path))["rate"] == 125  # a CB3 has no other
+    assert answer(run_here(*program, "--preset", "ur5e", cwd=tmp_path))["rate"] == 500

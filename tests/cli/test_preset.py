@@ -54,7 +54,7 @@ def test_wrong_presets(here):
     for arguments, said in {
         ("rr", "--preset", "own.toml"): "preset 'own' has 1 joints, but the robot has 2: joint1, joint2",
         ("r", "--preset", "owns.toml"): "owns.toml: no such file",
-        ("r", "--interface", "torque"): "--interface torque is of a preset: give --preset NAME",
+        ("r", "--interface", "torque"): "--interface torque needs --preset NAME",
         ("r", "--preset", "own.toml", "--interface", "torque"): "no 'torque' interface; it has position",
     }.items():
         assert said in answer(run_here("mintime", *arguments, *QUICK, "--json"), 2)["message"]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 _NOTHING = 1e-4
-"""Share of a limit that is shown as 0."""
+"""Part of a limit up to which a value is shown as 0."""
 
 
 def check(
@@ -52,7 +52,7 @@ def check(
         str | None,
         typer.Option(
             metavar="ROBOT",
-            help="Its model: names of the joints, and torques by inverse dynamics where FILE has none.",
+            help="Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
             autocompletion=known_names,
         ),
     ] = None,
@@ -76,7 +76,7 @@ def check(
         wanted = preset_named(preset, interface)
         arm = None if robot is None else part.read(robot, payload.carried())
         if arm is None and (payload.carried() is not None or part != PartOptions()):
-            raise ProblemError("--payload, --lock, --arm and --tool are of a robot: give --robot, too")
+            raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
         motion, names = _motion(file, wanted, arm)
         found = wanted.check(motion, names)
         answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}

@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 
 def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
     """The preset of the options, else that under which the motion of a file was planned, if it is a built-in one."""
-    asked, beside = given.read(), file.parent / "result.json"
-    if asked is not None or file.name != "trajectory.npz" or not beside.is_file():
-        return asked
+    chosen, result = given.read(), file.parent / "result.json"
+    if chosen is not None or file.name != "trajectory.npz" or not result.is_file():
+        return chosen
     from armdyn.show.results import load_result
 
-    planned = load_result(beside).get("controller")
+    planned = load_result(result).get("controller")
     name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
     return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
 
 
 def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
-    """The check of an export.
+    """Check samples that are exported.
 
     Args:
-        preset: of the controller.
-        samples: that are exported.
-        accelerations: whether the controller gets accelerations, too, and interpolates by quintics.
+        preset: preset of the controller.
+        samples: the exported rows.
+        accelerations: whether the controller receives accelerations, too, and interpolates by quintics.
 
     Raises:
         ArmdynError: see `ControllerPreset.check`.
@@ -62,11 +62,11 @@ NoCosts = Annotated[
 
 @dataclass(frozen=True)
 class ControllerVerdict:
-    """What the controller makes of a solution.
+    """Check of a solution by its preset, and cost of the preset's conditions.
 
     Attributes:
         found: check of the motion; None: the problem has no preset, or there is no motion.
-        costs: of the necessary conditions.
+        costs: costs of the necessary conditions.
     """
 
     found: ad.ControllerCheck | None = None
@@ -74,7 +74,7 @@ class ControllerVerdict:
 
     @classmethod
     def of(cls, solution: ad.Solution, progress: Callable[[str], None], costs: bool) -> Self:
-        """The check of a solution, and what the conditions cost if that is asked for."""
+        """Check a solution; with `costs` solve it without each necessary condition, too."""
         preset = solution.problem.preset
         if preset is None or not solution.moves:
             return cls()

@@ -52,5 +52,5 @@ class PresetOptions:
         if self.preset is not None:
             return preset_named(self.preset, self.interface)
         if self.interface is not None:
-            raise ProblemError(f"--interface {self.interface} is of a preset: give --preset NAME (armdyn presets)")
+            raise ProblemError(f"--interface {self.interface} needs --preset NAME (armdyn presets lists them)")
         return None

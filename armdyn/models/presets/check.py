@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from armdyn.errors import TrajectoryError
 from armdyn.models.presets.commands import Commands, commands_of
-from armdyn.models.presets.interface import UNITS, ControllerLimits, Interface
+from armdyn.models.presets.interface import REST_VELOCITY, UNITS, ControllerLimits, Interface
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
@@ -18,10 +18,8 @@ from armdyn.trajectory.planned import Planned
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
-"""Part of a limit by which a value may exceed it: as planned motions may."""
+"""Part of a limit by which a value may exceed it, as in planned motions."""
 
-REST_VELOCITY = 1e-3
-"""Velocity that counts as rest [rad/s]: libfranka's own tolerance."""
 REST_ACCELERATION = 1e-2
 """Acceleration at an end that counts as zero [rad/s²], where no jerk limit says what one tick may change."""
 
@@ -31,15 +29,15 @@ class ConditionCheck:
     """One condition on one joint.
 
     Attributes:
-        condition: its name, a key of `interface.UNITS`.
+        condition: name of the condition, a key of `interface.UNITS`.
         necessary: whether a violation stops the motion.
         joint: the joint's name.
-        value: the value that is largest as a part of its limit.
-        limit: its limit then.
-        unit: of both.
-        time: when [s].
+        value: the value that is largest as a part of its limit [unit].
+        limit: the limit at that time [unit].
+        unit: unit of value and limit.
+        time: time of the value [s].
         first: time of the first offence [s]; None: the condition is kept.
-        share: of the limit [-].
+        share: the value as a part of the limit [-]; of positions the distance from the middle of the range.
     """
 
     condition: str
@@ -128,10 +126,10 @@ def controller_check(
     """Check a motion against the conditions of an interface.
 
     Args:
-        preset: its name.
-        limits: of the controller.
-        interface: whose commands the motion becomes.
-        joints: their names, in the motion's order.
+        preset: name of the preset.
+        limits: limits of the controller.
+        interface: command interface, with its rate and conditions.
+        joints: names of the joints, in the motion's order.
         motion: with one column per joint.
 
     Raises:
@@ -159,7 +157,7 @@ def controller_check(
 def _rows(
     condition: str, limits: ControllerLimits, interface: Interface, joints: Sequence[str], commands: Commands
 ) -> Iterator[ConditionCheck]:
-    """The rows of a condition, of the joints that it limits."""
+    """Check one condition on every joint that has a limit."""
     times, values, bounds, shares = _measured(condition, limits, interface, commands)
     for i, joint in enumerate(joints):
         if not np.any(np.isfinite(bounds[:, i])):
@@ -176,7 +174,7 @@ def _rows(
 def _measured(
     condition: str, limits: ControllerLimits, interface: Interface, commands: Commands
 ) -> tuple[Array, Array, Array, Array]:
-    """Times [s], shape (n,), and values, their limits, and shares of these, each of shape (n, nv)."""
+    """Times [s], shape (n,); values, limits, and values as parts of the limits [-], each of shape (n, nv)."""
     t, q, rate = commands.t, commands.q, interface.rate
     if condition == "position":
         return _positions(t, q, np.asarray(limits.position_lower), np.asarray(limits.position_upper))

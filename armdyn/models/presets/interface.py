@@ -25,6 +25,9 @@ UNITS = {
 }
 """Conditions, and the units of their values; the last two are of both ends of a motion."""
 
+REST_VELOCITY = 1e-3
+"""Velocity that counts as rest, allowed wherever a limit is lower [rad/s]: libfranka's own tolerance."""
+
 COMMANDED = ("position", "velocity", "torque")
 """Quantities that an interface may take as commands."""
 

@@ -1,4 +1,4 @@
-"""What a URDF lacks to be solved: physical inertias, package folders, locked joints, limits; nothing is written."""
+"""Faults and gaps of a URDF, with repairs: inertias, package folders, joints to lock, limits; nothing is written."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from armdyn.models.reading.urdf_check import MOVING, parse_urdf
 from armdyn.models.reading.urdf_xml import file_path, read_urdf
 
 _GRIPPING = re.compile(r"finger|gripper|jaw|knuckle|thumb", re.IGNORECASE)
-"""Parts of names of joints that hold things, not move the arm."""
+"""Parts of names of gripper joints."""
 
 _FOLDERS_ABOVE = 6
 """Folders above the file that may hold a package: a workspace is three or four above."""
 
 _POSES = 1000
-"""Random poses that the largest holding torques are of."""
+"""Number of random poses among which the largest holding torque is sought."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +39,7 @@ class UrdfRepair:
         text: its text with physical inertias, marked as repaired; the file's own text where nothing was to be changed.
         inertias: the changed ones.
         packages: of each `package://` of its meshes the folder that has it, None where none was found.
-        lock: joints that hold things, or follow such, to the positions to lock them at [rad or m].
+        lock: positions at which to lock the joints of a gripper, by the joints' names [rad or m].
         arm: first and last joint of the longest chain where the others branch; None: they are one chain.
         tip: the arm's end, with these joints locked; empty where the URDF is refused.
         without_effort: joints without a torque limit, to the largest torque that holds them still in 1000 random

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from itertools import pairwise
 from math import factorial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ class TorqueMargin:
 
 @dataclass(frozen=True, eq=False)
 class CurveSpec:
-    """Specification of a curve: tightened constraints, torque margins, weights of what is paid for beside the time.
+    """Specification of a curve: tightened constraints, torque margins, weights of the costs besides the duration.
 
     Attributes:
         constraints: path constraints, as strict as they have to be.
@@ -53,7 +54,7 @@ class CurveSpec:
         smooth: weight of the mean squared torque against the duration.
         travel: likewise of the mean squared velocities, over scales of every joint.
         steps: likewise of the squared changes of torques from point to point.
-        least: duration [s] below which nothing is gained; 0: the fastest is asked for.
+        least: lower bound of the duration [s]; 0: the fastest curve is the solution.
     """
 
     constraints: TightenedConstraints
@@ -62,6 +63,12 @@ class CurveSpec:
     travel: float = 0.0
     steps: float = 0.0
     least: float = 0.0
+
+    @classmethod
+    def of(cls, task: Task) -> Self:
+        """The problem's own constraints, and the policy's smoothness unless the problem weighs torques itself."""
+        smooth = 0.0 if task.problem.pays_effort else task.policy.curves.smooth
+        return cls(TightenedConstraints.of(task), smooth=smooth)
 
 
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:

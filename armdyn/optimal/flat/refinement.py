@@ -34,7 +34,7 @@ class RefinedCurve:
     Attributes:
         curve: the motion.
         solved: the program's last solution; the curve may be slower.
-        spec: what was asked of it: constraints and margins as strict as they had to be.
+        spec: specification of the last round, with its tightened constraints and margins.
         iterations: of IPOPT, or quadratic programs, over all rounds.
         excess: of a torque between the points, as a part of half its range; not positive: none.
         reports: the path constraints.
@@ -59,21 +59,19 @@ def refine_curve(task: Task, guess: Curve) -> RefinedCurve:
         task: what is to be solved.
         guess: the curve to start from.
     """
-    spec = CurveSpec(
-        TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.policy.curves.smooth
-    )
+    spec = CurveSpec.of(task)
     return _in_rounds(task, solve_curve(task, guess, spec), spec)
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
-    """The curve near a fastest one, slower by a share, whose joints travel least and whose torques change least.
+    """Refine a fastest curve to the calm one: slower by a share, with the least joint travel and torque changes.
 
-    It is the fastest one that comes back where none is found, or only slower ones than that.
+    Where no such curve is found, or a slower one, the fastest curve is returned.
 
     Args:
-        task: what is to be solved.
-        fastest: kept within its limits.
-        share: of its duration that is given.
+        task: the problem and its options.
+        fastest: the fastest curve, within its limits.
+        share: part of the fastest duration that may be given [-].
     """
     numbers, duration = task.policy.curves, fastest.curve.duration
     least = (1 + share - numbers.little) * duration

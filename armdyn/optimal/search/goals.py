@@ -13,7 +13,6 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
-from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.search.sliding import slid_goals
@@ -122,16 +121,10 @@ def _tried(task: Task) -> _Screened:
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
     guess = straight_curve(task, task.policy.curves.coarse)
     with suppress(LateError):
-        solved = solve_curve(task, guess, _spec(task))
+        solved = solve_curve(task, guess, CurveSpec.of(task))
         if solved.converged:
             return _Screened(task.problem, solved.curve.duration, solved.curve)
     return _Screened(task.problem, curve=guess)
-
-
-def _spec(task: Task) -> CurveSpec:
-    return CurveSpec(
-        TightenedConstraints.of(task), smooth=0.0 if task.problem.pays_effort else task.policy.curves.smooth
-    )
 
 
 def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
@@ -142,7 +135,7 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
         one: with the curve to start from.
         intervals: of the curve's legs.
     """
-    pose, problem, spec = task.problem.goal_pose, one.branch, _spec(task.about(one.branch))
+    pose, problem, spec = task.problem.goal_pose, one.branch, CurveSpec.of(task.about(one.branch))
     if task.stop or pose is None or one.curve is None or not _chooses(problem, pose, spec):
         return one
     regions = (*spec.constraints.path_constraints, GoalRegion(pose))

@@ -16,7 +16,7 @@ from armdyn.show.page.sections import Section
 Array = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _EDGE = 260.0, 170.0, 6.0
-"""Of a picture, and its edge [px]."""
+"""Width, height and edge of a picture [px]."""
 _POINTS = 600
 """Points of a motion that are drawn, about."""
 
@@ -41,9 +41,9 @@ def motor_section(
         size = np.array([fastest[j], np.max(np.abs([lower[:, j], upper[:, j]]))])
         edge = np.concatenate([np.stack([v[:, j], upper[:, j]], 1), np.stack([v[::-1, j], lower[::-1, j]], 1)])
         way = np.stack([motion.v[::every, j], motion.tau[::every, j]], 1)
-        told = f"{name}: ±{size[0]:.4g} {unit[0]} across, ±{size[1]:.4g} {unit[1]} up"
+        caption = f"{name}: ±{size[0]:.4g} {unit[0]} across, ±{size[1]:.4g} {unit[1]} up"
         pictures.append(
-            element("figure", _picture(edge / size, way / size, told), element("figcaption", told, class_="note"))
+            element("figure", _picture(edge / size, way / size, caption), element("figcaption", caption, class_="note"))
         )
     note = "Torque over speed: the motion, within what the motor can give at each speed."
     body = join([element("p", note, class_="note"), element("div", *pictures, class_="motors")])

@@ -12,11 +12,6 @@ if TYPE_CHECKING:
 
 _PROGRAM = '''
 
-def distance(actual, wanted):
-    """Largest distance of a joint [rad]."""
-    return max(abs(a - b) for a, b in zip(actual, wanted))
-
-
 def refuse_unless_ready(panda):
     """The arm has no error, and all targets are within the connected arm's own joint limits."""
     panda.raise_error()
@@ -27,7 +22,7 @@ def refuse_unless_ready(panda):
 
 
 def go_to_start(panda, moves):
-    """Refuse an arm elsewhere, or move it to the start slowly where that was asked for."""
+    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
     away = distance(panda.q, Q[0])
     if away > TOLERANCE and moves:
         panda.move_to_joint_position(Q[0], speed_factor=APPROACH_SPEED)

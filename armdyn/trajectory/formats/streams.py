@@ -51,9 +51,9 @@ class Stream:
         """Ticks per second of the samples [Hz].
 
         Args:
-            samples: of a motion.
-            joints: of the arm.
-            rates: of its controller [Hz].
+            samples: the motion.
+            joints: number of the arm's joints.
+            rates: rates that the controller takes [Hz].
 
         Raises:
             TrajectoryError: another number of joints, or other ticks.
@@ -72,19 +72,27 @@ def start_tolerance(value: object) -> float:
     """The field `tolerance` of a program: the largest distance of a joint from the start [rad].
 
     Raises:
-        TrajectoryError: it is none.
+        TrajectoryError: it is no positive number.
     """
     return number(value, "tolerance", unit="rad", sign="positive", error=TrajectoryError)
 
 
+_DISTANCE = '''
+
+def distance(actual, wanted):
+    """Largest distance of a joint [rad]."""
+    return max(abs(a - b) for a, b in zip(actual, wanted))
+'''
+
+
 def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str, tuple[object, str]]) -> str:
-    """Beginning of a Python program: its docstring, and the motion and constants as literals of ASCII.
+    """Beginning of a Python program: docstring, motion and constants as literals of ASCII, distance of two poses.
 
     Args:
-        arm: that it is for, in words.
-        package: that it needs.
+        arm: name of the arm, in words.
+        package: Python package of the robot's interface, to be installed by pip.
         samples: the motion.
-        constants: values and remarks by name.
+        constants: value and remark of each constant, by name.
     """
     lines = [
         f'"""Motion of {samples.t[-1]:.6f} s for {arm}, written by armdyn.',
@@ -105,4 +113,4 @@ def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str
         *(f"    {row}," for row in samples.q.tolist()),
         "]",
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + _DISTANCE

@@ -96,11 +96,6 @@ def _vector(values: list[float]) -> str:
 
 _UR_RTDE = '''
 
-def distance(actual, wanted):
-    """Largest distance of a joint [rad]."""
-    return max(abs(a - b) for a, b in zip(actual, wanted))
-
-
 def refuse_unless_ready(control, receive):
     """The arm is not stopped, and all targets are within the limits that the controller's safety settings have."""
     if receive.isProtectiveStopped() or receive.isEmergencyStopped():
@@ -111,7 +106,7 @@ def refuse_unless_ready(control, receive):
 
 
 def go_to_start(control, receive, moves):
-    """Refuse an arm elsewhere, or move it to the start slowly where that was asked for."""
+    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
     away = distance(receive.getActualQ(), Q[0])
     if away > TOLERANCE and moves:
         control.moveJ(Q[0], APPROACH_VELOCITY, APPROACH_ACCELERATION)

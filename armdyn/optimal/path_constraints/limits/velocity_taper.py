@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.models.presets.interface import VelocityTaper
+from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
@@ -19,9 +19,6 @@ from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-REST = 1e-3
-"""Velocity that is allowed wherever the limit is lower [rad/s]: libfranka's own tolerance."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class VelocityTaperLimit(PartialLimit):
         t = pieces(motion)[0].ravel()
         at = motion(t)
         lower, upper = _taper(problem).at(at.q)
-        shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST)
+        shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
         k, i = np.unravel_index(np.argmax(shares), shares.shape)
         share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
         said = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
@@ -67,7 +64,7 @@ def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
 
 
 def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
-    """How far positions are beyond those at which their velocities are allowed, of both sides of the range."""
+    """Distance of positions beyond the last at which their velocities are allowed, as parts of the joints' ranges."""
     n = stages.effort.numel()
     lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
     first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before
