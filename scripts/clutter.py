@@ -192,7 +192,7 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
     row |= {"bound": solution.lower_bound, "sure": clearance is not None and clearance.sure}
     if not solution.usable:
         row["why"] = solution.message
-    free = ad.solve_minimum_time(problem.without_obstacles())
+    free = ad.solve_minimum_time(problem.without_obstacles(), ad.MinimumTimeOptions(calm=0))
     row["free"] = free.duration if free.usable else None
     if solution.usable:
         model = Meshes(problem.robot, problem.obstacles, problem.collision_model().pairs)

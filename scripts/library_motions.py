@@ -75,7 +75,7 @@ def library(name: str, pairs: int, time_limit: float) -> Iterator[Row]:
         try:
             start, goal = poses(robot, limit, seed)
             problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, effort_limit=limit)
-            found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=time_limit))
+            found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=0, time_limit=time_limit))
             yield Row(name, robot.nv, seed, found)
         except ArmdynError as error:
             yield Row(name, robot.nv, seed, failure=f"{type(error).__name__}: {error}")
@@ -116,7 +116,10 @@ def main() -> None:
             print(" ".join(row.cells()), file=sys.stderr, flush=True)
     head = ["arm", "joints", "pair", "t_f [s]", "bound [s]", "gap", "goal [rad]", "limits", "time [s]", "verdict"]
     said = (__doc__ or "").split("\n\n")[1]
-    text = ["# Every arm that goes by a name\n", f"Written by `scripts/library_motions.py`.\n\n{said}\n"]
+    text = [
+        "# Every arm that goes by a name\n",
+        f"Written by `scripts/library_motions.py`: the fastest motions, with `calm=0`.\n\n{said}\n",
+    ]
     text += [f"{summary(rows)}\n", table(head, [row.cells() for row in rows]), ""]
     page = "\n".join(text)
     if given.out:

@@ -50,7 +50,7 @@ def row(name: str, index: int) -> list[Any]:
     start, goal = poses(robot, robot.limits.effort_upper, 1000 + index)
     goal = start + random.uniform(0.2, 1.0) * (goal - start)
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
-    found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", time_limit=60))
+    found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", calm=0, time_limit=60))
     motion, proof, measured = found.trajectory, found.certificate, []
     x, flowing, open_loop = np.hstack([motion.q, motion.v]), np.flatnonzero(~motion.jumps), proof.replay == "open loop"
     some = flowing if open_loop else random.choice(flowing, min(40, flowing.size), replace=False)

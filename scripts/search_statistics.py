@@ -110,11 +110,11 @@ def measured(given: argparse.Namespace) -> None:
         if k in done:
             continue
         problem = problem_of(given, k)
-        options = ad.MinimumTimeOptions(search=given.search, time_limit=given.time_limit)
+        options = ad.MinimumTimeOptions(calm=0, search=given.search, time_limit=given.time_limit)
         line: dict[str, object] = {"pair": k, "case": case_of(given), "own": solved(problem, options)}
         if given.times:
             starts = given.times * Policy.of(problem).search.starts
-            more = ad.MinimumTimeOptions(search="thorough", starts=starts, time_limit=20 * given.time_limit)
+            more = ad.MinimumTimeOptions(calm=0, search="thorough", starts=starts, time_limit=20 * given.time_limit)
             line["more"] = solved(problem, more)
         with given.out.open("a") as file:
             file.write(json.dumps(line) + "\n")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from armdyn.arguments import numbers
+from armdyn.arguments import expect, numbers
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
@@ -180,7 +180,7 @@ def time_optimality(
         robot: the arm, with the limits that hold; `Robot.with_limits` gives it others.
         trajectory: any planner's motion. If its torques are all zero they are taken to be missing, and
             recomputed from its positions and velocities.
-        options: of `solve_minimum_time`.
+        options: of `solve_minimum_time`, but for `calm`: the fastest motion is compared with.
         reserve: part of every torque limit that the motion was to keep for feedback, and so does the fastest one
             that it is compared with: see `MinimumTimeProblem`.
         velocity_reserve: likewise of every velocity limit.
@@ -202,10 +202,11 @@ def time_optimality(
     )  # fmt: skip
     check = check_motion(robot, trajectory, problem.limits)
     idle, intervals = _idleness(problem.limits, trajectory)
+    options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     return TimeOptimality(
         **vars(check),
         trajectory=trajectory,
-        solution=solve_minimum_time(problem, options),
+        solution=solve_minimum_time(problem, replace(options, calm=0.0)),
         idle=idle,
         idle_intervals=intervals,
     )

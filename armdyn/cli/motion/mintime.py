@@ -46,13 +46,6 @@ class SolverOptions:
     time_limit: float = option("S", "For the whole solve \\[s].", default=300.0)
     max_intervals: int = option("N", "Of the finest mesh, where a coarser one is not enough.", default=160)
     seed: int = option("N", "Of the guesses after the first.", default=0)
-    calm: float = option(
-        "SHARE",
-        "Part of the time that may be given for calm joints, where motions are curves (arms of more than three joints, "
-        "or velocity limits that shape the motion): joints travel no farther than they need, and turn back less. 0: "
-        "the fastest.",
-        default=1e-3,
-    )
 
     def over(self, options: Mapping[str, Any]) -> Self:
         """The options of a problem file, overridden by those of the command line."""
@@ -60,12 +53,21 @@ class SolverOptions:
 
     def options(self) -> ad.MinimumTimeOptions:
         """The solver's options."""
-        return ad.MinimumTimeOptions(**{one.name: getattr(self, one.name) for one in fields(SolverOptions)})
+        own = (one.name for one in fields(self) if one.name in ad.MinimumTimeOptions.__dataclass_fields__)
+        return ad.MinimumTimeOptions(**{name: getattr(self, name) for name in own})
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchOptions(SolverOptions):
     """Extent of the search, and the choice of a reserve for feedback."""
+
+    calm: float = option(
+        "SHARE",
+        "Part of the time that may be given for calm joints, where motions are curves (arms of more than three joints, "
+        "or velocity limits that shape the motion): joints travel no farther than they need, and turn back less. 0: "
+        "the fastest.",
+        default=1e-3,
+    )
 
     for_tracking: bool = flag(
         "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "

@@ -56,7 +56,7 @@ def assessment(solution: Solution) -> str:
 
 
 def checks(solution: Solution) -> list[Check]:
-    """The checks of a motion: replay, limits, path constraints, Pontryagin's conditions, lower bound."""
+    """The checks of a motion: replay, limits, path constraints, controller, Pontryagin's conditions, lower bound."""
     certificate = solution.certificate
     if not solution.moves:
         return []
@@ -64,11 +64,14 @@ def checks(solution: Solution) -> list[Check]:
     kept = "no limit is exceeded" + ("" if largest < _ROUNDING else f" by more than {100 * largest:.2g} % of it")
     if not certificate.keeps_limits and certificate.exceeded is not None:
         kept = str(certificate.exceeded)
+    preset = solution.problem.preset
+    seen = None if preset is None else preset.check(solution.trajectory)
     velocity = f"velocity within {certificate.goal_velocity_error:.1e} rad/s"
     return [
         ("lands", certificate.lands, f"{replay_words(certificate)}; {velocity}"),
         ("keeps its limits", certificate.keeps_limits, kept),
         *((one.name, not one.reasons, "; ".join(one.reasons) or one.said) for one in solution.constraint_reports),
+        *([] if seen is None else [("controller", seen.ok, str(seen))]),
         ("extremal", *_extremal(solution)),
         ("lower bound", *_bound(solution)),
     ]

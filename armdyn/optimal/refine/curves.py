@@ -271,8 +271,8 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         curve = curve.slower(1 + task.policy.curves.slower_when_stopped)
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = follow(task, sampled(task, curve))
-    if problem.robot.friction.present and can_be_slowed(problem):
-        # Where friction jumps the replay is farther off its curve: `refine.slowing` would end off the goal.
+    if can_be_slowed(problem):
+        # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
         if 1 < factor < 1 + task.policy.curves.hopeless:
             curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))

@@ -7,6 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.optimal.answer.words import checks
 from armdyn.parsing.toml import to_toml
 
 PANDA = ad.ControllerPreset.named("franka-panda")
@@ -132,3 +133,5 @@ def test_velocities_that_fall_towards_the_end_of_the_range(tmp_path):
     upper = preset.taper.at(motion.q)[1]
     inside = np.abs(motion.q[:, 0] - 1.0) < 0.4
     assert np.max(motion.v[inside] / upper[inside]) == pytest.approx(1, abs=2e-3)  # it goes along the curve
+    said = {name: (holds, words) for name, holds, words in checks(tapered)}
+    assert said["controller"] == (True, str(preset.check(motion))) and "accepted" in said["controller"][1]

@@ -286,6 +286,20 @@ def test_calm_joints_cost_no_more_than_the_share_that_is_given(name):
 
 
 @pytest.mark.slow
+def test_an_unstable_arm_whose_replay_misses_a_limit_by_a_hair_is_slowed():
+    """It exceeded a velocity limit by 4e-5: slowed down by its open-loop replay the motion left its path."""
+    robot, rng = ad.Robot.from_library("kinova"), np.random.default_rng(21)
+    lower = np.maximum(robot.limits.position_lower, -np.pi)
+    upper = np.minimum(robot.limits.position_upper, np.pi)
+    middle, half = (lower + upper) / 2, 0.4 * (upper - lower)
+    ends = [rng.uniform(middle - half, middle + half) for _ in range(10)][-2:]
+    problem = ad.MinimumTimeProblem(robot, q_start=ends[0], q_goal=ends[1])
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=0.0))
+    assert solution.usable and solution.certificate.replay == "segments"
+    assert solution.certificate.growth > 1e10 and solution.gap < 5e-4
+
+
+@pytest.mark.slow
 def test_a_certified_motion_stays_certified_when_it_is_calm():
     problem = ur5(*USUAL_PANDA, ad.Robot.from_library("panda"))
     fastest, calm = (ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=share)) for share in (0.0, 0.1))
