@@ -148,7 +148,7 @@ def export(
     planned on a model: try them in simulation or at reduced speed first.
 
     With --preset the export is checked as the robot's controller sees it; a refused one is not written (exit code 3). A
-    motion that was planned under a preset is checked by that one, and a refused export is written with a warning.
+    motion that was planned under a built-in preset is checked by that one; a refused export is written with a warning.
 
     [dim]armdyn mintime rr --payload 0.1006 --reserve 0.1 --out results
     armdyn export results/trajectory.npz --rate 1000

@@ -29,7 +29,7 @@ class Plant(NamedTuple):
 
 
 def limited(plant: Plant, actuators: Sequence[ActuatorLimits]) -> Plant:
-    """A plant whose motors give no more than their ranges in its state, whatever torque is asked of them."""
+    """The plant with torques clipped to the motors' ranges in its state."""
     function = plant.function
     for own in actuators:
         q, v, tau, p = (ca.SX.sym(name, function.size1_in(i)) for i, name in enumerate(("q", "v", "tau", "p")))

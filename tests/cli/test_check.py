@@ -133,3 +133,9 @@ def test_presets():
     facts = answer(run_here("presets", "kinova-gen3", "--json"))
     assert facts["presets"][0]["limits"]["position_lower"][0] is None
     assert "did you mean 'ur5e'" in run_here("presets", "ur5ee").stderr
+
+
+def test_two_points_have_no_torques_but_a_verdict(here):
+    (here / "two.csv").write_text("t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n2,0.1,0,0,0,0,0\n")
+    facts = check("two.csv", "--robot", "ur5", preset="ur5")
+    assert facts["accepted"] and "not checked, the motion has no torques: torque" in facts["notes"]

@@ -103,7 +103,7 @@ def _motion(
     planned = read_planned(file, names)
     if arm is None and planned.tau is None and preset.interface == "torque":
         raise ProblemError(f"{file} has no torques, which the torque interface takes: --robot ROBOT computes them")
-    if arm is not None and planned.tau is None:
+    if arm is not None and planned.tau is None and planned.t.size > 2:  # accelerations are differences of three
         planned = replace(planned, tau=motion_of(arm, file).tau)
     return planned, names
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
-    """The preset of the options, else that under which the motion of a file was planned, if it is a built-in one."""
+    """The preset of the options, or else the built-in one under which the motion of a file was planned."""
     chosen, result = given.read(), file.parent / "result.json"
     if chosen is not None or file.name != "trajectory.npz" or not result.is_file():
         return chosen

@@ -24,12 +24,12 @@ class Commands:
     """Commands of a motion at a controller's ticks; the arm rests before it and after it.
 
     Attributes:
-        t: times of the ticks [s], shape (n,); of the `REST` ones before and after the motion those of its ends.
+        t: times of the ticks [s], shape (n,); the `REST` ticks before and after the motion have the times of its ends.
         q: joint positions [rad], shape (n, nv).
         v: joint velocities of the interpolation [rad/s], shape (n, nv).
         tau: joint torques [N m], shape (n, nv); None: unknown.
         ends: velocities [rad/s] and accelerations [rad/s²] at the start and the end, shape (2, 2, nv).
-        interpolation: of the positions between the motion's points.
+        interpolation: polynomials between the motion's points, a value of `INTERPOLATIONS`.
         sparse: whether points are further apart than ticks.
         rounding: smallest step of positions with a few digits after the point [rad]; 0: they have all of them.
     """
@@ -72,7 +72,7 @@ def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
 
 
 def _rounding(q: Array) -> float:
-    """The decimal step that all positions are multiples of; 0: none from 1e-3 to 1e-8 rad."""
+    """Largest decimal step, 1e-3 to 1e-8 rad, of which all positions are multiples; 0: there is none."""
     moving = q[:, np.ptp(q, axis=0) > 0]
     for step in (10.0**-digits for digits in range(3, 9)):
         if moving.size and np.allclose(moving / step, np.round(moving / step), rtol=0, atol=1e-4):

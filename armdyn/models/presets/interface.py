@@ -23,13 +23,13 @@ UNITS = {
     "zero_velocity": "rad/s",
     "zero_acceleration": "rad/s²",
 }
-"""Conditions, and the units of their values; the last two are of both ends of a motion."""
+"""Units of the conditions' values, by the conditions' names; the zero_ conditions hold at both ends of a motion."""
 
 REST_VELOCITY = 1e-3
 """Velocity that counts as rest, allowed wherever a limit is lower [rad/s]: libfranka's own tolerance."""
 
 COMMANDED = ("position", "velocity", "torque")
-"""Quantities that an interface may take as commands."""
+"""Names of interfaces: the commanded quantity."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class VelocityTaper:
         lower: position at which the lower limit's root is zero [rad].
         upper: position at which the upper limit's root is zero [rad].
         gain: twice the deceleration that the limits ask for [rad/s²].
-        offset: [rad/s].
+        offset: velocity that is taken off the root [rad/s].
     """
 
     lower: Numbers
@@ -104,7 +104,7 @@ class ControllerLimits:
     taper: VelocityTaper | None = None
 
     def expect(self, condition: str) -> None:
-        """Refuse a condition whose limit is not known.
+        """Refuse a condition without a limit.
 
         Raises:
             ProblemError: there is no such condition, or no limit.

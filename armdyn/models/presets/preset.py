@@ -36,14 +36,14 @@ class ControllerPreset:
     """Conditions of a robot's controller on commanded motions, as far as documents make them public.
 
     Attributes:
-        name: of the preset.
-        robot: the robot and its controller.
+        name: name of the preset.
+        robot: name of the robot and its controller.
         joints: ends of the joints' names, in their order: joint "joint1" is "panda_joint1", too. Empty texts: any name.
-        limits: of the controller.
+        limits: limits of the controller.
         interfaces: command interfaces, the default first.
-        interface: name of the interface whose conditions hold: "position", "velocity" or "torque".
-        date: of the sources.
-        sources: documents and files that the numbers are from.
+        interface: name of the chosen interface: "position", "velocity" or "torque".
+        date: date of the sources.
+        sources: documents and files with the numbers.
         not_public: conditions and limits that no public document gives.
     """
 
@@ -154,11 +154,11 @@ class ControllerPreset:
 
     @property
     def chosen(self) -> Interface:
-        """The interface whose conditions hold."""
+        """The chosen interface."""
         return next(one for one in self.interfaces if one.name == self.interface)
 
     def on(self, interface: str) -> Self:
-        """The preset with the conditions of another interface; empty: of the same.
+        """The preset with another chosen interface; empty: with the same.
 
         Raises:
             ProblemError: the preset has no such interface.
@@ -180,10 +180,10 @@ class ControllerPreset:
         return replace(self, interfaces=tuple(kept))
 
     def limit(self, name: str) -> Array | None:
-        """A limit that holds on the chosen interface, shape (nv,); None: no condition asks for it.
+        """A limit of the chosen interface, shape (nv,); None: no condition of the interface has it.
 
         Args:
-            name: of a field of `ControllerLimits`.
+            name: a field of `ControllerLimits`.
 
         Raises:
             ProblemError: there is no such limit.
@@ -194,11 +194,11 @@ class ControllerPreset:
 
     @property
     def taper(self) -> VelocityTaper | None:
-        """Velocity limits that depend on the position, if they hold on the chosen interface."""
+        """Velocity limits by position of the chosen interface; None: it has none."""
         return self.limits.taper if "velocity" in self.chosen.conditions else None
 
     def expect_joints(self, joints: Sequence[str], whose: str = "the robot") -> None:
-        """Refuse a robot or a motion of other joints.
+        """Refuse a robot or a motion whose joints are not the preset's.
 
         Raises:
             ProblemError: another number of joints, or other names.

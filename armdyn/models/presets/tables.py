@@ -87,7 +87,7 @@ def taper_of(table: Table, joints: Sequence[str]) -> VelocityTaper | None:
 
 
 def interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ...]:
-    """Command interfaces, whose conditions have limits."""
+    """Command interfaces; each of their conditions must have a limit."""
     inner, found = table.table("interfaces"), []
     inner.only(COMMANDED)
     for name in inner.values:

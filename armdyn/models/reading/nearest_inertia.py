@@ -1,4 +1,4 @@
-"""The physical inertia nearest to one that no body has, and a URDF's text with it."""
+"""Physical inertias nearest to unphysical ones, and a URDF's text with them."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class InertiaRepair:
     """Least change of a link's inertia after which some body can have it; mass and centre of mass stay.
 
     Attributes:
-        link: its name.
-        fault: why no body has the inertia of the file; empty: the file rounds a thin body's, and the reader accepts it.
-        mass: [kg].
+        link: name of the link.
+        fault: why the file's inertia is unphysical; empty: it is a thin body's, rounded, which the reader accepts.
+        mass: mass of the link [kg].
         before: inertia about the centre of mass in the file [kg m²], shape (3, 3).
         after: the nearest physical one [kg m²], shape (3, 3).
     """
@@ -92,7 +92,7 @@ def nearest_physical(mass: float, tensor: Array, thinnest: float = THINNEST) -> 
 
 
 def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
-    """The nearest physical inertias of the links whose own is not; massless links and point masses stay.
+    """Repairs of a URDF's unphysical inertias; massless links and point masses stay.
 
     Args:
         root: of `urdf_check.parse_urdf`.
@@ -114,11 +114,11 @@ def repaired_inertias(root: Element, source: str) -> tuple[InertiaRepair, ...]:
 
 
 def with_inertias(text: str, repairs: Sequence[InertiaRepair]) -> str:
-    """A URDF's text in which only the numbers of these inertias are others, and which is marked as repaired.
+    """Replace inertias in a URDF's text, nothing else, and mark it as repaired.
 
     Args:
-        text: of a URDF that `urdf_check.parse_urdf` accepts.
-        repairs: of its links.
+        text: URDF that `urdf_check.parse_urdf` accepts.
+        repairs: repairs of its links' inertias.
     """
     data = text.encode()
     places = _places(data, {repair.link for repair in repairs})

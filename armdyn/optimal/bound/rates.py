@@ -1,4 +1,4 @@
-"""Bounds by limits of rates: how soon a joint can be there, and what accelerations and torques can be near an end.
+"""Bounds by limits of rates: least times of joints, and ranges of accelerations and torques near the ends of a motion.
 
 Where a motion begins and ends with no acceleration, and jerks are limited, an acceleration is no larger than the jerk's
 limit times the time since the nearer end. Likewise torques are no farther from what holds the arm at rest.
@@ -31,10 +31,10 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
     section 3.4. All limits may be infinite.
 
     Args:
-        way: [rad or m], shape (nv,), not negative.
-        velocity: limits [rad/s or m/s], shape (nv,).
-        acceleration: limits [rad/s² or m/s²], shape (nv,).
-        jerk: limits [rad/s³ or m/s³], shape (nv,).
+        way: distances [rad or m], shape (nv,), not negative.
+        velocity: velocity limits [rad/s or m/s], shape (nv,).
+        acceleration: acceleration limits [rad/s² or m/s²], shape (nv,).
+        jerk: jerk limits [rad/s³ or m/s³], shape (nv,).
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         rising = np.nan_to_num(

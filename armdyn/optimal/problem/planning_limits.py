@@ -139,13 +139,13 @@ def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
 
 
 def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: ControllerPreset | None) -> Array | None:
-    """The stricter of a given limit and a controller's, shape (nv,); None: there is none.
+    """The stricter of a given rate limit and a controller's, shape (nv,) [rad/s² or rad/s³]; None: there is neither.
 
     Args:
-        value: as given; None: none.
+        value: the given limit; None: only the controller's holds.
         name: "acceleration_limit" or "jerk_limit".
-        robot: that moves.
-        preset: of its controller.
+        robot: the robot that moves.
+        preset: preset of its controller; None: only the given limit holds.
 
     Raises:
         ProblemError: the value is not one positive number, nor one per joint.

@@ -19,7 +19,7 @@ _MOST_SECONDS = 2**31 - 1
 """Of `builtin_interfaces/msg/Duration`, whose sec is an int32."""
 
 _BETWEEN = 8
-"""Parts of a step at whose ends the spline is compared."""
+"""Parts of a step between the points at which the spline is compared with the motion."""
 
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
@@ -34,7 +34,7 @@ class Ros2:
     PyYAML, which ROS reads with, takes 1e-05 for text and 1.0e-05 for a number: YAML 1.1 wants the point.
 
     Attributes:
-        tolerance: of `deviation` [rad or m].
+        tolerance: largest allowed `deviation` [rad or m].
     """
 
     name: ClassVar[str] = "ros2"

@@ -132,6 +132,8 @@ def test_rounded_positions_have_a_note():
     assert check.notes[-1] == "positions are rounded to 1e-06 rad, which alone is 4e+03 rad/s³ of jerk"
     assert len(PANDA.check(Planned(motion.t, motion.q)).notes) == 1
     assert len(PANDA.check(Planned(motion.t, np.round(motion.q, 9))).notes) == 1
+    few = PANDA.check(Planned(motion.t[::20], np.round(motion.q[::20], 6)))  # its jerk is that of the straight lines
+    assert not any("rounded" in note for note in few.notes)
 
 
 def test_ruckig_keeps_the_limits_that_it_is_given():

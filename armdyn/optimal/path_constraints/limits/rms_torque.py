@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 @brief
 @dataclass(frozen=True, eq=False)
 class RmsTorque(PartialLimit):
-    """No joint's root mean square of the torque, over the motion and a dwell at the goal, is larger than this.
+    """Limit of each joint's root mean square of the torque over the motion and a dwell at the goal.
 
     ∫ τ² dt + dwell τ_h² ≤ limit² (T + dwell); in the dwell motors hold the arm with the torque τ_h. Gravity and
     friction are part of τ.

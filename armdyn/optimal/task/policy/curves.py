@@ -45,7 +45,7 @@ class CurvePolicy:
         "take more time than is given",
     )
     torque_steps: float = tuned(
-        1.5e-4, "-", "the same of squared torque steps, which halves how far torques go up and down"
+        1.5e-4, "-", "weight of squared torque steps likewise; halves the variation of the torques"
     )
     resting: float = tuned(
         0.02, "of a velocity limit", "mean speed below which joints are the calmer the less far they have to go"
