@@ -176,6 +176,7 @@ def test_doctor(tmp_path):
         (["mintime", "rr", "--limit", "rms-torque=3@x"], "--limit rms-torque: the dwell after @: 'x' is not a number"),
         (["mintime", "rr", "--limit", "rms-torque=-1"], "--limit rms-torque limit of joint 'joint1' is -1.0 N m"),
         (["mintime", "rr", "--torque-speed", "joint1=0:3,1:4"], "its torque rises beyond speed 0"),
+        (["mintime", "rr", "--torque-speed", "joint1=0:3", "--torque-speed", "joint1=0:2"], "'joint1' is given twice"),
         (["pid", "rr", "--gains", "1,2"], "give three"),
         (["pid", "rr", "--form", "magic"], "magic"),
         (["pid", "rr", "--arrival-rule", "soon"], "soon"),

@@ -69,6 +69,7 @@ def test_wrong_presets(here):
 def test_an_export_is_checked_before_it_is_written(here):
     run_here("mintime", "r", "--preset", "own.toml", "--no-costs", "--out", "run", *QUICK)
     file = "run/trajectory.npz"
+    assert "preset of your own, 'own': not checked; give --preset" in " ".join(run_here("export", file).stderr.split())
     kept = answer(run_here("export", file, "--preset", "own.toml", "--json"))
     assert kept["controller"]["accepted"] and kept["status"] == "written" and kept["rate"] == 1000
     # Accelerations of rows are means over a step: at 20 Hz the quintics between them go beyond.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 import typer
 
 import armdyn as ad
+from armdyn.arguments import shown
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.parsing.panels import LIMITS
 
@@ -27,6 +29,9 @@ def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
 
     planned = load_result(result).get("controller")
     name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
+    if name and name not in ad.ControllerPreset.names():
+        note = f"the motion was planned under a preset of your own, {shown(name)}: not checked; give --preset its file"
+        warnings.warn(note, ad.ArmdynWarning, stacklevel=2)
     return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
 
 

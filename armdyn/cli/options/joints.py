@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from armdyn.arguments import shown
 from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import LIMITS, ROBOT
+from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import number, numbers, one_or_more
 
 if TYPE_CHECKING:
@@ -120,9 +122,13 @@ def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
 
 def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:
     """Torque-speed curves as options say them, by the names of joints; None: no option was given."""
-    curves = {}
+    curves: dict[str, list[list[float]]] = {}
     for text in texts or ():
         name, _, points = text.partition("=")
+        if name.strip() in curves:
+            raise ProblemError(
+                f"--torque-speed: joint {shown(name.strip())} is given twice; give it once, with all points"
+            )
         curves[name.strip()] = [
             numbers(point.replace(":", ","), f"--torque-speed {name.strip()}") for point in points.split(",")
         ]
