@@ -107,10 +107,18 @@ def compiling(folder, robot, then=""):
     return owner, [int(pid) for pid in child.read_text().split()]
 
 
+def runs(pid):
+    """Whether a process is there, and no zombie; it may end while it is looked at."""
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 def assert_all_end(pids, folder, deadline=5.0):
     """Compilers, their children and builders; and no mark is left by which others would wait for a library."""
     until = time.monotonic() + deadline
-    while left := [pid for pid in pids if psutil.pid_exists(pid) and psutil.Process(pid).status() != "zombie"]:
+    while left := [pid for pid in pids if runs(pid)]:
         assert time.monotonic() < until, left
         time.sleep(0.02)
     while list(folder.glob("cache/*.building")):
