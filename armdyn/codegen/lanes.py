@@ -32,7 +32,7 @@ class UnwrittenError(Exception):
 
 
 def prelude() -> str:
-    """C declarations that the functions of `in_lanes` need."""
+    """C preamble of the functions of `in_lanes`: the vector type and functions on it."""
     lines = [
         "#include <math.h>",
         f"enum {{ LANES = {LANES} }};",

@@ -155,11 +155,11 @@ class Table:
 
 
 def read_toml(path: str | os.PathLike[str]) -> Table:
-    """The outermost table of a file.
+    """Read a TOML file, as its outermost table.
 
     Raises:
         FileError: the file cannot be read, or is too large.
-        ProblemError: it is no TOML; the message says in which line.
+        ProblemError: the file is no TOML; the message says in which line.
     """
     data = read_bounded(path, MAX_BYTES)
     name = os.fspath(path)

@@ -113,7 +113,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
 def obstacle_shapes(
     bodies: Sequence[BodyShape], joint: int = 0, frame: Array | None = None, rgba: Rgba = _OBSTACLE
 ) -> list[VisualShape]:
-    """Obstacles, fixed to the world, or the shapes of an attached body.
+    """Visual shapes of obstacles, fixed to the world, or of an attached body.
 
     Args:
         bodies: the obstacles or shapes.

@@ -125,7 +125,7 @@ class Cases:
         raise NotImplementedError
 
     def nearest(self, k: int) -> tuple[int, ...]:
-        """Cases whose motion may be the guess of a case, the nearest first, whether they are done or not."""
+        """Cases whose motion may be the initial guess of case k, nearest first, done or not; none by default."""
         return ()
 
 

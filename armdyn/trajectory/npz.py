@@ -41,7 +41,7 @@ def write(
     texts: Mapping[str, str],
     joint_names: Sequence[str],
 ) -> Path:
-    """Write a trajectory's arrays and texts; see `Trajectory.save`."""
+    """Write a trajectory's arrays and texts to an npz file; see `Trajectory.save`."""
     path = path_of(path, "path of a trajectory", error=TrajectoryError)
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
         raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
@@ -114,7 +114,7 @@ def bounded(array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 
 def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
-    """Trajectory of an open npz file."""
+    """Read and check a trajectory from an open npz file."""
     found = file.namelist()
     if "format.npy" not in found:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT}")

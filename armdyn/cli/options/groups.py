@@ -78,7 +78,11 @@ def given(group: Any) -> dict[str, Any]:
 
 
 def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
-    """The options that a command has besides its own, which are looked at when all of them are there."""
+    """Options that a command has besides its own: --quiet, and --degrees if the command takes angles.
+
+    Args:
+        own: the command's own options, complete when the first common one is asked for.
+    """
     angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
     flags = [("quiet", "Say nothing but errors and warnings; the exit code tells, and files are written.", OUTPUT)]
     if angles:

@@ -136,7 +136,7 @@ def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:
 
 
 def _friction(text: str | None, what: str) -> FrictionValue | None:
-    """One number for all joints, one for each, or the URDF's."""
+    """Parse friction: one number for all joints, one per joint, or "urdf" for the URDF's."""
     return "urdf" if text is not None and text.strip() == "urdf" else one_or_more(text, what)
 
 

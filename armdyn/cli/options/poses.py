@@ -31,7 +31,7 @@ class PoseOptions:
     q_goal: str | None = option("Q,Q,…|NAME", "Goal, like --q-start.")
 
     def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
-        """The start; by default that of the paper's example.
+        """Joint positions of the start; by default those of the paper's example.
 
         Args:
             robot: that moves.

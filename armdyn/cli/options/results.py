@@ -76,7 +76,7 @@ class Written:
 
     @property
     def words(self) -> dict[str, str]:
-        """The files in words."""
+        """Folder and names of the files, and the time they took, by the label that each is printed under."""
         names = ", ".join(file.name for file in self.files)
         return {"results": str(self.files[0].parent), "written": f"{names} in {self.seconds:.1f} s"}
 

@@ -77,7 +77,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = spec.robot or _known(options.text("robot")) or _file(options.text("robot"))
+    named = spec.robot or _library_name(options.text("robot")) or _file(options.text("robot"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, joints)
@@ -107,8 +107,8 @@ def _warn(saved: Saved, what: str) -> None:
     warnings.warn(f"{saved.path}: {what}", ArmdynWarning, stacklevel=4)
 
 
-def _known(name: str) -> str | None:
-    """A name such as robots that come with armdyn have."""
+def _library_name(name: str) -> str | None:
+    """The text if it has the form of a library robot's name, otherwise None."""
     return name if _NAME.fullmatch(name) else None
 
 

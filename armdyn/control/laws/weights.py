@@ -55,7 +55,7 @@ def lag(loop: Loop) -> float:
 
 
 def bearable(weights: ErrorWeights, half: Array, plant: Steps, loop: Loop, phase: float) -> ErrorWeights:
-    """Enlarge the weights' position errors until the loop is stable in spite of its lag.
+    """Enlarge the weights' position errors until the loop's lag costs no joint more phase than allowed.
 
     The regulator of one joint of mobility b = ∂a/∂tau, a double integrator, has k_p = f/p and
     k_d = √((T f/p)² + 2 f/(p b)), with f half the torque range, p and T the weights of position and velocity (Anderson

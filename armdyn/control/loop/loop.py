@@ -115,7 +115,7 @@ class Loop:
 
 
 def expect_loop(loop: object, default: Loop | None = None) -> Loop:
-    """The argument `loop`.
+    """Check the argument `loop`.
 
     Args:
         loop: as given.

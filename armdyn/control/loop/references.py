@@ -26,7 +26,7 @@ _INSTANT = 1e-3
 
 
 def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -> Trajectory:
-    """A reference along a quintic polynomial, from rest to rest, all joints in step.
+    """Reference trajectory along a quintic polynomial, from rest to rest, with synchronised joints.
 
     Args:
         robot: whose torques it has, by `pin.rnea` and the joints' friction.

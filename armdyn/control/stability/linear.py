@@ -51,7 +51,7 @@ class LinearPlant:
         return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
 
     def held(self, period: float) -> tuple[Array, Array]:
-        """One tick of (q, v) under a torque that stays, exactly: shapes (2 nv, 2 nv) and (2 nv, nv)."""
+        """Exact discretisation of (q, v) under zero-order hold: matrices of shapes (2 nv, 2 nv) and (2 nv, nv)."""
         return held(self.A, self.B, period)
 
 

@@ -80,7 +80,7 @@ class GainRegion:
         return cubic if i else cubic[:3]
 
     def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> NDArray[np.bool_]:
-        """Whether it is stable with such gains, of one shape or shapes that broadcast."""
+        """Whether the loop is stable with given gains, of one shape or shapes that broadcast."""
         p, i, d = (numbers(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
         damping, stiffness = d + self.damping, p + self.stiffness
         return np.asarray((i >= 0) & (damping > 0) & (stiffness > 0) & (damping * stiffness > self.inertia * i))

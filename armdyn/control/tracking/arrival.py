@@ -46,7 +46,7 @@ class Arrival:
         number(self.tolerance, "arrival_tolerance", unit="rad", sign="positive")
 
     def time(self, motion: Trajectory, goal: Array) -> float | None:
-        """When a motion arrives [s], exact to the cubics between its samples; None if it does not.
+        """Arrival time of a motion [s], exact for the cubics between its samples; None if the motion does not arrive.
 
         Args:
             motion: the motion, from t = 0.

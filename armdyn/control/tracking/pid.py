@@ -90,7 +90,7 @@ def simulate_pid(
 
 
 def _ticks(duration: float, steps: int, nv: int) -> int:
-    """Ticks of a run: a multiple of the trajectory's steps, or as many as rate and memory permit."""
+    """Number of ticks of a run: a multiple of the trajectory's steps, or as many as rate and memory permit."""
     most = min(MOST_ROWS // (3 * nv), int(duration * MOST_RATE))
     return min(steps * int(np.ceil(duration * _RATE / steps)), most)
 

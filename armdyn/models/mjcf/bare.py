@@ -63,12 +63,12 @@ class Bare:
         SubElement(bare, "compiler", angle="radian")
         top = SubElement(SubElement(bare, "worldbody"), "body", name=self._named("body", WORLD))
         for world in root.findall("worldbody"):
-            for body in self._bodies(world, WORLD):
+            for body in self._child_bodies(world, WORLD):
                 self._body(body, top, world.get("childclass"), moves=False)
         return ElementTree.tostring(bare, encoding="unicode")
 
-    def _bodies(self, parent: Element, name: str) -> list[Element]:
-        """The bodies inside one."""
+    def _child_bodies(self, parent: Element, name: str) -> list[Element]:
+        """Elements of the bodies directly inside a body; refuses MuJoCo's macros."""
         for macro in _MACROS:
             if parent.find(macro) is not None:
                 what = f"has a <{macro}>, which MuJoCo's compiler expands; save the compiled model and give that"
@@ -118,7 +118,7 @@ class Bare:
             if called := site.get("name"):
                 own = Values(self.classes.attributes(site, inherited), self.classes.source, f"site {clipped(called)!r}")
                 place(own, self.compiler, SubElement(copy, "site", name=self._named("site", called)))
-        for inside in self._bodies(body, name):
+        for inside in self._child_bodies(body, name):
             self._body(inside, copy, inherited, moves)
 
     def _joints(self, body: Element, name: str, inherited: str | None) -> list[Element]:

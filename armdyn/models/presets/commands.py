@@ -81,7 +81,7 @@ def _rounding(q: Array) -> float:
 
 
 def _differences(t: Array, q: Array) -> tuple[Array, Array]:
-    """Velocities and accelerations at both ends of a motion with positions only, each of shape (2, nv)."""
+    """Velocities and accelerations at both ends of a motion, by differences of its positions, each of shape (2, nv)."""
     h = np.diff(t)[:, None]
     slopes = np.diff(q, axis=0) / h
     if len(slopes) == 1:

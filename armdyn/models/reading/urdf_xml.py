@@ -28,7 +28,7 @@ _XACRO = "is xacro that was not expanded; run `xacro` on it first and give armdy
 
 
 def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_string") -> Path:
-    """The path of a file that describes a robot.
+    """Check the path of a file that describes a robot.
 
     Args:
         path: as given.
@@ -36,7 +36,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
         of_text: the reader of a text of that kind.
 
     Raises:
-        UrdfError: it is none; or the file's text, where its path belongs.
+        UrdfError: `path` is no path; or it is the file's text instead.
     """
     if isinstance(path, str) and "<" in path[:1000]:
         raise UrdfError("path", f"looks like {kind} text: use {of_text}")
@@ -47,7 +47,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
 
 
 def check_text(text: object, source: object, kind: str) -> None:
-    """Refuse a value that is no text of a URDF or an MJCF, before it is read.
+    """Check that a value can be the text of a URDF or an MJCF, before it is parsed.
 
     Args:
         text: as given.

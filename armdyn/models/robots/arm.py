@@ -134,7 +134,7 @@ class Arm:
 
     @property
     def poses(self) -> dict[str, Array]:
-        """Joint positions that have a name [rad or m], each of shape (nv,): from an SRDF by the URDF, or a table."""
+        """Named joint positions [rad or m], each of shape (nv,): "zero", and those of an SRDF, an MJCF or a table."""
         return named_poses(self)
 
     def pose(self, name: str) -> Array:

@@ -200,7 +200,7 @@ def _list(value: Any, what: str, most: int | None = None) -> list[Any]:
 
 
 def _numbers(value: Any, what: str) -> Array:
-    """Finite numbers, shape (n,), from a list, or from x, y, z and perhaps w."""
+    """Parse finite numbers, shape (n,), from a list or from a mapping with x, y, z and perhaps w."""
     keys = "xyzw" if isinstance(value, Mapping) and "w" in value else "xyz"
     members = [value.get(key, 0) for key in keys] if isinstance(value, Mapping) else value
     try:

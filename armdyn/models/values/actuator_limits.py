@@ -117,7 +117,7 @@ class ActuatorLimits(ABC):
         return replace(self, lower=self.lower * (1 - parts), upper=self.upper * (1 - parts))
 
     def between(self, lower: Array, upper: Array) -> Self:
-        """The same kind of limits with other extreme torques [N m or N], each of shape (nv,)."""
+        """Limits of the same kind with other extreme torques [N m or N], each of shape (nv,)."""
         return replace(self, lower=lower, upper=upper)
 
 

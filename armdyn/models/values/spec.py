@@ -246,7 +246,7 @@ class Tool(Payload):
 
 
 def _moments(inertia: ArrayLike) -> tuple[float, ...]:
-    """Three moments, or these and the three products, of the ways that `Payload` takes."""
+    """Check a payload's inertia [kg m²]: three moments, or three moments and three products."""
     expected = "three moments, three moments and three products, or a symmetric 3 × 3 matrix [kg m²]"
     array = numbers(inertia, "payload inertia", expected, error=SpecError)
     if array.shape == (3, 3) and np.array_equal(array, array.T):

@@ -112,7 +112,7 @@ class Solution:
 
     @property
     def lower_bound(self) -> float | None:
-        """No motion is faster [s]; None: no bound is known."""
+        """Proven lower bound on the duration of all motions [s]; None: unknown."""
         return self.certificate.lower_bound
 
     @property
@@ -122,7 +122,7 @@ class Solution:
 
     @property
     def gap_proven(self) -> bool:
-        """`gap` is between a bound and a feasible motion that ends on the goal."""
+        """Whether `gap` is between a bound and a feasible motion that ends on the goal."""
         return self.feasible and self.certificate.gap_proven
 
     @property

@@ -163,7 +163,7 @@ def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tupl
 def _line_bounds(
     problem: MinimumTimeProblem, arcs: Sequence[Arc], arc_of: Index, scales: Scales, held: bool
 ) -> tuple[Array, Array]:
-    """A free torque does not bend within an interval, and begins it within its limits; held, it is given already."""
+    """Bounds by which free torques are linear over an interval and start it within limits; infinite for the others."""
     free = np.array([[mode is Mode.FREE and not held for mode in arcs[a].modes] for a in arc_of])  # (N, nv)
     sides = []
     for limit, infinity in ((problem.limits.actuators.lower, -np.inf), (problem.limits.actuators.upper, np.inf)):

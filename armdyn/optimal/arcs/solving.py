@@ -87,12 +87,12 @@ def _solver(
 
 
 def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
-    """The program with rows that say whether torques are lines; their bounds are of `posing`."""
+    """NLP with rows for free torques: linear over each interval, within their limits at its start."""
     return with_rows(dynamics, scheme, intervals, (StageRows(_lines),))
 
 
 def _lines(stages: Stages, _: ca.SX) -> ca.SX:
-    """How far torques bend from stage to stage, and what they begin the interval with, over their scales."""
+    """Changes of the torques' slope from stage to stage, and torques extrapolated to the interval's start, scaled."""
     c, tau = stages.c, stages.tau
     slopes = [(tau[:, j + 1] - tau[:, j]) / (c[j + 1] - c[j]) for j in range(c.size - 1)]
     rows = [*(after - before for before, after in pairwise(slopes)), tau[:, 0] - c[0] * slopes[0]]
@@ -150,7 +150,7 @@ def _density(t: Array, states: Array, stage_costate: Array, layers: Density | No
 
 
 def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
-    """The Lagrangian's gradient without the bounds' multipliers, which it therefore is."""
+    """Gradient ∇f + Jᵀλ of the objective and the equations; at an optimum the bounds' multipliers balance it."""
     jacobian = nlp.jacobian(result.x, nlp_data.p)[1]
     gradient = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
     gradient += np.array(nlp.gradient(result.x, nlp_data.p)).ravel()

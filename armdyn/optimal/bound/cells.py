@@ -65,7 +65,7 @@ class Cells:
         return new.narrowed(leg, joined([*within[: new.middle], middle, *within[new.middle :]]))
 
     def narrowed(self, leg: BoundLeg, v: Interval) -> Cells:
-        """The same with further bounds on the velocities."""
+        """Cells with further bounds on the velocities, and the positions that these admit."""
         v = self.v.meet(v)
         return Cells(self.side, self.q.meet(_positions(leg, self.side, v, self.longest)), v, self.longest)
 

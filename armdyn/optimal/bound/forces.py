@@ -137,13 +137,13 @@ class Forces:
         return Interval(ends[0], ends[1])
 
     def _greatest(self, corners: Array, concave: Array) -> Array:
-        """The greatest value of a function that is convex in each velocity, less Σ concave_a v_a², shape (boxes, m).
+        """Maximum over a box's velocities of a function convex in each one, less Σ concave_a v_a², shape (boxes, m).
 
         A chord less c v² is greatest at an end or where 2 c v is the chord's slope. An error δ of that place costs
         c δ², of second order in the unit roundoff: what counts is the rounding of some 16 operations a joint.
 
         Args:
-            corners: the function's values there, shape (boxes, corners, m).
+            corners: the function's values at the corners of the velocities' box, shape (boxes, corners, m).
             concave: not negative, shape (boxes, nv, m).
         """
         if self.v.lower.shape[1] > MOST_CORNERS:

@@ -79,11 +79,11 @@ def _constant(forms: Affine) -> Interval:
 
 
 def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
-    """Affine forms of functions from their values at the centres and the forms of their slopes.
+    """Affine forms of functions by the mean value theorem: values at the centres, gradients over the boxes.
 
     Args:
         at_centres: shape (functions, boxes).
-        slopes: by q_1 of all functions, by q_2 of all, …: places nv functions.
+        slopes: affine forms of ∂/∂q_1 of all functions, then of ∂/∂q_2, …: nv times as many.
         radius: of the boxes, shape (nv, boxes).
     """
     count, (nv, boxes) = len(at_centres.lower), radius.shape

@@ -110,5 +110,5 @@ class Basis:
         return np.stack(orders, axis=1)
 
     def curve(self, points: Array) -> BSpline:
-        """The curve of control points, shape (size, nv), over s."""
+        """B-spline over s with given control points, shape (size, nv)."""
         return BSpline(self.knots, points, DEGREE)

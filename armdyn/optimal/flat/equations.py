@@ -111,7 +111,7 @@ def torque_step_cost(joints: int) -> IntervalFunctions:
 
 @built_once(maxsize=16)
 def rate_equations(joints: int, order: int) -> IntervalFunctions:
-    """A control point of a derivative by time, over its limits.
+    """Control point of a time derivative of the curve, relative to the derivative's limits.
 
     Unknowns: order + 1 control points of the curve, the leg's duration T.
     Parameters: what each of these is multiplied by, shape (order + 1,); one over the limits, shape (nv,).
@@ -125,7 +125,7 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
 
 @built_once(maxsize=16)
 def meeting_equations(joints: int, order: int) -> IntervalFunctions:
-    """A derivative by time at the end of a leg, less that at the beginning of the next, over its scale.
+    """Time derivative at the end of a leg, less that at the beginning of the next leg, relative to its scale.
 
     Unknowns: of both legs, one after the other, the order + 1 control points and the duration.
     Parameters: of both legs what those points are multiplied by, shape (2, order + 1); one over the scale, shape (nv,).
@@ -144,7 +144,7 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
 
 @built_once(maxsize=16)
 def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
-    """How fast torques change from one point to the next, over their limits.
+    """Torque rates between two neighbouring points, relative to the limits of the rates.
 
     Unknowns: the scaled torques at both points, then the durations of the legs that they lie in.
     Parameters: of every such leg, which part of its duration lies between the points, shape (sides,); half the torque's

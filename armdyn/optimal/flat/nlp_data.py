@@ -280,7 +280,7 @@ def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
 
 
 def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:
-    """Path constraints, over the intervals of all legs."""
+    """Add the parameters and bounds of the path constraints' rows, over the intervals of all legs."""
     problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
     rows, intervals = rows_of(problem, constraints), sum(leg.basis.intervals for leg in guess.legs)
     if not rows:

@@ -57,7 +57,7 @@ class CurveLayout:
 
     @property
     def size(self) -> int:
-        """Unknowns."""
+        """Number of unknowns."""
         return self._before(len(self.intervals))
 
     def points(self, leg: int) -> Index:
@@ -83,38 +83,38 @@ class CurveLayout:
         return Curve(legs)
 
     def torque_rows(self, leg: int) -> Index:
-        """Where the equations of the torques stand, shape (intervals * POINTS, joints)."""
+        """Rows of the torque equations, shape (intervals * POINTS, joints)."""
         first = sum(self._equations(before) for before in range(leg))
         return first + np.arange(self.intervals[leg] * POINTS * self.joints).reshape(-1, self.joints)
 
     def rates(self, leg: int, order: int) -> Index:
-        """Where the equations of a derivative's control points stand, shape (their number, joints)."""
+        """Rows of the equations of a derivative's control points, shape (control points, joints)."""
         first = sum(self._equations(before) for before in range(leg)) + self.intervals[leg] * POINTS * self.joints
         first += sum(self._count(leg, lower) * self.joints for lower in self.orders if lower < order)
         return first + np.arange(self._count(leg, order) * self.joints).reshape(-1, self.joints)
 
     def torque_speeds(self, leg: int) -> Index:
-        """Where the lines of torque-speed curves stand, shape (intervals * POINTS, lines, joints)."""
+        """Rows of the lines of torque-speed curves, shape (intervals * POINTS, lines, joints)."""
         size = self.intervals[leg] * POINTS * self.lines * self.joints
         last = sum(self._equations(before) for before in range(leg + 1))
         return last - size + np.arange(size).reshape(-1, self.lines, self.joints)
 
     def at_points(self, leg: int) -> Index:
-        """Unknowns of the torque equations, a column for every point."""
+        """Indices of the unknowns of the torque equations, a column per point."""
         interval = np.repeat(np.arange(self.intervals[leg]), POINTS)
         return self._columns(leg, interval[:, None] + np.arange(WINDOW), self.torques(leg))
 
     def in_intervals(self, leg: int) -> Index:
-        """Unknowns of a `CurveInterval`, a column for each."""
+        """Indices of the unknowns of a `CurveInterval`, a column per interval."""
         window = np.arange(self.intervals[leg])[:, None] + np.arange(WINDOW)
         return self._columns(leg, window, self.torques(leg).reshape(self.intervals[leg], -1))
 
     def differences(self, leg: int, order: int) -> Index:
-        """Unknowns of a derivative's control points, a column for each of these."""
+        """Indices of the unknowns that a derivative's control points depend on, a column per control point."""
         return self._columns(leg, np.arange(self._count(leg, order))[:, None] + np.arange(order + 1))
 
     def _count(self, leg: int, order: int) -> int:
-        """Control points of a derivative."""
+        """Number of a derivative's control points."""
         return self.intervals[leg] + DEGREE - order
 
     def _equations(self, leg: int) -> int:
@@ -218,7 +218,7 @@ def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
 
 
 def _torque_rates(shape: CurveLayout) -> list[_Part]:
-    """Rates of the torques: leg by leg, where legs meet, and at both ends."""
+    """Constraints on torque rates: within each leg, where legs meet, and at both ends."""
     n = shape.joints
     steps = [_Part(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
     meetings = [_Part(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]

@@ -146,7 +146,7 @@ class _GaussStep:
             self.configuration = partial(pin.integrate, robot.model, pin.neutral(robot.model))
 
     def __call__(self, h: Array, x: Array, tau: Array) -> tuple[Array, Array, Array]:
-        """Integrate segments.
+        """Integrate each segment by one Gauss step, and differentiate its end state.
 
         Args:
             h: their lengths [s], shape (K,).

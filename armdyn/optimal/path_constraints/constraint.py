@@ -202,5 +202,5 @@ class PathConstraint(ABC):
         return self
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        """A guess along this path should take no less [s]."""
+        """Shortest duration [s] that an initial guess along a path should have; 0: any."""
         return 0.0

@@ -129,7 +129,7 @@ class Layout:
 
     @property
     def block(self) -> int:
-        """From one knot to the next."""
+        """Number of unknowns from one knot to the next."""
         return self.knot.size + self.inner.size
 
     @property
@@ -138,7 +138,7 @@ class Layout:
         return self.block + self.knot.size
 
     def size(self, intervals: int) -> int:
-        """Number of all unknowns."""
+        """Number of unknowns of a program."""
         return self.block * intervals + self.knot.size
 
     def parts(self, y: Any) -> tuple[Any, Any, Any]:
@@ -224,11 +224,11 @@ class CondensedLayout:
         return np.append(states, full.times(N)[0])
 
     def expanded(self, w: Array, middles: Array) -> Array:
-        """The unknowns of the full layout.
+        """Unknowns of the full layout, from those of the condensed one.
 
         Args:
-            w: the unknowns.
-            middles: states in the middle of the intervals, a column each, shape (2 nv, N).
+            w: unknowns of this layout.
+            middles: states in the middle of the intervals, a column per interval, shape (2 nv, N).
         """
         full, N = self.full, middles.shape[1]
         x = np.empty(full.size(N))

@@ -89,7 +89,7 @@ class Certificate:
         segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
         correction: largest torque that feedback adds [N m or N]; None: open loop.
         correction_share: the same as a part of half the joint's torque range; None likewise.
-        lower_bound: no motion is faster [s], to whichever joint positions reach the goal; None: no bound is known.
+        lower_bound: proven, on the duration of all motions to any joint positions at the goal [s]; None: unknown.
         gap: how far this one is above it, as a part of it.
         remark: what there is to say besides, such as why there are no costates.
         t: times at which the costates are known [s], shape (K,).
@@ -158,7 +158,7 @@ class Certificate:
 
     @property
     def gap_proven(self) -> bool:
-        """The gap is between a motion that ends on the goal within its limits and a bound below it."""
+        """Whether the gap is between a motion that ends on the goal within its limits and a bound below it."""
         return self.gap is not None and self.on_goal and self.keeps_limits and self.gap >= -LIMIT_TOLERANCE
 
     @property

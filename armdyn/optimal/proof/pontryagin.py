@@ -71,7 +71,7 @@ def _worst_multiplier(phases: Phases) -> float:
         ]
         inside = np.array([mode in POSITION for mode in modes])
         sign = np.array([outward(mode) for mode in modes])
-        fast += _velocity_blows(phases, i)
+        fast += _velocity_impulses(phases, i)
         stages, knots = _position_multipliers(phases, i, inside)
         met = np.zeros(K - 1)  # at the knots between intervals: in contact on either side, or touching
         met[inside[1:]], met[inside[:-1]] = sign[1:][inside[1:]], sign[:-1][inside[:-1]]
@@ -87,15 +87,15 @@ def _worst_multiplier(phases: Phases) -> float:
     return worst
 
 
-def _velocity_blows(phases: Phases, i: int) -> list[Array]:
-    """Pulls of a velocity limit at once, outward: where a joint meets it, leaves it, is on it, or touches it."""
-    blows: list[Array] = []
+def _velocity_impulses(phases: Phases, i: int) -> list[Array]:
+    """Outward impulsive multipliers of a joint's velocity limits, at every knot between arcs where it is on a limit."""
+    impulses: list[Array] = []
     for a, (here, after) in enumerate(pairwise(phases.arcs)):
         at = [mode for mode in {here.modes[i], after.modes[i]} if mode in VELOCITY]
         at += [mode for joint, mode in here.touches if joint == i and mode in VELOCITY]
         knot = np.flatnonzero(phases.arc_of == a)[-1:]
-        blows += [-outward(mode) * phases.knot_multiplier[knot, 1, i] for mode in at]
-    return blows
+        impulses += [-outward(mode) * phases.knot_multiplier[knot, 1, i] for mode in at]
+    return impulses
 
 
 def _position_multipliers(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[Array, Array]:

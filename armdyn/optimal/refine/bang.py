@@ -44,7 +44,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
         As many of them, in their order, as are worth it.
     """
     attempts, numbers, options = found.attempts, task.policy.refinement, task.options
-    if _resolvable(task):
+    if _reads_arcs(task):
         prepare_resolving(task)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
     few, many = options.intervals, options.max_intervals
@@ -125,15 +125,15 @@ def _up(task: Task, finest: int, step: _Reached) -> _Reached:
     return step
 
 
-def _resolvable(task: Task) -> bool:
-    """Whether arcs were asked for, and can be read."""
+def _reads_arcs(task: Task) -> bool:
+    """Whether arcs are to be read from attempts: the option is set, and torques are constant in every interval."""
     return task.options.arcs and task.scheme.control == "constant"
 
 
 def _read(task: Task, attempt: Attempt, left: float) -> tuple[Optimum, float]:
     """The extremal that a mesh's solution leads to within a budget of integrator steps, and the budget's rest."""
     motion = attempt.trajectory
-    if _resolvable(task):
+    if _reads_arcs(task):
         budget = Budget(task.stop, left)
         return replace(resolve(task, attempt, budget), iterations=0), budget.left
     certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not asked for")

@@ -41,12 +41,12 @@ def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
 
 
 def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) -> list[Attempt]:
-    """Usable attempts of which no two have about the same duration and motion, best first; of those the finest mesh's.
+    """Usable attempts, best first; of those with about the same duration and motion only that on the finest mesh.
 
     Args:
         attempts: in any order.
-        same: durations that differ by no more than this part are one optimum's,
-        apart: if the motions are nowhere so far from each other at the same part of them [rad or m].
+        same: largest relative difference of durations that are one optimum's.
+        apart: largest distance of motions that are one optimum's, at the same part of their durations [rad or m].
     """
     alike = within(same)
 

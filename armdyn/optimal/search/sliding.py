@@ -43,7 +43,7 @@ def _time(away: Array, speed: Array, numbers: GoalPolicy) -> float:
 
 
 def _slid(problem: MinimumTimeProblem, goal: GoalPose, q: Array, speed: Array, numbers: GoalPolicy) -> Array:
-    """A goal, slid to where no step along the pose's joint positions brings it nearer."""
+    """Joint positions of a goal pose, moved along the pose's self-motion to a local minimum of the travel time."""
     limits, begin, longest = problem.limits, problem.poses[-2], numbers.farthest
     for _ in range(numbers.slides):
         free, room = free_directions(problem.robot, goal, q), limits_from(limits, q)

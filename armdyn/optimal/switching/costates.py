@@ -37,7 +37,7 @@ def phases_of(extremal: Extremal) -> Phases:
     """The arcs of an extremal with its costates, for certificates and sensitivities.
 
     Args:
-        extremal: what is to be proved.
+        extremal: rollout with its costates.
     """
     numbers = extremal.shooting.policy.arcs
     problem, whole = extremal.shooting.problem, SampledExtremal.of(extremal)
@@ -138,7 +138,7 @@ class _Grid:
 
     @classmethod
     def of(cls, rollout: Rollout) -> Self:
-        """Intervals of three steps or, where a torque is free, of one; none of arcs that take no time."""
+        """Group a rollout's steps into intervals, of one step where a torque is free; skip arcs that take no time."""
         first: list[int] = []
         count: list[int] = []
         curved = np.any(rollout.torques.free_mask > 0, axis=1)

@@ -73,7 +73,7 @@ def worst_stretch(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
 
 
 def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
-    """Modes between the changes; of a joint that another one holds, the torque limit that it is on."""
+    """Modes of the torques on each arc: the torque of a held joint is on a limit, that of its carrier is free."""
     out = [list(modes) for modes in structure.modes()]
     for modes, carriers in zip(out, structure.carriers(), strict=True):
         for joint, carrier in carriers.items():

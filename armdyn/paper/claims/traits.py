@@ -113,7 +113,7 @@ class PayloadEffect:
 
     @property
     def reached(self) -> tuple[tuple[float, float], ...]:
-        """Payload [kg] and time [s] where there is a time."""
+        """Payloads [kg] and times [s] of the motions that end at the goal."""
         return tuple((m, t) for m, t in zip(self.payloads, self.times, strict=True) if t is not None)
 
     @property

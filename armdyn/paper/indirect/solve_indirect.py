@@ -93,7 +93,7 @@ class _Question:
         return self.problem.effort_weight or self.numbers.first_weight * self.unit
 
     def boundary(self, weight: float, guess: BoundaryExtremal) -> BoundaryProblem:
-        """The boundary value problem of a weight."""
+        """Boundary value problem with an effort weight [1/(N m)²], started from a guess."""
         problem = self.problem
         lower, upper = problem.limits.effort_lower, problem.limits.effort_upper
         if not self.options.bounded:
@@ -183,7 +183,7 @@ def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
 
 
 def _seeds(question: _Question, seed: Solution | None) -> list[_Seed]:
-    """Initial guesses, the most promising first."""
+    """Initial guesses of the boundary value problem, the most promising first."""
     problem, options, stop = question.problem, question.options, question.stop
     if seed is not None and seed.phases is not None and options.law.minimises:
         return [_Seed.of(seed.phases, seed.problem.effort_weight)]

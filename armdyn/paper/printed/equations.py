@@ -65,7 +65,7 @@ class PrintedArm:
         return len(self.length)
 
     def inertia(self, q: ArrayLike) -> Array:
-        """D(q) as printed [kg m²], shape (nv, nv); upper triangular for three links.
+        """Mass matrix D(q) as printed [kg m²], shape (nv, nv); upper triangular for three links.
 
         Args:
             q: joint angles [rad], shape (nv,).

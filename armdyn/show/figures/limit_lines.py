@@ -61,7 +61,7 @@ def draw_limits(panel: Panel, limits: JointLimits) -> bool:
         pad = 0.06 * (high - low)
         panel.axes.set_ylim(min(low, min(drawn) - pad), max(high, max(drawn) + pad))
     free = sum(not np.isfinite(lower[joint]) and not np.isfinite(upper[joint]) for joint in own)
-    panel.axes.set_title(_told_limits(panel, drawn, beyond, free), loc="right", fontsize=8, color=SOFT)
+    panel.axes.set_title(_limits_caption(panel, drawn, beyond, free), loc="right", fontsize=8, color=SOFT)
     return bool(drawn)
 
 
@@ -76,7 +76,7 @@ def draw_ranges(panel: Panel, limits: JointLimits, motion: Trajectory) -> None:
             )
 
 
-def _told_limits(panel: Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:
+def _limits_caption(panel: Panel, drawn: Sequence[float], beyond: Sequence[float], free: int) -> str:
     """Caption of limits that a panel does not show; empty if it shows all."""
     if free == len(panel.joints):
         return f"no {panel.quantity} limits"

@@ -236,7 +236,7 @@ def titled(title: str, of: str) -> str:
 
 
 def listed(rows: Sequence[tuple[str, str]]) -> Html:
-    """List of names and values."""
+    """HTML list of names and values; rows without a value are left out."""
     return element(
         "dl",
         *(join([element("dt", name), element("dd", value)]) for name, value in rows if value),

@@ -75,7 +75,7 @@ class InProcess:
         self._task, self._waiting = task, deque[StudyCase]()
 
     def wanted(self, left: int) -> int:
-        """Number of cases to be given now: 1 while there is none."""
+        """Number of cases to be given now: 1 unless a case is waiting."""
         return min(left, 1 - len(self._waiting))
 
     def give(self, cases: Sequence[StudyCase]) -> None:
@@ -96,7 +96,7 @@ class Threads:
         self._under_way, self._done = 0, queue.SimpleQueue[Future[Ended]]()
 
     def wanted(self, left: int) -> int:
-        """Number of cases to be given now: 1 while few wait."""
+        """Number of cases to be given now: 1 while few cases wait."""
         return min(left, 1, _AHEAD * self.size - self._under_way)
 
     def give(self, cases: Sequence[StudyCase]) -> None:

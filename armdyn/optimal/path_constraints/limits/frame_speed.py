@@ -55,7 +55,7 @@ class FrameSpeedLimit(PartialLimit):
         return cls(values[0], frame)
 
     def option_text(self) -> str:
-        """With all digits."""
+        """The constraint as its option says it, with all digits."""
         return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
@@ -112,7 +112,7 @@ def _squares(stages: Stages, over_square: ca.SX, joint: int, *offset: float) -> 
 
 
 def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:
-    """How fast a frame's origin moves [m/s], shape (samples,)."""
+    """Speed of a frame's origin [m/s], shape (samples,)."""
     model, data, fixed = robot.model, robot.model.createData(), robot.frame(frame)
     speeds = []
     for positions, velocities in zip(q, v, strict=True):

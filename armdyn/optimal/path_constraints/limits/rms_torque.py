@@ -60,7 +60,7 @@ class RmsTorque(PartialLimit):
         return cls(values[0] if len(values) == 1 else values, dwell)
 
     def option_text(self) -> str:
-        """With all digits."""
+        """The constraint as its option says it, with all digits."""
         dwell = f"@{float(self.dwell)!r}" if self.dwell else ""
         return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}{dwell}"
 

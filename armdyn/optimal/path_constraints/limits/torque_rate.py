@@ -61,7 +61,7 @@ class TorqueRateLimit(PathConstraint):
         return cls(values[0] if len(values) == 1 else values)
 
     def option_text(self) -> str:
-        """With all digits."""
+        """The constraint as its option says it, with all digits."""
         return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:

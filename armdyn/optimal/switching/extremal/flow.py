@@ -23,7 +23,7 @@ STEPS = 96
 
 
 def _tableau() -> tuple[Array, Array]:
-    """A, shape (11, 11), and b, shape (11,)."""
+    """Butcher tableau of Cooper and Verner's method: A, shape (11, 11), and b, shape (11,)."""
     s = float(np.sqrt(21.0))
     A = np.zeros((11, 11))
     A[1, 0] = 1 / 2

@@ -98,7 +98,7 @@ class LinearizedRollout:
 
     @property
     def gradient_norm(self) -> float:
-        """Norm of the duration's gradient along the tangents, less the part of active limits and empty segments."""
+        """Norm of the duration's reduced gradient, less the components held by active limits and empty segments."""
         return self._response[0]
 
     @property
@@ -150,10 +150,10 @@ class LinearizedRollout:
         return max((float(np.ptp(own)) for own in arcs), default=0.0)
 
     def hessian(self, tangents: Array) -> Array:
-        """The Lagrangian's second derivatives along tangents, shape (k, k).
+        """Hessian of the Lagrangian along tangents, by finite differences of its gradient, shape (k, k).
 
-        Differences of its gradient by times and states together: arcs are short, so that nothing grows in them that
-        would have to cancel, as it does where states follow from times.
+        The gradient is taken by times and states together: arcs are short, so that no large terms have to cancel,
+        as they do where states follow from times.
 
         Args:
             tangents: of the unknowns, shape (k, width).

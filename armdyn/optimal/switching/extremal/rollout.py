@@ -230,7 +230,7 @@ class Rollout:
         return whole, by
 
     def _add_curved(self, by: Array, arc: int, steps: range) -> None:
-        """∂end/∂(unknowns) of an arc on which a torque is free, put into an array of zeros, shape (2 nv, width)."""
+        """Write ∂end/∂(unknowns) of an arc on which a torque is free into `by`, zeros of shape (2 nv, width)."""
         torques = self.torques
         length = np.zeros(by.shape[1])
         length[arc] = 1 / len(steps)

@@ -92,7 +92,7 @@ class SwitchingStructure:
         return out
 
     def modes(self) -> list[tuple[Mode, ...]]:
-        """Modes between the changes, m + 1 of them."""
+        """Modes of all joints on each of the m + 1 arcs."""
         now, out = list(self.first), [self.first]
         for change in self.changes:
             if not change.touch:
@@ -103,7 +103,7 @@ class SwitchingStructure:
         return out
 
     def carriers(self) -> list[dict[int, Carrier]]:
-        """Which joint holds which other one on its limit between the changes, by the number of the held one."""
+        """Joints that hold another joint on its limit, on each of the m + 1 arcs, by the index of the held joint."""
         now: dict[int, Carrier] = {}
         out, keeping = [now], dict[int, int]()
         for change in self.changes:
@@ -195,7 +195,7 @@ class SwitchingStructure:
         return self.changes[segment.begin].mode
 
     def end_of(self, begin: int) -> int:
-        """The change that ends the segment which a change begins, by their numbers; m: the goal."""
+        """Index of the change that ends the segment begun by change `begin`; m: the goal ends it."""
         return next(segment.end for segment in self.segments() if segment.begin == begin)
 
     def with_changes(self, more: Iterable[tuple[float, Change, Array]]) -> Self:
