@@ -97,7 +97,7 @@ def cut(motion: Trajectory, begin: float | None, end: float | None) -> Trajector
     )
     if not motion.t[0] <= low < high <= motion.t[-1]:
         raise TrajectoryError(
-            f"a slice from {low:.9g} s to {high:.9g} s; expected increasing times within the motion, "
+            f"begin is {low:.9g} s and end {high:.9g} s; expected increasing times within the motion, "
             f"{motion.t[0]:.9g} s to {motion.t[-1]:.9g} s"
         )
     first, last = int(np.searchsorted(motion.t, low)), int(np.searchsorted(motion.t, high, side="right")) - 1

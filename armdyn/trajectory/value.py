@@ -119,6 +119,8 @@ class Trajectory:
         """
         at, held = (numbers(x, name, error=TrajectoryError) for x, name in ((q, "q"), (tau, "tau")))
         end = number(duration, "duration", unit="s", sign="positive", error=TrajectoryError)
+        if end < LEAST_STEP:
+            raise TrajectoryError(f"duration is {end:.3g} s; it must be at least {LEAST_STEP:g} s")
         if at.ndim != 1 or at.shape != held.shape:
             raise TrajectoryError(f"q has shape {at.shape} and tau {held.shape}; expected one number per joint of both")
         still = np.zeros((2, at.size))
