@@ -85,7 +85,7 @@ def track(
             run = ad.track(arm, asked, law, real, joined, reference.duration, tolerance=reference.tolerance)
             summary = {"robot": arm.name, "reference_duration": asked.duration, **run.summary()}
             title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
-            followed = replace(asked, name="reference", model_hash="" if asked.pieces else arm.model_hash)
+            followed = replace(asked, name="reference", model_hash=arm.model_hash)
             # A fifth longer than reference and settling took is worth looking at.
             end = None if run.settled_time is None else 1.2 * max(run.settled_time, asked.duration)
             motions = {"trajectory": until(run.trajectory, end), "reference": followed}
