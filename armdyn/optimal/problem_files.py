@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
+from armdyn.errors import ProblemError, did_you_mean
 from armdyn.files import file_inside
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import positions_of
@@ -27,6 +28,8 @@ TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
+
+_GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
 
 _WORDS = {
     "start": "q_start",
@@ -127,7 +130,10 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
         if key in given and not isinstance(given[key], list):
             raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
     if "via" in given:
-        given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
+        given["via"] = [
+            _goal_pose(one, robot, f"via[{i}]") if isinstance(one, Mapping) else positions_of(robot, one, "via")
+            for i, one in enumerate(given["via"])
+        ]
     if "preset" in given:
         given["preset"] = ControllerPreset.from_table(table, "preset")
     if "obstacles" in given:
@@ -151,10 +157,16 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
         given["effort_limit"] = tuple(limit)  # (lower, upper)
     if "goal_pose" in given:
         pose = table.table("goal_pose")
-        pose.only(("frame", "position", "quaternion", "rpy", "free", "tolerance"))
-        at, quaternion, rpy = (pose.values.get(key) for key in ("position", "quaternion", "rpy"))
-        at = () if at is None else at
-        placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
-        region = {key: pose.values.get(key, ()) for key in ("free", "tolerance")}
-        given["goal_pose"] = GoalPose(pose.values.get("frame", robot.tip), placed, **region)
+        pose.only(_GOAL_POSE)
+        given["goal_pose"] = _goal_pose(pose.values, robot, "goal_pose")
     return given
+
+
+def _goal_pose(entry: Mapping[str, Any], robot: Robot, name: str) -> GoalPose:
+    """The goal pose or region that an entry describes."""
+    if wrong := [key for key in entry if key not in _GOAL_POSE]:
+        raise ProblemError(f"{name} has an unknown key {wrong[0]!r}{did_you_mean(wrong[0], _GOAL_POSE)}")
+    at, quaternion, rpy = (entry.get(key) for key in ("position", "quaternion", "rpy"))
+    at = () if at is None else at
+    placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, name)
+    return GoalPose(entry.get("frame", robot.tip), placed, **{key: entry.get(key, ()) for key in ("free", "tolerance")})

@@ -40,8 +40,8 @@ def graded(intervals: int, shortest: float, longest: float = 1.0, ends: tuple[bo
 
     can_grow = intervals > 2 and beyond(0.0) < 0 and intervals * longest > 1
     growth = brentq(beyond, 0.0, -np.log(shortest)) if can_grow else 0.0
-    ends = np.cumsum(lengths(growth))
-    return np.append(0.0, ends / ends[-1])
+    breaks = np.cumsum(lengths(growth))
+    return np.append(0.0, breaks / breaks[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A frame within the region of a `GoalPose` where a leg ends, as rows of a program whose control point is free there."""
+"""A frame within the region of a `GoalPose`, as rows of a program."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
-_EXACT = 1e-2
-"""Scale of deviations in a direction without tolerance [m or rad]: solvers keep it to 1e-8 or so."""
+_LEAST = 1e-2
+"""Least scale of deviations [m or rad]: a tip goes so far in 10 ms, and what the program may miss is priced by it."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,7 @@ def region_values(robot: Robot, goal: GoalPose, part: float = 1.0, stages: int =
     """Numbers of `region_rows` and their bounds: a part of the tolerances either way."""
     limited, pose = list(_limited(robot, goal)), goal.pose
     most = goal.deviations[limited]
-    import os
-    S=float(os.environ.get('SC','1e-2'))
-    scale = np.maximum(most, S)
+    scale = np.maximum(most, _LEAST)
     bound = np.tile(part * most / scale, stages)
     return RowValues(-bound, bound, np.concatenate([pose.rotation.ravel(order="F"), pose.translation, 1 / scale]))
 

@@ -87,9 +87,7 @@ class RowValues:
     numbers: Array = field(default_factory=lambda: np.empty(0))
 
 
-def spread(
-    rows: Rows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]
-) -> tuple[Array, Array]:
+def spread(rows: Rows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]) -> tuple[Array, Array]:
     """Lower and upper bounds of rows, one for each row of the program; legs: their numbers of intervals."""
     shape = (1 if rows.where == "sum" else intervals_of(rows, legs).size, functions.defects.numel_out(0))
     return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()

@@ -57,7 +57,7 @@ class ViaPoints(PathConstraint):
                 enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
                 what = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
-                beside = np.abs(motion(time).q - via)
+                beside = np.abs(motion(time).q - np.asarray(via))
                 error, which = float(np.max(beside)), problem.robot.joint_names[int(np.argmax(beside))]
                 enough, what = self.policy.near, f"{error:.2g} rad beside via point {i}"
             errors.append(error)
@@ -79,7 +79,9 @@ class ViaPoints(PathConstraint):
         return replace(self, parts=tuple(parts))
 
 
-def _beside(problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float) -> tuple[float, float, str]:
+def _beside(
+    problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float
+) -> tuple[float, float, str]:
     """By how much a motion passes outside a region at most [m or rad], when [s], and in which direction.
 
     The time is that near the planned one at which the deviations are least, over the tolerances.

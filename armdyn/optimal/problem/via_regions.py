@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +23,7 @@ _ARM = 0.3
 
 
 def via_positions(
-    robot: Robot, limits: JointLimits, ends: tuple[Array, Array], via: Sequence[Via], is_clear: Callable[[Array], bool]
+    robot: Robot, limits: JointLimits, ends: tuple[Array, Array], via: Sequence[Any], is_clear: Callable[[Array], bool]
 ) -> tuple[Array, ...]:
     """Joint positions at every via point, sampled in regions: near the neighbour whose frame is nearest.
 
@@ -36,17 +37,17 @@ def via_positions(
     Raises:
         ProblemError: a region is out of reach.
     """
-    found = [None if isinstance(one, GoalPose) else one for one in via]
-    for i, region in enumerate(via):
-        if isinstance(region, GoalPose):
-            before = ends[0] if i == 0 else found[i - 1]
-            after = next((q for q in found[i + 1 :] if q is not None), ends[1])
-            assert before is not None  # sampled in this loop
-            try:
-                found[i] = _sampled(robot, limits, region, (before, after), is_clear)
-            except (ProblemError, SpecError) as error:
-                raise ProblemError(f"via[{i}]: {error}") from None
-    return tuple(q for q in found if q is not None)
+    found, given = list[Array](), [None if isinstance(one, GoalPose) else one for one in via]
+    for i, one in enumerate(via):
+        if not isinstance(one, GoalPose):
+            found.append(one)
+            continue
+        after = next((q for q in given[i + 1 :] if q is not None), ends[1])
+        try:
+            found.append(_sampled(robot, limits, one, (found[-1] if found else ends[0], after), is_clear))
+        except (ProblemError, SpecError) as error:
+            raise ProblemError(f"via[{i}]: {error}") from None
+    return tuple(found)
 
 
 def _sampled(
@@ -77,7 +78,7 @@ def _sampled(
     return poses_reaching(robot, region, beside[0], limits)[0] if first is None else first
 
 
-def check_via_regions(robot: Robot, via: Sequence[Via], poses: Array) -> None:
+def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:
     """Refuse a region that holds the pose before or after it: the motion would be through it before it left that pose.
 
     Args:

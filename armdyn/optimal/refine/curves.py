@@ -189,7 +189,14 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 def _calm(task: Task, fastest: RefinedCurve) -> RefinedCurve:
     """A curve with calm joints, as slow as the options allow, and a proven bound where that is near; or the fastest."""
     problem, share, duration = task.problem, task.options.calm, fastest.curve.duration
-    if not share or problem.pays_effort or problem.crowded or problem.regional or task.stop or not fastest.solved.converged:
+    if (
+        not share
+        or problem.pays_effort
+        or problem.crowded
+        or problem.regional
+        or task.stop
+        or not fastest.solved.converged
+    ):
         return fastest
     bound = task.lower_bound()
     if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound:

@@ -24,7 +24,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
 from armdyn.planning.rrt_connect import PlannerOptions
@@ -139,7 +138,7 @@ def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
 
 def _guess(task: Task, way: Way) -> Curve:
     """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
-    problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem, task.policy.search)
+    problem, speed = task.problem, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
     durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.regional else 0.0)
     curve = Curve.along(way, _bases(task, durations), durations, speed, flying=problem.regional)
