@@ -153,7 +153,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
-            numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
+            numbers.add(np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n))
     _add_torque_rates(numbers, task, spec, guess)
     _add_rows(numbers, task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
@@ -167,6 +167,15 @@ def _travel(task: Task, guess: Curve) -> Array:
     most = guess.duration * _finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
+
+
+def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
+    """Scales of the velocities that agree where legs meet [rad/s or m/s], shape (nv,)."""
+    limits = _finite(problem.limits.velocity)
+    if not problem.regional:
+        return limits
+    # What sequential convexification may miss is priced by its scale: far above the motion's speeds nothing would be.
+    return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
 def _finite(limit: Array) -> Array:

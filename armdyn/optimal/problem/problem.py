@@ -400,8 +400,8 @@ class MinimumTimeProblem:
         inner = via_positions(self.robot, self.limits, (start, goal), self.via, is_clear)
         object.__setattr__(self, "poses", np.array([start, *inner, goal]))
         self.poses.setflags(write=False)
-        check_poses(self.poses)
         check_via_regions(self.robot, self.via, self.poses)
+        check_poses(self.poses)
 
     def _resolve_clear(self) -> None:
         """Drop goals in contact; complain of a start, a via point, or all goals."""

@@ -63,15 +63,15 @@ def test_a_blend_is_passed_and_faster_than_its_centre():
 def test_a_small_blend_tends_to_its_centre():
     exact = solve(ur5(), calm=0.0)
     small = solve(ur5(tolerance=(1e-4,) * 6))
-    # Half a per cent: curves in regions have coarser ends than exact ones.
-    assert small.duration == pytest.approx(exact.duration, rel=5e-3)
+    # A per cent: curves through regions have coarser ends than those through poses.
+    assert small.duration == pytest.approx(exact.duration, rel=1e-2)
 
 
 def test_a_planar_arm_passes_a_position():
     robot = paper_arm("rr")
-    region = ad.GoalPose("tip", (0.25, 0.25, 0.0), tolerance=(0.02, 0.02, 0, 0, 0, 0))
+    region = ad.GoalPose("tip", (0.3, 0.0, -0.1), tolerance=(0.02, 0, 0.02, 0, 0, 0))
     solution = solve(ad.MinimumTimeProblem(robot, q_start=START, q_goal=GOAL, via=[region]))
-    beyond = deviations(robot, region, solution.trajectory, np.array(solution.via_times))[0, :2]
+    beyond = deviations(robot, region, solution.trajectory, np.array(solution.via_times))[0, [0, 2]]
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
 
 
@@ -79,7 +79,7 @@ def test_a_planar_arm_passes_a_position():
     ("region", "says"),
     [
         (
-            ad.GoalPose("tip", (0.0, 0.0, 0.0), tolerance=(2, 2, 0, 0, 0, 0)),
+            ad.GoalPose("tip", (0.0, 0.0, 0.0), tolerance=(2, 0, 2, 0, 0, 0)),
             r"via\[0\] is wider than its leg: the start",
         ),
         (ad.GoalPose("tip", (3.0, 0.0, 0.0)), r"via\[0\]: frame 'tip' of rr cannot reach its goal pose"),
