@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from armdyn.arguments import shown
-from armdyn.errors import ProblemError, did_you_mean
 from armdyn.files import file_inside
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import positions_of
@@ -28,8 +27,8 @@ TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
-
-_GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
+GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
+"""The keys of a goal pose."""
 
 _WORDS = {
     "start": "q_start",
@@ -120,33 +119,46 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
 
 def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     """The arguments of a `MinimumTimeProblem`."""
-    given = dict(table.values)
+    given = conditions_from(table, robot)
     for key in ("q_start", "q_goal"):
         if key in given:
             given[key] = positions_of(robot, given[key], key)
     if "q_start" not in given:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
-    for key in ("via", "obstacles", "path_constraints"):
-        if key in given and not isinstance(given[key], list):
-            raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
     if "via" in given:
+        vias = [(f"via[{i}]", one) for i, one in enumerate(_listed(table, "via"))]
         given["via"] = [
-            _goal_pose(one, robot, f"via[{i}]") if isinstance(one, Mapping) else positions_of(robot, one, "via")
-            for i, one in enumerate(given["via"])
+            goal_pose_from(replace(table, values=one, within=(*table.within, "via")), robot, name)
+            if isinstance(one, Mapping)
+            else positions_of(robot, one, "via")
+            for name, one in vias
         ]
+    if "goal_pose" in given:
+        given["goal_pose"] = goal_pose_from(table.table("goal_pose"), robot)
+    return given
+
+
+def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
+    """The values of a table with the conditions of a motion made into the arguments of a `MinimumTimeProblem`.
+
+    Obstacles, scene, path constraints, preset and torque limits are read; other values stay as they are.
+
+    Raises:
+        ProblemError: one is wrong; the message says in which line.
+    """
+    given, folder = dict(table.values), Path(table.path).parent
     if "preset" in given:
         given["preset"] = ControllerPreset.from_table(table, "preset")
     if "obstacles" in given:
-        given["obstacles"] = [
-            obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])
-        ]
+        entries = _listed(table, "obstacles")
+        given["obstacles"] = [obstacle_from(one, f"obstacle {i}", folder) for i, one in enumerate(entries, start=1)]
     if "scene" in given:
         with table.at("scene"):
-            scene = load_scene(file_inside(Path(table.path).parent, given.pop("scene")), robot)
+            scene = load_scene(file_inside(folder, given.pop("scene")), robot)
         given["obstacles"] = [*given.get("obstacles", ()), *scene.obstacles]
         given["allowed_contacts"] = [*given.get("allowed_contacts", ()), *scene.allowed_contacts]
     if "path_constraints" in given:
-        texts = given["path_constraints"]
+        texts = _listed(table, "path_constraints")
         if not all(isinstance(text, str) for text in texts):
             raise table.error(
                 "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
@@ -155,18 +167,26 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     limit = given.get("effort_limit")
     if isinstance(limit, list) and len(limit) == 2 and all(isinstance(end, list) for end in limit):
         given["effort_limit"] = tuple(limit)  # (lower, upper)
-    if "goal_pose" in given:
-        pose = table.table("goal_pose")
-        pose.only(_GOAL_POSE)
-        given["goal_pose"] = _goal_pose(pose.values, robot, "goal_pose")
     return given
 
 
-def _goal_pose(entry: Mapping[str, Any], robot: Robot, name: str) -> GoalPose:
-    """The goal pose or region that an entry describes."""
-    if wrong := [key for key in entry if key not in _GOAL_POSE]:
-        raise ProblemError(f"{name} has an unknown key {wrong[0]!r}{did_you_mean(wrong[0], _GOAL_POSE)}")
-    at, quaternion, rpy = (entry.get(key) for key in ("position", "quaternion", "rpy"))
+def goal_pose_from(table: Table, robot: Robot, name: str = "goal_pose") -> GoalPose:
+    """The goal pose or region that a table describes.
+
+    Raises:
+        ProblemError: a key is unknown or wrong.
+    """
+    table.only(GOAL_POSE)
+    given = table.values
+    at, quaternion, rpy = (given.get(key) for key in ("position", "quaternion", "rpy"))
     at = () if at is None else at
     placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, name)
-    return GoalPose(entry.get("frame", robot.tip), placed, **{key: entry.get(key, ()) for key in ("free", "tolerance")})
+    region = {key: given.get(key, ()) for key in ("free", "tolerance")}
+    return GoalPose(given.get("frame", robot.tip), placed, **region)
+
+
+def _listed(table: Table, key: str) -> list[Any]:
+    value = table.values[key]
+    if not isinstance(value, list):
+        raise table.error(key, f"{key} is {shown(value)}; it must be a list")
+    return value
