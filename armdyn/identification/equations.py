@@ -83,12 +83,12 @@ class Equations:
 
     def at(self, q: Array, v: Array, a: Array, every: int) -> tuple[Array, Array]:
         """Columns, shape (m, nv, p), and known torques [N m or N], shape (m, nv): means over `every` samples."""
-        return self.with_coulomb(v, every, *self.without_coulomb(q, v, a, every))
+        return self.with_coulomb(means_of(np.tanh(v / self.width), every), *self.without_coulomb(q, v, a, every))
 
-    def with_coulomb(self, v: Array, every: int, columns: Array, known: Array) -> tuple[Array, Array]:
-        """Columns and known torques with Coulomb friction, of those without."""
+    def with_coulomb(self, sign: Array, columns: Array, known: Array) -> tuple[Array, Array]:
+        """Columns and known torques with Coulomb friction, of those without, and the smoothed sign, shape (m, nv)."""
         joint = np.arange(self.robot.nv)
-        columns, own = columns.copy(), self.unknowns.coulomb * means_of(np.tanh(v / self.width), every)
+        columns, own = columns.copy(), self.unknowns.coulomb * sign
         columns[:, joint, self.unknowns.size - 2 * self.robot.nv + joint] = own
         return columns, known + own
 

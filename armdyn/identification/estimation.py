@@ -31,7 +31,7 @@ class IdentifyOptions:
     """Options of `identify`.
 
     Attributes:
-        window: of the Savitzky–Golay filter of cubics that makes the accelerations [s].
+        smoothing: standard deviation of the Gaussian filter of all signals and their derivatives [s]: 8 ms pass 17 Hz.
         step: torques and regressors are averaged over so long [s]: the same filter on both sides of the equations.
         held_out: part of each log, its end, on which a fit of its beginning is judged; the estimate itself is of all
             the data. 0: no judgement.
@@ -42,14 +42,14 @@ class IdentifyOptions:
         ProblemError: one is out of range.
     """
 
-    window: float = 0.05
+    smoothing: float = 0.008
     step: float = 0.02
     held_out: float = 0.25
     widths: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1)
     fit: FitOptions = field(default_factory=FitOptions)
 
     def __post_init__(self) -> None:
-        for name in ("window", "step"):
+        for name in ("smoothing", "step"):
             number(getattr(self, name), name, unit="s", sign="positive")
         for width in several(self.widths, "widths"):
             number(width, "widths: one", unit="rad/s or m/s", sign="positive")
@@ -88,7 +88,7 @@ def identify(
     if not given:
         raise LogError("logs is empty: no log is given")
     ordered = [expect(log, Log, "logs", "use Log(t=…, q=…, tau=…)").in_order(robot) for log in given]
-    signals = [Signals.of(log, options.window) for log in ordered]
+    signals = [Signals.of(log, options.smoothing) for log in ordered]
     for log, own in zip(ordered, signals, strict=True):
         check_log(robot, log, own)
     kept = 1 - options.held_out
@@ -111,9 +111,11 @@ def _judged(robot: Robot, estimate: Estimate, signals: list[Signals]) -> Judged:
     def rms(values: list[Array]) -> Array:
         return np.asarray(np.sqrt(np.mean(np.concatenate(values) ** 2, axis=0)))
 
-    before = [one.tau - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v) for one in signals]
-    after = [one.tau - estimate.torques(one.q, one.v, one.a) for one in signals]
-    return Judged(measured=rms([one.tau for one in signals]), before=rms(before), after=rms(after))
+    before = [
+        one.measured - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v) for one in signals
+    ]
+    after = [one.measured - estimate.torques(one.q, one.v, one.a) for one in signals]
+    return Judged(measured=rms([one.measured for one in signals]), before=rms(before), after=rms(after))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +157,8 @@ def _systems(
     systems = []
     for width in widths:
         own = replace(plain, width=width)
-        whole = [own.with_coulomb(one.v, k, *part) for one, k, part in zip(signals, every, parts, strict=True)]
+        signs = [means_of(one.smoothed(np.tanh(one.v / width)), k) for one, k in zip(signals, every, strict=True)]
+        whole = [own.with_coulomb(sign, *part) for sign, part in zip(signs, parts, strict=True)]
         rest = [means_of(one.tau, k) - known for one, k, (_, known) in zip(signals, every, whole, strict=True)]
         systems.append(_System(equations=own, columns=tuple(columns for columns, _ in whole), torque=tuple(rest)))
     return systems

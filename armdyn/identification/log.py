@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import savgol_filter
+from scipy.ndimage import gaussian_filter1d
 
 from armdyn.arguments import expect, numbers, several, text
 from armdyn.arguments import path as path_of
@@ -29,9 +29,10 @@ MOST_SAMPLES = 2_000_000
 _FEWEST = 50
 _GAP = 20.0
 """Time without samples, in median steps, that is a gap: logs of a busy machine miss ten samples now and then."""
+_ENDS = 5.0
+"""Half a Gaussian filter, in standard deviations."""
 _JITTER = 0.01
 """Part of a step by which steps may differ before samples are interpolated at even times."""
-_FEWEST_IN_WINDOW = 7
 
 
 @brief
@@ -133,7 +134,10 @@ class Log:
     def of(cls, motion: Trajectory) -> Self:
         """The log of a simulated motion, such as `Run.trajectory`."""
         expect(motion, Trajectory, "motion", error=LogError)
-        return cls(t=motion.t, q=motion.q, v=motion.v, tau=motion.tau, joint_names=motion.joint_names or None)
+        tau = motion.tau
+        if motion.hold == "zero-order":  # of a sample: the mean of the torques held before and after it
+            tau = np.concatenate([tau[:1], (tau[1:] + tau[:-1]) / 2])
+        return cls(t=motion.t, q=motion.q, v=motion.v, tau=tau, joint_names=motion.joint_names or None)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], robot: Robot) -> Self:
@@ -208,14 +212,16 @@ def _joint_states(file: Path) -> Iterator[tuple[float, Any]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Signals:
-    """A log at even times, with accelerations.
+    """A log at even times, smoothed, with accelerations.
 
     Attributes:
         t: times [s], shape (n,).
         q: positions [rad or m], shape (n, nv).
         v: velocities [rad/s or m/s], shape (n, nv).
         a: accelerations [rad/s² or m/s²], shape (n, nv).
-        tau: torques, as measured [N m or N], shape (n, nv).
+        tau: torques, smoothed likewise [N m or N], shape (n, nv).
+        measured: torques as measured, shape (n, nv).
+        width: standard deviation of the filter, in samples.
     """
 
     t: Array
@@ -223,48 +229,60 @@ class Signals:
     v: Array
     a: Array
     tau: Array
+    measured: Array
+    width: float
 
     @classmethod
-    def of(cls, log: Log, window: float) -> Self:
-        """Velocities and accelerations by a Savitzky–Golay filter, which has no phase.
+    def of(cls, log: Log, smoothing: float) -> Self:
+        """Smoothed signals and their derivatives by one Gaussian filter, which has no phase.
 
-        Cubics are fitted in a moving window, to the measured velocities or, where there are none, to the positions.
-        Half a window is cut off at both ends.
+        Torques are smoothed by the same filter as the accelerations: where inertia is constant both sides of the
+        equations of motion lose the same. The ends are cut off.
 
         Args:
             log: times may differ from even ones.
-            window: length of the filter [s].
+            smoothing: standard deviation of the filter [s].
 
         Raises:
-            LogError: too few samples per second, or the log is no longer than two windows.
+            LogError: too few samples per second, or the log is too short.
         """
         step = (log.t[-1] - log.t[0]) / (log.t.size - 1)
         even = bool(np.max(np.abs(np.diff(log.t) - step)) < _JITTER * step)
         times = np.linspace(log.t[0], log.t[-1], log.t.size)
+        width, cut = smoothing / step, int(_ENDS * smoothing / step)
+        if width < 1 or cut > log.t.size // 4:
+            raise LogError(
+                f"{log.name}: {log.t.size} samples, {1 / step:.3g} per second; smoothing by {smoothing:g} s needs "
+                f"{1 / smoothing:.3g} per second and {4 * _ENDS * smoothing:.3g} s at least"
+            )
 
         def at_even_times(values: Array) -> Array:
             return values if even else np.column_stack([np.interp(times, log.t, own) for own in values.T])
 
-        samples = 2 * int(window / step / 2) + 1
-        if samples < _FEWEST_IN_WINDOW or samples > log.t.size // 2:
-            raise LogError(
-                f"{log.name}: {log.t.size} samples, {1 / step:.3g} per second; a window of {window:g} s needs at least "
-                f"{_FEWEST_IN_WINDOW} samples, and the log two windows"
-            )
-
         def smooth(values: Array, derivative: int) -> Array:
-            return np.asarray(savgol_filter(values, samples, 3, deriv=derivative, delta=step, axis=0))
+            return _gaussian(values, width, derivative) / step**derivative
 
-        q, tau = at_even_times(log.q), at_even_times(log.tau)
+        tau, q = at_even_times(log.tau), at_even_times(log.q)
         if log.v is None:
-            q, v, a = (smooth(q, k) for k in range(3))
+            v = smooth(q, 1)
+            a = np.gradient(
+                v, step, axis=0
+            )  # a kernel of order 2 that is cut off has a mean, which q / step² would show
         else:
             v = at_even_times(log.v)
             v, a = smooth(v, 0), smooth(v, 1)
-        inside = slice(samples // 2, log.t.size - samples // 2)
-        return cls(t=times[inside], q=q[inside], v=v[inside], a=a[inside], tau=tau[inside])
+        whole = cls(t=times, q=smooth(q, 0), v=v, a=a, tau=smooth(tau, 0), measured=tau, width=width)
+        return whole.part(cut, log.t.size - cut)
 
-    def part(self, start: int, end: int) -> Signals:
+    def part(self, start: int, end: int) -> Self:
         """The samples from one to another."""
-        at = slice(start, end)
-        return Signals(t=self.t[at], q=self.q[at], v=self.v[at], a=self.a[at], tau=self.tau[at])
+        arrays = [one.name for one in fields(self) if one.name != "width"]
+        return replace(self, **{name: getattr(self, name)[start:end] for name in arrays})
+
+    def smoothed(self, values: Array) -> Array:
+        """Values at the samples, such as a nonlinear function of the velocities, through the filter of the torques."""
+        return _gaussian(values, self.width, 0)
+
+
+def _gaussian(values: Array, width: float, derivative: int) -> Array:
+    return np.asarray(gaussian_filter1d(values, width, axis=0, order=derivative, truncate=_ENDS))

@@ -49,10 +49,10 @@ def test_columns_go_into_the_order_of_the_robot():
 def test_accelerations_have_no_phase():
     t = np.arange(0, 2, 1e-3)
     log = Log(t=t, q=np.sin(5 * t)[:, None], tau=np.zeros((t.size, 1)))
-    own = Signals.of(log, window=0.05)
-    np.testing.assert_allclose(own.v[:, 0], 5 * np.cos(5 * own.t), atol=1e-3)
-    # A cubic over 50 ms of a sine of 5 rad/s is 0.12 % flat.
-    np.testing.assert_allclose(own.a[:, 0], -25 * np.sin(5 * own.t), atol=0.0012 * 25)
+    own = Signals.of(log, smoothing=0.01)
+    np.testing.assert_allclose(own.v[:, 0], 5 * np.cos(5 * own.t), atol=0.0013 * 5)
+    # A Gaussian of 10 ms makes a sine of 5 rad/s 0.12 % flatter.
+    np.testing.assert_allclose(own.a[:, 0], -25 * np.sin(5 * own.t), atol=0.0013 * 25)
 
 
 def test_tables_arrays_and_runs(tmp_path):
