@@ -260,7 +260,7 @@ class Signals:
             return values if even else np.column_stack([np.interp(times, log.t, own) for own in values.T])
 
         def smooth(values: Array, derivative: int) -> Array:
-            return _gaussian(values, width, derivative) / step**derivative
+            return np.asarray(_gaussian(values, width, derivative) / step**derivative)
 
         tau, q = at_even_times(log.tau), at_even_times(log.q)
         if log.v is None:
