@@ -1,0 +1,1 @@
+"""Cycles: moves, grasps, releases and waits in order, as fast as possible together."""
