@@ -166,6 +166,11 @@ class Cycle:
         """Time at rest in all steps [s]."""
         return float(sum(step.dwell for step in self.steps if not isinstance(step, Move)))
 
+    def rest(self, stop: Stop) -> float:
+        """Time at rest at a stop [s]."""
+        steps = (self.steps[k - 1] for k in stop.rests)
+        return float(sum(step.dwell for step in steps if not isinstance(step, Move)))
+
     @cached_property
     def moves(self) -> tuple[Leg, ...]:
         """The motions, in the order of the steps, with the way back of a closed cycle."""
@@ -204,6 +209,31 @@ class Cycle:
             else:
                 arms.append(arms[-1])
         return tuple(arms)
+
+    @property
+    def jobs(self) -> tuple[tuple[int, ...], ...]:
+        """Numbers of the steps of every job, in order: see `order`. The steps at the start and the way back are of none."""
+        jobs, job, bare = list[tuple[int, ...]](), list[int](), self.robot.payload
+        for k, step in enumerate(self.steps, start=1):
+            if isinstance(step, Move) and job and self.arms[k - 1].payload is bare:
+                jobs.append(tuple(job))
+                job = []
+            if job or isinstance(step, Move):
+                job.append(k)
+        back = self.closed and len(job) == 1 and _same(self.stops[-1].target, self.start)
+        return tuple(jobs if back else [*jobs, tuple(job)])
+
+    def reordered(self, order: Sequence[int]) -> Cycle:
+        """The cycle with its jobs in another order, which is kept.
+
+        Args:
+            order: numbers of the jobs, from 0 on.
+        """
+        jobs = self.jobs
+        first, last = jobs[0][0], jobs[-1][-1]
+        steps = [self.steps[k - 1] for job in order for k in jobs[job]]
+        steps = [*self.steps[: first - 1], *steps, *self.steps[last:]]
+        return Cycle(self.robot, start=self.start, steps=steps, closed=self.closed, **self.conditions)
 
     def _target(self, leg: Leg) -> Array | GoalPose:
         to = leg.move.to
