@@ -27,6 +27,8 @@ TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
 """The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
+GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
+"""The keys of a goal pose."""
 
 _WORDS = {
     "start": "q_start",
@@ -117,30 +119,40 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
 
 def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     """The arguments of a `MinimumTimeProblem`."""
-    given = dict(table.values)
+    given = conditions_from(table, robot)
     for key in ("q_start", "q_goal"):
         if key in given:
             given[key] = positions_of(robot, given[key], key)
     if "q_start" not in given:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
-    for key in ("via", "obstacles", "path_constraints"):
-        if key in given and not isinstance(given[key], list):
-            raise table.error(key, f"{key} is {shown(given[key])}; it must be a list")
     if "via" in given:
-        given["via"] = [positions_of(robot, q, "via") for q in given["via"]]
+        given["via"] = [positions_of(robot, q, "via") for q in _listed(table, "via")]
+    if "goal_pose" in given:
+        given["goal_pose"] = goal_pose_from(table.table("goal_pose"), robot)
+    return given
+
+
+def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
+    """The values of a table with the conditions of a motion made into the arguments of a `MinimumTimeProblem`.
+
+    Obstacles, scene, path constraints, preset and torque limits are read; other values stay as they are.
+
+    Raises:
+        ProblemError: one is wrong; the message says in which line.
+    """
+    given, folder = dict(table.values), Path(table.path).parent
     if "preset" in given:
         given["preset"] = ControllerPreset.from_table(table, "preset")
     if "obstacles" in given:
-        given["obstacles"] = [
-            obstacle_from(one, f"obstacle {i + 1}", Path(table.path).parent) for i, one in enumerate(given["obstacles"])
-        ]
+        entries = _listed(table, "obstacles")
+        given["obstacles"] = [obstacle_from(one, f"obstacle {i}", folder) for i, one in enumerate(entries, start=1)]
     if "scene" in given:
         with table.at("scene"):
-            scene = load_scene(file_inside(Path(table.path).parent, given.pop("scene")), robot)
+            scene = load_scene(file_inside(folder, given.pop("scene")), robot)
         given["obstacles"] = [*given.get("obstacles", ()), *scene.obstacles]
         given["allowed_contacts"] = [*given.get("allowed_contacts", ()), *scene.allowed_contacts]
     if "path_constraints" in given:
-        texts = given["path_constraints"]
+        texts = _listed(table, "path_constraints")
         if not all(isinstance(text, str) for text in texts):
             raise table.error(
                 "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
@@ -149,12 +161,26 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     limit = given.get("effort_limit")
     if isinstance(limit, list) and len(limit) == 2 and all(isinstance(end, list) for end in limit):
         given["effort_limit"] = tuple(limit)  # (lower, upper)
-    if "goal_pose" in given:
-        pose = table.table("goal_pose")
-        pose.only(("frame", "position", "quaternion", "rpy", "free", "tolerance"))
-        at, quaternion, rpy = (pose.values.get(key) for key in ("position", "quaternion", "rpy"))
-        at = () if at is None else at
-        placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
-        region = {key: pose.values.get(key, ()) for key in ("free", "tolerance")}
-        given["goal_pose"] = GoalPose(pose.values.get("frame", robot.tip), placed, **region)
     return given
+
+
+def goal_pose_from(table: Table, robot: Robot) -> GoalPose:
+    """The goal pose that a table describes.
+
+    Raises:
+        ProblemError: a key is unknown or wrong.
+    """
+    table.only(GOAL_POSE)
+    given = table.values
+    at, quaternion, rpy = (given.get(key) for key in ("position", "quaternion", "rpy"))
+    at = () if at is None else at
+    placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
+    region = {key: given.get(key, ()) for key in ("free", "tolerance")}
+    return GoalPose(given.get("frame", robot.tip), placed, **region)
+
+
+def _listed(table: Table, key: str) -> list[Any]:
+    value = table.values[key]
+    if not isinstance(value, list):
+        raise table.error(key, f"{key} is {shown(value)}; it must be a list")
+    return value

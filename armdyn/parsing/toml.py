@@ -121,6 +121,20 @@ class Table:
             raise self.error(key, f"{self.called(key)} is {shown(value)}; it must be a table, [{self.called(key)}]")
         return Table(self.path, value, self.lines, (*self.within, key))
 
+    def tables(self, key: str) -> list[Table]:
+        """The tables of an array of tables within this one, [[key]]; none where there is none.
+
+        Raises:
+            ProblemError: it is something else.
+        """
+        entries = self.values.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            called = self.called(key)
+            raise self.error(key, f"{called} is {shown(entries)}; it must be an array of tables, [[{called}]] each")
+        return [
+            Table(self.path, entry, self.lines, (*self.within, _numbered(key, i))) for i, entry in enumerate(entries, 1)
+        ]
+
     def text(self, key: str, default: str, known: tuple[str, ...] = ()) -> str:
         """A text, one of those that are known if there are any.
 
@@ -185,11 +199,15 @@ def read_toml(path: str | os.PathLike[str]) -> Table:
 def _lines(text: str) -> dict[tuple[str, ...], int]:
     """Lines of keys and tables; a line within a long text may look like a key, and does no harm."""
     lines: dict[tuple[str, ...], int] = {}
+    counts: dict[tuple[str, ...], int] = {}
     within: tuple[str, ...] = ()
     for i, line in enumerate(text.split("\n"), start=1):
         if header := _HEADER.match(line):
-            within = _names(header[1])
-            way = within
+            way = within = _names(header[1])
+            if line.lstrip().startswith("[["):
+                counts[way] = counts.get(way, 0) + 1
+                within = (*way[:-1], _numbered(way[-1], counts[way]))
+                lines.setdefault(within, i)
         elif key := _KEY.match(line):
             way = (*within, *_names(key[1]))
         else:
@@ -197,6 +215,11 @@ def _lines(text: str) -> dict[tuple[str, ...], int]:
         for n in range(1, len(way) + 1):
             lines.setdefault(way[:n], i)
     return lines
+
+
+def _numbered(key: str, number: int) -> str:
+    """Name of one table of an array, by its number from 1 on."""
+    return f"{key}[{number}]"
 
 
 def _names(dotted: str) -> tuple[str, ...]:
