@@ -252,6 +252,8 @@ class Cycle:
             if isinstance(step, Release):
                 if part is None:
                     raise CycleError(k, name, "the arm carries nothing that it could release: grasp it first")
+                if step.part is not None and step.part != part:
+                    raise CycleError(k, name, f"the arm carries {part.name!r}, not {step.part.name!r}")
                 part = None
         if self.closed and part is not self.robot.payload:
             held = f"still holds {part.name!r}" if part else "no longer holds what it held at the start"

@@ -81,9 +81,7 @@ class CycleGraph:
         """The problem of an edge; None: there is none, and the edge is refused."""
         stop, move, i, j = edge
         try:
-            return problem_of(
-                self.cycle, self.cycle.moves[move], self.positions[stop][i], self.positions[move + 1][j]
-            )
+            return problem_of(self.cycle, self.cycle.moves[move], self.positions[stop][i], self.positions[move + 1][j])
         except CycleError as error:
             self.refused[edge] = error
             self.learn(edge, np.inf, exact=True)

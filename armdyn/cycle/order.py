@@ -71,9 +71,7 @@ def _reached(begin: Array, between: Array, blocks: Sequence[slice]) -> Array:
         subsets = np.array([sum(1 << k for k in chosen) for chosen in combinations(range(n), size)])
         for k, block in enumerate(blocks):
             without = subsets[subsets & (1 << k) == 0]
-            reached[without | (1 << k), block] = np.min(
-                reached[without][:, :, None] + between[None, :, block], axis=1
-            )
+            reached[without | (1 << k), block] = np.min(reached[without][:, :, None] + between[None, :, block], axis=1)
     return reached
 
 
@@ -109,7 +107,11 @@ def order_of_many(lengths: Array) -> tuple[float, tuple[int, ...]]:
     count, edge = rows.size, np.arange(rows.size)
     leaves = csr_matrix((np.ones(count), (rows, edge)), shape=(m, count))
     enters = csr_matrix((np.ones(count), (columns, edge)), shape=(m, count))
-    constraints, bound, tours = [LinearConstraint(leaves, 1, 1), LinearConstraint(enters, 1, 1)], np.inf, list[list[int]]()
+    constraints, bound, tours = (
+        [LinearConstraint(leaves, 1, 1), LinearConstraint(enters, 1, 1)],
+        np.inf,
+        list[list[int]](),
+    )
     for _ in range(_CUTS):
         found = milp(
             lengths[allowed], integrality=np.ones(count), bounds=Bounds(0, 1), constraints=constraints,

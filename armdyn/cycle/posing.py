@@ -36,12 +36,13 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
         CycleError: the problem is ill-posed, with the step's number and name.
     """
     move, robot = leg.move, leg.robot
-    via, lines = list(move.via), list[FrameRegion]()
-    if move.retreat is not None:
+    via: list[Any] = list(move.via)
+    lines = list[FrameRegion]()
+    if isinstance(move.retreat, Straight):
         passed, line = _on_line(robot, move.retreat, move.to, q_start)
         via.insert(0, passed)
         lines.append(FrameRegion(line, leg=0))
-    if move.approach is not None:
+    if isinstance(move.approach, Straight):
         passed, line = _on_line(robot, move.approach, move.to, q_goal)
         via.append(passed)
         lines.append(FrameRegion(line, leg=len(via)))

@@ -120,6 +120,10 @@ def _why(graph: CycleGraph) -> str:
     for arc, lengths in graph.lengths.items():
         if not np.any(np.isfinite(lengths)):
             leg = graph.cycle.moves[arc[1]]
-            said = [f"step {leg.step} ({leg.name}): {one.message}" for edge, one in graph.solutions.items() if edge[:2] == arc]
+            said = [
+                f"step {leg.step} ({leg.name}): {one.message}"
+                for edge, one in graph.solutions.items()
+                if edge[:2] == arc
+            ]
             return (said or [str(error) for edge, error in graph.refused.items() if edge[:2] == arc])[0]
     return "the moves that can be done do not meet at the same branches of the stops"

@@ -118,14 +118,19 @@ class Release:
     """The arm, at rest, lets go of the part that it carries.
 
     Attributes:
+        part: what is let go; None: whatever the arm carries.
         dwell: how long the arm rests [s].
         name: in tables and messages; empty: "release" and the part's name.
     """
 
+    part: Payload | None = None
+    _: KW_ONLY
     dwell: float = 0.0
     name: str = ""
 
     def __post_init__(self) -> None:
+        if self.part is not None:
+            expect(self.part, Payload, "part of a release", "the part that was grasped")
         number(self.dwell, "dwell", unit="s", sign="not negative")
         text(self.name, "name of a step")
 
@@ -141,6 +146,7 @@ class Wait:
     """
 
     seconds: float
+    _: KW_ONLY
     name: str = ""
 
     def __post_init__(self) -> None:
