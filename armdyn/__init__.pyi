@@ -88,6 +88,8 @@ from armdyn.studies.tuning.families import Ramps as Ramps
 from armdyn.studies.tuning.tune import Tuned as Tuned
 from armdyn.studies.tuning.tune import TuneOptions as TuneOptions
 from armdyn.studies.tuning.tune import tune as tune
+from armdyn.trajectory import Load as Load
+from armdyn.trajectory import Piece as Piece
 from armdyn.trajectory import Sample as Sample
 from armdyn.trajectory import Samples as Samples
 from armdyn.trajectory import Trajectory as Trajectory

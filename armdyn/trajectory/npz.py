@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from armdyn.arguments import path as path_of
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded, write_whole
+from armdyn.trajectory.pieces import from_text
 
 Made = TypeVar("Made")
 
 _FORMAT = "armdyn-trajectory-2"
+_PIECES_FORMAT = "armdyn-trajectory-3"  # of motions of several pieces
 _OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash and hold, its units not checked
 _UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
-_TEXTS = ("format", "units", "name", "model_hash", "hold")
+_TEXTS = ("format", "units", "name", "model_hash", "hold", "pieces")
 
 MAX_BYTES = 256 * 2**20
 """A trajectory whose arrays are larger is neither saved nor loaded [bytes]: 1.5 million samples of seven joints."""
@@ -45,8 +47,10 @@ def write(
     path = path_of(path, "path of a trajectory", error=TrajectoryError)
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
         raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
-    said = {"format": _FORMAT, "units": _UNITS, **texts}
+    said = {"format": _PIECES_FORMAT if "pieces" in texts else _FORMAT, "units": _UNITS, **texts}
     members: dict[str, Any] = {name: np.array(text) for name, text in said.items()}
+    if sum(member.nbytes for member in members.values()) > _HEADS // 2:
+        raise TrajectoryError(f"{path}: names and pieces are more than {_HEADS // 2} bytes")
     content = io.BytesIO()
     np.savez_compressed(content, joint_names=np.array(joint_names, dtype=str), **members, **dict[str, Any](arrays))
     return write_whole(path, content.getvalue())
@@ -121,10 +125,10 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     form = str(_member(file, "format", text=True))
-    if form not in (_FORMAT, _OLD_FORMAT):
+    if form not in (_PIECES_FORMAT, _FORMAT, _OLD_FORMAT):
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
-    new = form == _FORMAT
-    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)]
+    new = form != _OLD_FORMAT
+    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS) if name != "pieces" or form == _PIECES_FORMAT]
     optional = ("hold.npy",) if new else ("hold.npy", "model_hash.npy", "units.npy")
     if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
@@ -141,6 +145,7 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
         name=str(_member(file, "name", text=True)),
         model_hash=str(_member(file, "model_hash", text=True)) if new else "",
         hold=str(_member(file, "hold", text=True)) if "hold.npy" in found else "linear",
+        pieces=from_text(str(_member(file, "pieces", text=True))) if form == _PIECES_FORMAT else (),
     )
     for field in _ARRAYS:
         bounded(getattr(made, field), field)

@@ -37,6 +37,10 @@ MOST_SAMPLES = 200_000
 LEAST_STAMP = 1e-8
 """Stamps are at least so far apart [s]: ten of the nanoseconds that ROS counts in."""
 
+LEAST_STEP = 1e-30
+"""Times of a motion nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of
+a femtosecond is longer."""
+
 _LAST_STEP = 1e-3
 """Of a tick: a tick that is nearer to the end is left out. At `MOST_RATE` that is `LEAST_STAMP`."""
 

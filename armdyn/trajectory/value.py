@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import numbers, text
+from armdyn.arguments import expect, number, numbers, text
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
-from armdyn.trajectory import npz
-from armdyn.trajectory.samples import Samples, check_fields, samples_of
+from armdyn.trajectory import joining, npz
+from armdyn.trajectory.pieces import Load, Piece, check_pieces, to_text
+from armdyn.trajectory.samples import LEAST_STEP, Samples, check_fields, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -27,10 +28,6 @@ _ARRAYS = ("t", "q", "v", "tau")
 Hold = Literal["linear", "zero-order"]
 """Torque between two samples: linear, or that of the first sample, as a sampled controller holds it until the next."""
 HOLDS: tuple[Hold, ...] = ("linear", "zero-order")
-
-LEAST_STEP = 1e-30
-"""Times nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of
-a femtosecond is longer."""
 
 
 class Sample(NamedTuple):
@@ -59,8 +56,9 @@ class Trajectory:
         tau: joint torques [N m or N], shape (n, nv).
         joint_names: one name per column of v; may be empty.
         name: in legends and tables.
-        model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
+        model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known, or if pieces differ.
         hold: torque between samples, see `Hold`.
+        pieces: parts with a model and payload of their own, in order; empty: the motion is one piece.
     """
 
     t: Array
@@ -71,6 +69,7 @@ class Trajectory:
     name: str = ""
     model_hash: str = ""
     hold: Hold = "linear"
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self, _ARRAYS)
@@ -93,6 +92,98 @@ class Trajectory:
             raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
+        object.__setattr__(self, "pieces", check_pieces(self.pieces, self.t))
+
+    @staticmethod
+    def at_rest(
+        q: ArrayLike,
+        tau: ArrayLike,
+        duration: float,
+        joint_names: tuple[str, ...] = (),
+        *,
+        name: str = "",
+        model_hash: str = "",
+    ) -> Trajectory:
+        """A dwell: the arm stands still under constant torques.
+
+        Args:
+            q: joint positions [rad or m], shape (nv,).
+            tau: torques that hold the arm there, such as `robot.holding_torque(q)` [N m or N], shape (nv,).
+            duration: [s].
+            joint_names: see `Trajectory`.
+            name: see `Trajectory`.
+            model_hash: see `Trajectory`.
+
+        Raises:
+            TrajectoryError: duration is not positive, or q and tau do not fit each other.
+        """
+        at, held = (numbers(x, name, error=TrajectoryError) for x, name in ((q, "q"), (tau, "tau")))
+        end = number(duration, "duration", unit="s", sign="positive", error=TrajectoryError)
+        if end < LEAST_STEP:
+            raise TrajectoryError(f"duration is {end:.3g} s; it must be at least {LEAST_STEP:g} s")
+        if at.ndim != 1 or at.shape != held.shape:
+            raise TrajectoryError(f"q has shape {at.shape} and tau {held.shape}; expected one number per joint of both")
+        still = np.zeros((2, at.size))
+        return Trajectory(np.array([0.0, end]), still + at, still, still + held, joint_names, name, model_hash)
+
+    @property
+    def own_pieces(self) -> tuple[Piece, ...]:
+        """`pieces`; of a motion without any, one with its name and model."""
+        return self.pieces or (Piece(float(self.t[0]), self.name, self.model_hash),)
+
+    @property
+    def model_hashes(self) -> frozenset[str]:
+        """`Robot.model_hash` of the arm in each piece; without empty ones."""
+        return frozenset(one.model_hash for one in self.own_pieces) - {""}
+
+    def as_piece(self, *, name: str | None = None, load: Load | None = None, event: str = "") -> Trajectory:
+        """The motion as one piece, to be joined with others.
+
+        Args:
+            name: of the piece; None: the motion's.
+            load: carried along the motion.
+            event: occurs at its start; see `Piece`.
+        """
+        called = self.name if name is None else name
+        return replace(self, pieces=(Piece(float(self.t[0]), called, self.model_hash, load, event),))
+
+    def join(self, other: Trajectory, tolerance: float = joining.JOIN_TOLERANCE) -> Trajectory:
+        """This motion and then another one, which starts where this one ends; also `self + other`.
+
+        The other's times are shifted. Its first sample is one ulp of time after this motion's last one, so that torques
+        may jump; all samples keep their states. The pieces of both follow each other, see `own_pieces`.
+
+        Args:
+            other: a motion of the same joints.
+            tolerance: largest difference of a joint's position [rad or m] and velocity [rad/s or m/s].
+
+        Raises:
+            TrajectoryError: the other motion starts elsewhere; the message names the joint. Or joints or `hold` differ.
+        """
+        return joining.joined(self, expect(other, Trajectory, "other", error=TrajectoryError), tolerance)
+
+    def __add__(self, other: object) -> Trajectory:
+        """`join` with its default tolerance."""
+        return self.join(other) if isinstance(other, Trajectory) else NotImplemented
+
+    def slice(self, begin: float | None = None, end: float | None = None) -> Trajectory:
+        """Part of the motion, in its own times, with its pieces.
+
+        Torques are exact, and so are the cubics between samples. Of a jump at the begin or the end only the inner side
+        is kept.
+
+        Args:
+            begin: [s]; None: the motion's begin.
+            end: [s]; None: the motion's end.
+
+        Raises:
+            TrajectoryError: they do not increase, or are not within the motion.
+        """
+        return joining.cut(self, begin, end)
+
+    def split(self) -> tuple[Trajectory, ...]:
+        """Each piece as a motion in the times of the whole, with its own name and model; their sum is the motion."""
+        return joining.split(self)
 
     def _words(self) -> list[str]:
         joints = self.v.shape[1]
@@ -101,6 +192,7 @@ class Trajectory:
             f"{self.duration:.6g} s",
             f"{joints} joint{'s' if joints > 1 else ''}",
             f"{self.t.size} samples",
+            *([f"{len(self.pieces)} pieces"] if len(self.pieces) > 1 else []),
         ]
 
     def _repr_html_(self) -> str:
@@ -165,6 +257,8 @@ class Trajectory:
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
         texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold}
+        if self.pieces:
+            texts["pieces"] = to_text(self.pieces)
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod

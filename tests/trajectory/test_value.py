@@ -266,7 +266,7 @@ def test_version_1_is_read_still(motion, tmp_path, units):
     [
         ({"format": "other-1"}, "not a trajectory of format"),
         ({"format": None}, "not a trajectory of format"),
-        ({"format": "armdyn-trajectory-3"}, "'armdyn-trajectory-3'; a newer armdyn may read it"),
+        ({"format": "armdyn-trajectory-4"}, "'armdyn-trajectory-4'; a newer armdyn may read it"),
         ({"format": np.array(["armdyn-trajectory-2"])}, "format has shape"),
         ({"format": 2.0}, "format is of type"),
         ({"units": "t ms; q deg; v deg/s; tau N cm"}, "in units 't ms;"),

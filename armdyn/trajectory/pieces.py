@@ -1,0 +1,143 @@
+"""Pieces of a motion: payloads, models and events that change along it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.errors import TrajectoryError
+from armdyn.reprs import brief
+
+Array = NDArray[np.float64]
+
+MOST_PIECES = 1000
+"""Pieces of one motion: a cycle has some ten."""
+_LARGEST = 1e12
+"""Of a load's numbers, in SI units: as of a motion's in its file, `npz.MAX_NUMBER`."""
+
+
+@brief
+@dataclass(frozen=True)
+class Load:
+    """Rigid body that an arm carries, in plain numbers.
+
+    Attributes:
+        mass: [kg]; 0: nothing is carried.
+        com: centre of mass in `frame` [m], three numbers.
+        inertia: about the centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz; may be given
+            as three moments, or as the symmetric matrix.
+        frame: name of the frame that the body is fixed to.
+        at_flange: all that the arm's flange carries, tool included, in the flange's frame: the values that a robot's
+            controller takes. None: not known.
+
+    Raises:
+        TrajectoryError: a number is not finite, the mass is negative, or a field has another shape.
+    """
+
+    mass: float
+    com: tuple[float, ...] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, ...] = (0.0,) * 6
+    frame: str = ""
+    at_flange: Load | None = None
+
+    def __post_init__(self) -> None:
+        own = object.__setattr__
+        own(self, "mass", number(self.mass, "load mass", unit="kg", sign="not negative", error=TrajectoryError))
+        for name, unit in (("com", "m"), ("inertia", "kg m²")):
+            array = numbers(getattr(self, name), f"load {name}", error=TrajectoryError)
+            if name == "inertia" and array.shape == (3, 3) and np.array_equal(array, array.T):
+                array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
+            if name == "inertia" and array.shape == (3,):
+                array = np.append(array, np.zeros(3))
+            if array.shape != ((3,) if name == "com" else (6,)) or not np.all(np.abs(array) <= _LARGEST):
+                wanted = "three" if name == "com" else "Ixx, Iyy, Izz and perhaps Ixy, Ixz, Iyz,"
+                raise TrajectoryError(
+                    f"load {name} is {shown(array.tolist())}; it must be {wanted} finite numbers [{unit}]"
+                )
+            own(self, name, tuple(array.tolist()))
+        if self.mass > _LARGEST:
+            raise TrajectoryError(f"load mass is {self.mass:g} kg; it must be at most {_LARGEST:g}")
+        text(self.frame, "load frame", error=TrajectoryError)
+        if self.at_flange is not None:
+            expect(self.at_flange, Load, "load at_flange", error=TrajectoryError)
+
+
+@brief
+@dataclass(frozen=True)
+class Piece:
+    """Part of a motion along which model and payload are constant.
+
+    Attributes:
+        start: time of its first sample [s]. The piece ends where the next one starts, or with the motion.
+        name: such as the step of a cycle.
+        model_hash: `Robot.model_hash` of the arm with its load; empty if it is not known.
+        load: carried along the piece; None: not known.
+        event: occurs at the start, such as "grasp", "release", "wait"; empty: none.
+
+    Raises:
+        TrajectoryError: a field has another type, or start is not finite.
+    """
+
+    start: float
+    name: str = ""
+    model_hash: str = ""
+    load: Load | None = None
+    event: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", number(self.start, "piece start", unit="s", error=TrajectoryError))
+        for field in ("name", "model_hash", "event"):
+            text(getattr(self, field), f"piece {field}", error=TrajectoryError)
+        if self.load is not None:
+            expect(self.load, Load, "piece load", "Load(mass=…)", error=TrajectoryError)
+
+
+def check_pieces(pieces: object, t: Array) -> tuple[Piece, ...]:
+    """The pieces of a motion, if they follow each other from its begin on.
+
+    Args:
+        pieces: as given.
+        t: times of the motion's samples [s], shape (n,).
+
+    Raises:
+        TrajectoryError: they are no pieces, or more than `MOST_PIECES`; or the first one does not start at the first
+            sample, and each other one at a later sample before the last.
+    """
+    members = several(pieces, "pieces", error=TrajectoryError)
+    own = tuple(expect(one, Piece, f"pieces[{i}]", error=TrajectoryError) for i, one in enumerate(members))
+    if len(own) > MOST_PIECES:
+        raise TrajectoryError(f"pieces are {len(own)}; expected at most {MOST_PIECES}")
+    starts = np.array([one.start for one in own])
+    if own and not (starts[0] == t[0] and np.all(np.diff(starts) > 0) and np.all(np.isin(starts, t[:-1]))):
+        raise TrajectoryError(
+            f"pieces start at {', '.join(f'{start:.9g}' for start in starts[:8])} s; expected increasing times of "
+            f"samples, the first {t[0]:.9g} s, where the motion begins, and all before its end, {t[-1]:.9g} s"
+        )
+    return own
+
+
+def to_text(pieces: Sequence[Piece]) -> str:
+    """Pieces as JSON; floats read back to the last bit."""
+    return json.dumps([asdict(one) for one in pieces])
+
+
+def from_text(content: str) -> tuple[Piece, ...]:
+    """Pieces of the text that `to_text` wrote, which may be untrusted.
+
+    Raises:
+        TrajectoryError: they are none.
+    """
+    entries = json.loads(content)
+    if not isinstance(entries, list) or len(entries) > MOST_PIECES:
+        raise TrajectoryError(f"pieces are no list of at most {MOST_PIECES}")
+    return tuple(Piece(**entry | {"load": _load(entry.get("load"))}) for entry in entries)
+
+
+def _load(entry: dict[str, Any] | None) -> Load | None:
+    return None if entry is None else Load(**entry | {"at_flange": _load(entry.get("at_flange"))})
