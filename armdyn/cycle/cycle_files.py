@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from armdyn.arguments import shown
 from armdyn.cycle.cycle import CONDITIONS, Cycle

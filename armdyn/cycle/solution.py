@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.cycle.cycle import Cycle, Leg
+from armdyn.cycle.joining import joined
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import percent
@@ -129,9 +130,7 @@ class CycleSolution:
         Raises:
             TrajectoryError: there is no motion.
         """
-        from armdyn.cycle.joining import joined
-
-        return joined(self)
+        return joined(self.cycle, [(one.leg, one.solution) for one in self.legs])
 
 
 def _paragraph(solution: CycleSolution) -> str:
