@@ -13,7 +13,7 @@ from armdyn.cycle.branches import shortest
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.order import EXACT, best_order, order_of_many, through
 from armdyn.cycle.posing import problem_of
-from armdyn.cycle.stops import candidates, limits_of
+from armdyn.cycle.stops import candidates, limits_of, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -66,16 +66,47 @@ class CycleGraph:
     def of(cls, cycle: Cycle) -> CycleGraph:
         """The graph with the bounds of the velocity limits.
 
+        A redundant arm's stops get further branches: those of the tours that are best by these bounds, slid along the
+        self-motions.
+
         Raises:
             CycleError: a stop cannot be reached, or the arm cannot rest there.
         """
-        positions, speed = candidates(cycle), limits_of(cycle).velocity
+        positions = candidates(cycle)
+        return cls.between(cycle, with_slid(cycle, positions, cls.between(cycle, positions)._promising()))
+
+    @classmethod
+    def between(cls, cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> CycleGraph:
+        """The graph of given branches of every stop."""
+        speed = limits_of(cycle).velocity
         lengths = {}
         for stop, move in _arcs(cycle):
             begins, ends = np.array(positions[stop]), np.array(positions[move + 1])
             lengths[stop, move] = np.max(np.abs(ends[None] - begins[:, None]) / speed, axis=2)
         bounds = {arc: own.copy() for arc, own in lengths.items()}
         return cls(cycle, positions, lengths, bounds, {arc: np.zeros(own.shape, bool) for arc, own in lengths.items()})
+
+    def _promising(self) -> list[list[int]]:
+        """Branches of all stops on the shortest tours through each branch of one stop, in the order of the stops."""
+        free = [k for k, each in enumerate(self.positions) if len(each) > 1]
+        if not free:
+            return []
+        tours = set()
+        for branch in range(len(self.positions[free[0]])):
+            lengths = {arc: own.copy() for arc, own in self.lengths.items()}
+            for (stop, move), own in lengths.items():
+                if stop == free[0]:
+                    own[np.arange(len(own)) != branch] = np.inf
+                if move + 1 == free[0]:
+                    own[:, np.arange(own.shape[1]) != branch] = np.inf
+            tour = self.best(lengths)
+            if np.isfinite(tour.length):
+                tours.add((tour.length, tour.edges))
+        found = []
+        for _, edges in sorted(tours):
+            at = {0: edges[0][2]} | {move + 1: j for _, move, _, j in edges}
+            found.append([at[k] for k in range(len(self.positions))])
+        return found
 
     def problem(self, edge: Edge) -> MinimumTimeProblem | None:
         """The problem of an edge; None: there is none, and the edge is refused."""

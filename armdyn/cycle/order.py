@@ -104,6 +104,8 @@ def order_of_many(lengths: Array) -> tuple[float, tuple[int, ...]]:
     m = len(lengths)
     allowed = np.isfinite(lengths) & ~np.eye(m, dtype=bool)
     rows, columns = np.nonzero(allowed)
+    if not rows.size:
+        return np.inf, tuple(range(m - 1))
     count, edge = rows.size, np.arange(rows.size)
     leaves = csr_matrix((np.ones(count), (rows, edge)), shape=(m, count))
     enters = csr_matrix((np.ones(count), (columns, edge)), shape=(m, count))

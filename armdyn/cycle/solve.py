@@ -13,6 +13,7 @@ from armdyn.arguments import expect, listener
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.solution import CycleLeg, CycleSolution
+from armdyn.errors import CycleError
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -117,13 +118,11 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
 
 def _why(graph: CycleGraph) -> str:
     """Why there is no tour: the first move that cannot be done says so."""
-    for arc, lengths in graph.lengths.items():
-        if not np.any(np.isfinite(lengths)):
-            leg = graph.cycle.moves[arc[1]]
-            said = [
-                f"step {leg.step} ({leg.name}): {one.message}"
-                for edge, one in graph.solutions.items()
-                if edge[:2] == arc
-            ]
-            return (said or [str(error) for edge, error in graph.refused.items() if edge[:2] == arc])[0]
-    return "the moves that can be done do not meet at the same branches of the stops"
+    moves = graph.cycle.moves
+    said: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
+    for edge, one in graph.solutions.items():
+        if not one.usable:
+            said[edge] = str(CycleError(moves[edge[1]].step, moves[edge[1]].name, one.message))
+    dead = [arc for arc, lengths in graph.lengths.items() if not np.any(np.isfinite(lengths))]
+    edges = [edge for edge in said if edge[:2] in dead] or list(said)
+    return said[min(edges, key=lambda edge: edge[1])]

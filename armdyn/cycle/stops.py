@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.cycle.cycle import Cycle, Stop, told
 from armdyn.errors import CycleError
-from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import unheld_joints
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
+from armdyn.optimal.search.sliding import slid_chain
+from armdyn.optimal.task.policy.search import GoalPolicy
 
 Array = NDArray[np.float64]
 
@@ -49,6 +53,32 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
             positions = (stop.target,)
         found.append(_held(cycle, stop, positions, limits))
     return tuple(found)
+
+
+def with_slid(
+    cycle: Cycle, positions: tuple[tuple[Array, ...], ...], tours: Sequence[Sequence[int]]
+) -> tuple[tuple[Array, ...], ...]:
+    """Branches with further ones of redundant arms, at which the velocity limits let whole tours be shorter.
+
+    Args:
+        cycle: in the order in which the steps are given.
+        positions: branches of every stop.
+        tours: branches of all stops, the best first.
+    """
+    targets = [stop.target for stop in cycle.stops]
+    goals = [
+        target if isinstance(target, GoalPose) and free_directions(cycle.robot, target, own[0]).size else None
+        for target, own in zip(targets, positions, strict=True)
+    ]
+    if not any(goals):
+        return positions
+    limits, numbers, found = limits_of(cycle), GoalPolicy(), [list(own) for own in positions]
+    for tour in tours[: numbers.slid]:
+        chain = [own[k] for own, k in zip(positions, tour, strict=True)]
+        for goal, own, q in zip(goals, found, slid_chain(cycle.robot, goals, chain, limits, numbers), strict=True):
+            if goal is not None and all(np.max(np.abs(q - other)) > numbers.distinct for other in own):
+                own.append(q)
+    return tuple(_held(cycle, stop, tuple(own), limits) for stop, own in zip(cycle.stops, found, strict=True))
 
 
 def _held(cycle: Cycle, stop: Stop, positions: tuple[Array, ...], limits: JointLimits) -> tuple[Array, ...]:
