@@ -60,9 +60,11 @@ from armdyn.models import RobotOptions as RobotOptions
 from armdyn.models import Scene as Scene
 from armdyn.models import Sphere as Sphere
 from armdyn.models import Tool as Tool
+from armdyn.models import load_of as load_of
 from armdyn.models import load_scene as load_scene
 from armdyn.models import mujoco_model as mujoco_model
 from armdyn.models import repair_urdf as repair_urdf
+from armdyn.models import reversed_motion as reversed_motion
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc
 from armdyn.optimal import Certificate as Certificate

@@ -58,6 +58,22 @@ def paper_problem(arm, mass=0.1006, **limits):
 
 
 @cache
+def pick_and_place(arm="rr", start=(-1.0, 0.5), goal=(0.2, -0.1), mass=0.1006, duration=0.6):
+    """There with an empty hand, a dwell of 0.1 s in which a part is grasped, and back; of quintics."""
+    bare = ad.Robot.from_spec(ad.ArmSpec.paper(arm)) if isinstance(arm, str) else arm
+    loaded = bare.with_payload(ad.Payload(mass=mass))
+    there, back = ad.ramp(bare, start, goal, duration), ad.ramp(loaded, goal, start, duration)
+    dwell = ad.Trajectory.at_rest(
+        goal, loaded.holding_torque(goal), 0.1, bare.joint_names, model_hash=loaded.model_hash
+    )
+    return bare, (
+        there.as_piece(name="there", load=ad.load_of(bare))
+        + dwell.as_piece(name="part", load=ad.load_of(loaded), event="grasp")
+        + back.as_piece(name="back", load=ad.load_of(loaded))
+    )
+
+
+@cache
 def published(name):
     """What is known of a published case: `case.json`."""
     return json.loads((CASES / name / "case.json").read_text())

@@ -166,6 +166,8 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
         | {"options": ARMS, "file": None, "progress": None},
         ad.plan_path: {"problem": PROBLEM, "seed": 0},
+        ad.load_of: {"robot": RR},
+        ad.reversed_motion: {"robot": RR, "motion": MOTION},
         ad.ramp: {"robot": RR, "q_start": START, "q_goal": GOAL, "duration": 1.0},
         ad.read_problem: {"path": problem},
         ad.read_study: {"path": study},

@@ -209,12 +209,13 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
     """
     from armdyn.cli.reports.saved import read_saved
     from armdyn.cli.reports.subject import SubjectSpec, subject_of
+    from armdyn.models.robots.loads import is_motion_of
 
     saved = read_saved(file)
     arm = subject_of(saved, SubjectSpec(robot=robot, part=part)).robot
     if arm is None:
         raise ProblemError(f"--model: the arm of {file} is not at hand; name it by --robot")
-    if saved.motion.model_hash not in ("", arm.model_hash):
+    if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
         raise ProblemError(
             f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "
             "knows which, or name the robot with the --lock, --arm and --tool of its run"

@@ -3,6 +3,9 @@ from armdyn.models.presets.preset import ControllerPreset as ControllerPreset
 from armdyn.models.reading.nearest_inertia import InertiaRepair as InertiaRepair
 from armdyn.models.reading.repair import UrdfRepair as UrdfRepair
 from armdyn.models.reading.repair import repair_urdf as repair_urdf
+from armdyn.models.robots.loads import load_of as load_of
+from armdyn.models.robots.loads import reversed_motion as reversed_motion
+from armdyn.models.robots.loads import robots_of as robots_of
 from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
 from armdyn.models.scene.mujoco_model import mujoco_model as mujoco_model

@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from armdyn.arguments import expect, numbers
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
+from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
@@ -51,9 +52,10 @@ class MotionCheck:
         worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
         replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
             infinite if the replay diverges. Large: torques and positions do not belong together, or
-            the samples are too far apart to say.
+            the samples are too far apart to say. Of several pieces the worst, each from its own first state.
         growth: largest singular value of the derivative of the end state by the start state, open loop. Beyond
-            `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere.
+            `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere. Of several
+            pieces the largest.
     """
 
     feasible: bool
@@ -86,19 +88,24 @@ def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | Non
         limits: that hold; None: the robot's.
 
     Raises:
-        TrajectoryError: the trajectory is one of another robot.
+        TrajectoryError: the trajectory is one of another robot, or a piece's model is not known, see `robots_of`.
     """
     _check_joints(robot, trajectory)
     limits = robot.limits if limits is None else limits
     violation = worst_violation(limits, trajectory, robot.joint_names, dense=2)
-    replay = replay_torques(robot, trajectory)
-    arrived = replay.t[-1] == trajectory.t[-1]
+    parts = [replace(part, pieces=()) for part in trajectory.split()]
+    arms = robots_of(robot, trajectory)
     return MotionCheck(
         feasible=violation is None or violation.value <= FEASIBLE_TOLERANCE,
         worst_violation=violation,
-        replay_error=float(np.max(np.abs(replay.q[-1] - trajectory.q[-1]))) if arrived else float("inf"),
-        growth=_growth(robot, trajectory),
+        replay_error=max(_replay_error(arm, part) for arm, part in zip(arms, parts, strict=True)),
+        growth=max(_growth(arm, part) for arm, part in zip(arms, parts, strict=True)),
     )
+
+
+def _replay_error(robot: Robot, motion: Trajectory) -> float:
+    replay = replay_torques(robot, motion)
+    return float(np.max(np.abs(replay.q[-1] - motion.q[-1]))) if replay.t[-1] == motion.t[-1] else float("inf")
 
 
 def _growth(robot: Robot, motion: Trajectory) -> float:
@@ -189,10 +196,15 @@ def time_optimality(
         jerk_limit: likewise [rad/s³ or m/s³].
 
     Raises:
-        TrajectoryError: the trajectory is one of another robot.
+        TrajectoryError: the trajectory is one of another robot, or its payload changes.
         ProblemError: an end state is outside the limits, or both are the same.
     """
     _check_joints(robot, trajectory)
+    if len(set(map(id, robots_of(robot, trajectory)))) > 1:
+        raise TrajectoryError(
+            f"the payload changes along the motion of {len(trajectory.pieces)} pieces, and the fastest motion has one: "
+            "compare each of trajectory.split() with the robot that carries its load"
+        )
     if not np.any(trajectory.tau):  # in truly free fall inverse dynamics gives zero again
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(

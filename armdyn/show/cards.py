@@ -223,7 +223,7 @@ def _thinned(motion: Trajectory) -> Trajectory:
         return motion
     t = np.linspace(motion.t[0], motion.t[-1], _MOST_SAMPLES)
     at = motion(t)
-    return replace(motion, t=t, q=at.q, v=at.v, tau=at.tau)
+    return replace(motion, t=t, q=at.q, v=at.v, tau=at.tau, pieces=())
 
 
 def _clear(figure: Figure) -> Figure:

@@ -27,7 +27,8 @@ _UNITS = {"q": "rad or m", "v": "rad/s or m/s"}
 def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajectory:
     """See `Trajectory.join`."""
     names = _common_names(first, second, tolerance)
-    later = _shifted(second, max(float(np.nextafter(first.t[-1], np.inf)), first.t[-1] + LEAST_STEP))
+    start = max(float(np.nextafter(first.t[-1], np.inf)), first.t[-1] + LEAST_STEP)
+    later = _spaced(second.t - second.t[0] + start, second.jumps)
     pieces = first.own_pieces + tuple(
         replace(one, start=float(later[np.searchsorted(second.t, one.start)])) for one in second.own_pieces
     )
@@ -77,11 +78,31 @@ def _common_names(first: Trajectory, second: Trajectory, tolerance: float) -> tu
     return names
 
 
-def _shifted(motion: Trajectory, start: float) -> Array:
-    """The times of a motion that is moved to another start [s], shape (n,); jumps stay one ulp of time long."""
-    t: Array = motion.t - motion.t[0] + start
-    tight = np.append(motion.jumps, False) | (np.diff(t, append=np.inf) <= 0)
-    for k in np.flatnonzero(tight).tolist():
+def backwards(motion: Trajectory) -> Trajectory:
+    """q(T - t), -v, and the same torques; pieces keep their loads, and lose their events.
+
+    It is a motion of the arm only as `reversed_motion` says.
+    """
+    t = _spaced(motion.t[0] + (motion.t[-1] - motion.t[::-1]), motion.jumps[::-1])
+    starts = np.searchsorted(motion.t, [one.start for one in motion.pieces[1:]])
+    firsts = t.size - 1 - np.append(starts - motion.jumps[starts - 1], t.size - 1)  # of the last sample of each piece
+    pieces = tuple(
+        replace(one, start=float(t[k]), event="") for one, k in zip(motion.pieces, firsts.tolist(), strict=False)
+    )
+    return replace(
+        motion, t=t, q=motion.q[::-1], v=-motion.v[::-1], tau=motion.tau[::-1], pieces=pieces[::-1],
+        name=f"{motion.name} backwards".lstrip(),
+    )  # fmt: skip
+
+
+def _spaced(t: Array, jumps: NDArray[np.bool_]) -> Array:
+    """Times whose jumps are one ulp long, and no shorter anywhere [s], shape (n,).
+
+    Args:
+        t: times that were moved, and so rounded anew [s], shape (n,).
+        jumps: mask of intervals without duration, shape (n - 1,).
+    """
+    for k in np.flatnonzero(jumps | (np.diff(t) <= 0)).tolist():
         t[k + 1] = np.nextafter(t[k], np.inf)
         while k + 2 < t.size and t[k + 2] <= t[k + 1]:
             k += 1

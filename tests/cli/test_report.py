@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_of
 from cli.command import answer, run_here
+from problems import pick_and_place
 
 BARE = ("--no-figure", "--no-report")
 RAMP = ("track", "rr", "--ramp", "0.5", "--controller", "computed-torque", "--payload", "0.1", "--no-figure")
@@ -78,6 +80,19 @@ def test_a_bare_motion(tracked, tmp_path):
     assert not report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.1")["warnings"]
     assert "another arm" in report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.2")["warnings"][0]
     assert "moves 2 joints" in report(tmp_path / "mine.npz", "--robot", "rrr", code=2)["message"]
+
+
+def test_a_motion_whose_payload_changes(tmp_path):
+    pick_and_place()[1].save(tmp_path / "cycle.npz")
+    told = report(tmp_path / "cycle.npz", "--robot", "rr", "--payload", "0.2")
+    assert not told["warnings"]  # each piece has its own load
+    bare = replace(pick_and_place()[1], pieces=(), model_hash="that of another arm")
+    bare.save(tmp_path / "other.npz")
+    both = ("compare", tmp_path / "cycle.npz", tmp_path / "other.npz", "--robot", "rr", "--json", "--out", tmp_path)
+    (warning, *_) = answer(run_here(*both))["warnings"]
+    assert "other.npz: was computed for another arm" in warning
+    run = ("replay", "rr", tmp_path / "cycle.npz", "--json", "--out", tmp_path)
+    assert not answer(run_here(*run))["warnings"]
 
 
 def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):

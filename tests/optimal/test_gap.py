@@ -7,7 +7,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.optimal.gap import TimeOptimality, check_motion, time_optimality, trajectory_from_path
-from problems import POSES, cart, paper_arm, solved
+from problems import POSES, cart, paper_arm, pick_and_place, solved
 
 
 def quintic(robot, start, goal, duration, n=201):
@@ -118,6 +118,15 @@ def test_a_motion_is_checked_without_a_search():
     assert not check_motion(robot, slow, weak).feasible
     with pytest.raises(TrajectoryError, match="2 joints; rrr has 3"):
         check_motion(paper_arm("rrr"), slow)
+
+
+def test_pieces_are_checked_by_their_own_models():
+    robot, motion = pick_and_place()
+    found = check_motion(robot, motion)
+    assert found.feasible and found.replay_error < 1e-4
+    assert check_motion(robot, replace(motion, pieces=())).replay_error > 0.1
+    with pytest.raises(TrajectoryError, match="the payload changes along the motion of 3 pieces"):
+        time_optimality(robot, motion)
 
 
 def test_torques_that_lead_elsewhere_show_in_the_replay():

@@ -70,6 +70,7 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
         ArmdynWarning: it is another arm's.
     """
     from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
+    from armdyn.models.robots.loads import is_motion_of
 
     if is_given(path):
         motion = motion_of(arm, path)
@@ -77,6 +78,6 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
     saved = read_saved(path)
     if saved.motion.q.shape[1] != arm.nv:
         raise TrajectoryError(f"{path}: moves {saved.motion.q.shape[1]} joints, {arm.name} has {arm.nv}")
-    if saved.motion.model_hash not in ("", arm.model_hash):
+    if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
         warnings.warn(f"{path}: was computed for another arm, payload or friction", ArmdynWarning, stacklevel=2)
     return saved

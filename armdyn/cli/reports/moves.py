@@ -12,6 +12,7 @@ import numpy as np
 from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_named, subject_of
 from armdyn.errors import ArmdynWarning, FileError, ProblemError, TrajectoryError
+from armdyn.models.robots.loads import is_motion_of
 from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Subject
@@ -44,10 +45,10 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
     moves = _named(results)
     if (robot := subject.robot) is not None:
         moves = [move if move.facts.values else replace(move, facts=checked(robot, move.motion)) for move in moves]
-        first, arms = _arms(results[0]), {"", robot.model_hash}
-        arms |= first if robot.model_hash in first else set()
+        first, arms = _arms(results[0]), {robot.model_hash}
+        arms |= first if is_motion_of(robot, results[0].motion) or robot.model_hash in first else set()
         for one in results:
-            if not arms & _arms(one):
+            if one.motion.model_hashes and not arms & _arms(one) and not is_motion_of(robot, one.motion):
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
         return subject, [*moves, ShownMotion(results[0].reference.name or "reference", results[0].reference, Facts())]
@@ -55,9 +56,9 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
     return subject, moves
 
 
-def _arms(one: Saved) -> set[str]:
+def _arms(one: Saved) -> frozenset[str]:
     """`Robot.model_hash` of the arm that moved, and of the controller's model of it."""
-    return {one.motion.model_hash} | ({one.reference.model_hash} if one.reference else set())
+    return one.motion.model_hashes | (one.reference.model_hashes if one.reference else frozenset())
 
 
 def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> Subject:

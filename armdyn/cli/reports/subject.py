@@ -20,6 +20,7 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
+from armdyn.models.robots.loads import is_motion_of
 from armdyn.models.scene.attached import payload_from, tool_from
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
@@ -97,7 +98,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         _warn(saved, f"the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    if spec.robot is None and _file(named) and arm.model_hash != saved.motion.model_hash:
+    if spec.robot is None and _file(named) and not is_motion_of(arm, saved.motion):
         _warn(saved, f"{named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))

@@ -11,6 +11,7 @@ from scipy.integrate import DOP853
 from armdyn.arguments import expect, number, stopper
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
+from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal.landing.one_step import EVALUATIONS, at_nodes, one_step
 from armdyn.optimal.task.task import Task
@@ -30,7 +31,8 @@ def replay_torques(
 ) -> Trajectory:
     """Motion of the arm under a trajectory's torques from its first state, open loop.
 
-    Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew wherever the torque has a corner or a jump.
+    Dormand-Prince 8(5,3) (`scipy.integrate.DOP853`), started anew wherever the torque has a corner or a jump. Each
+    piece of a motion is replayed from its own first state, by the robot with its load.
 
     Args:
         robot: the arm.
@@ -45,10 +47,12 @@ def replay_torques(
 
     Raises:
         ProblemError: no Robot, rtol not positive, or stop no function.
-        TrajectoryError: no Trajectory, or of another number of joints.
+        TrajectoryError: no Trajectory, or of another number of joints; or a piece's model is unknown, see `robots_of`.
     """
     expect_motion_of(robot, trajectory)
     number(rtol, "rtol", sign="positive")
+    if trajectory.pieces:
+        return _piece_by_piece(robot, trajectory, rtol, stop)
     states = _followed(robot, trajectory, rtol, stopper(stop))
     x, n = np.array(states if len(states) > 1 else 2 * states), robot.nv
     m = len(x)
@@ -56,6 +60,20 @@ def replay_torques(
         trajectory.t[:m], x[:, :n], x[:, n:], trajectory.tau[:m], trajectory.joint_names, f"{trajectory.name} replay",
         robot.model_hash, trajectory.hold,
     )  # fmt: skip
+
+
+def _piece_by_piece(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[[], bool] | None) -> Trajectory:
+    q, v = np.empty((0, robot.nv)), np.empty((0, robot.nv))
+    for arm, part in zip(robots_of(robot, trajectory), trajectory.split(), strict=True):
+        made = replay_torques(arm, replace(part, pieces=()), rtol, stop)
+        begin = int(np.searchsorted(trajectory.t, part.t[0]))
+        q, v = np.vstack([q[:begin], made.q]), np.vstack([v[:begin], made.v])
+        if made.t[-1] != part.t[-1]:
+            break
+    t = trajectory.t[: len(q)]
+    pieces = tuple(one for one in trajectory.pieces if one.start < t[-1])
+    name = f"{trajectory.name} replay"
+    return replace(trajectory, t=t, q=q, v=v, tau=trajectory.tau[: len(q)], name=name, pieces=pieces)
 
 
 def _followed(robot: Robot, trajectory: Trajectory, rtol: float, stop: Callable[[], bool]) -> list[Array]:

@@ -57,7 +57,9 @@ def until(motion: Trajectory, end: float | None) -> Trajectory:
     rows[:2] = True
     if np.all(rows):
         return motion
-    return replace(motion, t=motion.t[rows], q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows])
+    t = motion.t[rows]
+    pieces = tuple(one for one in motion.pieces if one.start < t[-1])
+    return replace(motion, t=t, q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows], pieces=pieces)
 
 
 def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import armdyn as ad
 from armdyn.optimal.landing import rollout
-from problems import cart, paper_arm, solved
+from problems import cart, paper_arm, pick_and_place, solved
 
 
 def test_double_integrator_with_a_jump_of_the_force_is_exact():
@@ -74,3 +76,25 @@ def test_dense_samples_have_the_same_torques():
     np.testing.assert_allclose(more(motion.t).tau, motion.tau, atol=1e-12)
     replay = ad.replay_torques(solved("rr").problem.robot, more)
     np.testing.assert_allclose(replay.q[-1], motion.q[-1], atol=1e-8)
+
+
+def test_each_piece_is_replayed_by_its_own_model():
+    robot, motion = pick_and_place()
+    replayed = ad.optimal.replay_torques(robot, motion)
+    np.testing.assert_array_equal(replayed.t, motion.t)
+    assert replayed.pieces == motion.pieces
+    # Torques of a ramp are linear between its samples, where its own are a polynomial's.
+    np.testing.assert_allclose(replayed.q, motion.q, rtol=0, atol=1e-4)
+    bare = replace(motion, pieces=())
+    assert (
+        np.max(np.abs(ad.optimal.replay_torques(robot, bare).q[-1] - motion.q[-1])) > 0.1
+    )  # as if nothing was carried
+    carrying = robot.with_payload(ad.Payload(mass=0.1006))
+    np.testing.assert_array_equal(ad.optimal.replay_torques(carrying, motion).q, replayed.q)  # whichever one it is
+
+
+def test_a_replay_of_pieces_that_breaks_off_ends_there(monkeypatch):
+    robot, motion = pick_and_place()
+    monkeypatch.setattr(rollout, "_MOST_EVALUATIONS", 3000)
+    replayed = ad.optimal.replay_torques(robot, motion)
+    assert 2 <= replayed.t.size < motion.t.size and replayed.pieces[0] == motion.pieces[0]
