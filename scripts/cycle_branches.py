@@ -1,6 +1,6 @@
 """Cycles with stops only against all branches, one by one: RR (two branches at each place) and UR5 (eight).
 
-The joint positions are found here by Newton's method from random positions, and every move between every two of them is
+The joint positions are found here by scipy's least squares from random positions, and every move between every two of them is
 solved; the cycle is the least sum. `solve_cycle` works out only the moves that may matter, and has to agree to 1e-6 s.
 
     python scripts/cycle_branches.py [rr ur5]
@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import least_squares
 
 import armdyn as ad
 
@@ -24,22 +25,19 @@ def branches(robot: ad.Robot, goal: np.ndarray, near: np.ndarray) -> list[np.nda
     model, random, found = robot.model, np.random.default_rng(SEED), list[np.ndarray]()
     data, frame = model.createData(), model.getFrameId(robot.tip)
     low, high = np.maximum(robot.limits.position_lower, near - np.pi), np.minimum(robot.limits.position_upper, near + np.pi)
-    for _ in range(400):
-        q = random.uniform(low, high)
-        for _ in range(60):
-            pin.framesForwardKinematics(model, data, robot.configuration(q))
-            jacobian = pin.computeFrameJacobian(model, data, robot.configuration(q), frame, pin.ReferenceFrame.LOCAL)
-            here = data.oMf[frame]
-            if goal.ndim == 1:
-                error, rows = here.actInv(goal), jacobian[:3]
-            else:
-                error, rows = pin.log6(here.actInv(pin.SE3(goal))).vector, jacobian
-            if np.linalg.norm(error) < 1e-12:
-                break
-            q = q + np.clip(np.linalg.lstsq(rows, error, rcond=1e-8)[0], -0.5, 0.5)
-        q = near + (q - near + np.pi) % (2 * np.pi) - np.pi
+
+    def error(q: np.ndarray) -> np.ndarray:
+        pin.framesForwardKinematics(model, data, robot.configuration(q))
+        here = data.oMf[frame]
+        return here.actInv(goal) if goal.ndim == 1 else pin.log6(here.actInv(pin.SE3(goal))).vector
+
+    for _ in range(200):
+        solved = least_squares(error, random.uniform(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        q = near + (solved.x - near + np.pi) % (2 * np.pi) - np.pi
+        q += 2 * np.pi * ((q < robot.limits.position_lower).astype(float) - (q > robot.limits.position_upper))
         inside = np.all((q >= robot.limits.position_lower) & (q <= robot.limits.position_upper))
-        if np.linalg.norm(error) < 1e-10 and inside and all(np.max(np.abs(q - other)) > 1e-3 for other in found):
+        reached = np.linalg.norm(solved.fun) < 1e-9
+        if reached and inside and all(np.max(np.abs(q - other)) > 1e-3 for other in found):
             found.append(q)
     return found
 
