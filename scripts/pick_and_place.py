@@ -20,7 +20,7 @@ import toppra.constraint
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
-from armdyn.models.scene.reaching import frame_pose, slid
+from armdyn.models.scene.reaching import frame_placement, slid
 
 UP, ACROSS, MASS = 0.025, 0.3, 1.0
 PLACES = {"ur5": (0.45, 0.0, 0.2), "panda": (0.5, 0.0, 0.3), "kinova": (0.4, 0.0, 0.3), "iiwa": (0.5, 0.0, 0.3)}
@@ -129,7 +129,7 @@ def compare(name: str) -> str:
     lines, joints = 0.0, 0.0
     for leg in solved.legs:
         carrying, ends = leg.leg.robot, leg.solution.problem.poses[[0, -1]]
-        first, last = (frame_pose(robot, robot.tip, q).homogeneous for q in ends)
+        first, last = (frame_placement(robot, robot.tip, q).homogeneous for q in ends)
         above = [np.array(place) for place in (first, last)]
         for place in above:
             place[2, 3] += UP
