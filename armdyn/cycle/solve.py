@@ -51,8 +51,8 @@ def solve_cycle(
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
-    graph, bounded = CycleGraph.of(cycle), set[Edge]()
     with stopping(options.time_limit) as stop:
+        graph, bounded = CycleGraph.of(cycle), set[Edge]()
         while True:
             tour = graph.best(graph.lengths)
             edges = graph.open(tour)
