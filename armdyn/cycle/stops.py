@@ -44,7 +44,7 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
     limits, first = limits_of(cycle), cycle.stops[0].target
     near = np.clip(np.zeros(cycle.robot.nv), limits.position_lower, limits.position_upper)
     known: list[tuple[GoalPose, tuple[Array, ...]]] = []
-    found = []
+    found = list[tuple[Array, ...]]()
     for stop in cycle.stops:
         if cycle.closed and stop is cycle.stops[-1]:
             found.append(found[0])
