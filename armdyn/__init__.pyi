@@ -28,6 +28,11 @@ from armdyn.dynamics import Dynamics as Dynamics
 from armdyn.errors import ArmdynError as ArmdynError
 from armdyn.errors import ArmdynWarning as ArmdynWarning
 from armdyn.errors import ContactError as ContactError
+from armdyn.errors import LogError as LogError
+from armdyn.identification import Estimate as Estimate
+from armdyn.identification import IdentifyOptions as IdentifyOptions
+from armdyn.identification import Log as Log
+from armdyn.identification import identify as identify
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule
@@ -56,6 +61,7 @@ from armdyn.models import reversed_motion as reversed_motion
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc
 from armdyn.optimal import Certificate as Certificate
+from armdyn.optimal import FrameRegion as FrameRegion
 from armdyn.optimal import FrameSpeedLimit as FrameSpeedLimit
 from armdyn.optimal import LowerBound as LowerBound
 from armdyn.optimal import MinimumTimeOptions as MinimumTimeOptions

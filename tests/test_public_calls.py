@@ -50,13 +50,23 @@ RESULTS = {
         ad.Arc,
         ad.Certificate,
         ad.GainPlane,
+        ad.Estimate,
         ad.LowerBound,
         ad.Margins,
         ad.MonteCarlo,
         ad.ReserveCurve,
     ),
     *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Scene, ad.Sensitivities),
-    *(ad.Solution, ad.TimeOptimality, ad.Tuned, ad.Status, ad.ArmdynError, ad.ArmdynWarning, ad.ContactError),
+    *(
+        ad.LogError,
+        ad.Solution,
+        ad.TimeOptimality,
+        ad.Tuned,
+        ad.Status,
+        ad.ArmdynError,
+        ad.ArmdynWarning,
+        ad.ContactError,
+    ),
 }
 """Made by armdyn alone, of numbers that it has checked."""
 INNER = {
