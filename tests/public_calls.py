@@ -14,6 +14,7 @@ from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
 from armdyn.studies.executors.local import local_executor
 from oracles import two_links
+from simulated_logs import simulated_log
 from toys import squares
 
 Right = dict[str, Any]
@@ -42,6 +43,7 @@ START, GOAL, PATH = [0.0, 0.0], [1.0, -0.5], np.zeros((4, 2))
 PROBLEM = ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL)
 MOTION = ad.ramp(RR, START, GOAL, 0.2)
 OPTIONS = ad.MinimumTimeOptions(search="quick", time_limit=1e-3)
+LOG = simulated_log(RR, duration=2.0, rate=200.0)
 LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
 TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
@@ -76,6 +78,22 @@ AT_REST = {"robot": RR, "q_goal": GOAL, "controller": PID, "loop": LOOP, "plant"
 PASSED = {"problem": PROBLEM, "motion": MOTION, "passing": np.zeros((0, 2))}
 
 
+CYCLE = ad.Cycle(RR, start=START, steps=[ad.Move(GOAL), ad.Wait(0.1)])
+
+
+@cache
+def solved_cycle() -> ad.CycleSolution:
+    """A small one."""
+    return ad.solve_cycle(CYCLE, ad.MinimumTimeOptions(starts=2))
+
+
+def cycle_file(folder: Path) -> Path:
+    """A file with a small cycle."""
+    path = folder / "cycle.toml"
+    path.write_text('[robot]\nname = "rr"\n[cycle]\nstart = [0, 0]\n[[steps]]\nmove = "there"\nto = [1, 1]\n')
+    return path
+
+
 @cache
 def solution() -> ad.Solution:
     """A small one."""
@@ -98,6 +116,13 @@ def values() -> dict[Callable[..., object], Right]:
         | {"effort_limit": 3.0},
         ad.Payload: BODY | {"offset": None},
         ad.Tool: BODY | {"tip": (0, 0, 0)},
+        ad.Cycle: {"robot": RR, "start": START, "steps": [ad.Move(GOAL)], "closed": False, "order": "given"},
+        ad.Grasp: {"part": ad.Payload(mass=0.1), "dwell": 0.1, "name": "take"},
+        ad.Move: {"to": GOAL, "via": (), "retreat": None, "approach": 0.1, "obstacles": (), "speed": None}
+        | {"path_constraints": (), "name": "there"},
+        ad.Release: {"part": None, "dwell": 0.1, "name": "let go"},
+        ad.Straight: {"length": 0.1, "axis": "z", "frame": None, "deviation": 1e-3, "angle": 0.01},
+        ad.Wait: {"seconds": 0.1, "name": "cool"},
         ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
         ad.Cylinder: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "drum"},
         ad.Plane: {"point": (0, 0, 0), "normal": (0, 0, 1), "name": "floor"},
@@ -129,6 +154,9 @@ def values() -> dict[Callable[..., object], Right]:
         ad.Load: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": "", "at_flange": None},
         ad.Piece: {"start": 0.0, "name": "", "model_hash": "", "load": None, "event": ""},
         ad.RobotOptions: defaults(ad.RobotOptions),
+        ad.Log: {"t": LOG.t, "q": LOG.q, "tau": LOG.tau, "v": None, "joint_names": ("a", "b"), "name": "log"},
+        ad.IdentifyOptions: defaults(ad.IdentifyOptions),
+        ad.ExcitingOptions: defaults(ad.ExcitingOptions),
         ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
         ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
         ad.MinimumTimeOptions: defaults(ad.MinimumTimeOptions),
@@ -155,6 +183,8 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
+        ad.exciting_motion: {"robot": RR, "duration": 2.0, "options": ad.ExcitingOptions(candidates=1, generations=0)},
+        ad.identify: {"robot": RR, "logs": LOG, "what": "friction", "options": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"factors": (0.9, 1.1)},
         ad.likely_plants: {"robot": RR},
@@ -197,6 +227,9 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
             "loop": None,
         }
         | {"rates": (900.0, 1000.0)},
+        ad.solve_cycle: {"cycle": CYCLE, "options": OPTIONS, "progress": None},
+        ad.cycle_costs: {"solution": solved_cycle(), "options": OPTIONS, "progress": None},
+        ad.read_cycle: {"path": cycle_file(folder)},
         ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
         ad.study_table: {"file": folder / "done.sqlite"},
         ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}
@@ -223,6 +256,8 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
     (folder / "preset.toml").write_text(PRESET)
     preset = ad.ControllerPreset.read(folder / "preset.toml")
     dynamics = ad.Dynamics(RR)
+    np.savez(folder / "log.npz", t=LOG.t, q=LOG.q, tau=LOG.tau)
+    estimate = ad.identify(RR, LOG, "friction")
     ticks, region, study = (
         Ticks.of(RR, MOTION, 1000.0),
         ad.GainRegion(1.0, 1.0),
@@ -234,6 +269,9 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.Mesh.from_file: {"path": folder / "part.obj", "placement": (0, 0, 0), "scale": 1.0, "name": None},
         ad.Mesh.from_triangles: {"vertices": CORNERS, "triangles": TRIANGLES, "placement": (0, 0, 0), "name": "part"},
         ad.PointCloud.from_file: {"path": folder / "seen.npy", "size": 0.1, "placement": (0, 0, 0), "name": None},
+        CYCLE.name_of: {"step": 1},
+        CYCLE.rest: {"stop": CYCLE.stops[1]},
+        CYCLE.reordered: {"order": [0]},
         ad.Payload.at_last_com: {"spec": SPEC, "mass": 1.0},
         ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
         ad.Robot.from_urdf: {"path": arm, "package_dirs": ()} | READING | FRICTION,
@@ -244,6 +282,11 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.Robot.from_spec: {"spec": SPEC, "options": None} | READING | FRICTION,
         ad.Robot.from_source: {"source": RR.origin, "options": RR.options},
         RR.with_payload: {"payload": None},
+        RR.with_inertias: {"inertias": {"joint1": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}},
+        ad.Log.load: {"path": folder / "log.npz", "robot": RR},
+        LOG.in_order: {"robot": RR},
+        estimate.torques: {"q": START, "v": START, "a": START},
+        estimate.torque_deviation: {"q": START, "v": START, "a": START},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
         RR.marked: {"name": "motion"},
