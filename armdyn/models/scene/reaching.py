@@ -164,6 +164,22 @@ def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimit
     return moved if np.linalg.norm(error) <= REACHED else None
 
 
+def frame_pose(robot: Robot, name: str, q: Array) -> pin.SE3:
+    """Placement of a frame in the world.
+
+    Args:
+        robot: the arm.
+        name: of the frame.
+        q: joint positions [rad or m], shape (nv,).
+
+    Raises:
+        SpecError: the robot has no such frame.
+    """
+    frame, data = robot.frame(name), robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.configuration(q))
+    return data.oMi[frame.parentJoint] * frame.placement
+
+
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
     """How far a frame is from its goal or its region [m, rad], and the Jacobian of the way there by q."""
     model = robot.model
