@@ -104,8 +104,8 @@ def _positions(leg: BoundLeg, side: Array, v: Interval, longest: float) -> Inter
     """Where velocities may lead to: from the start on, from the goal back, and within the limits."""
     k = len(side)
     lengths = Interval.at(side[:, None])
-    onward = Interval.at(leg.q_start) + (lengths * v[:k]).running()
-    back = leg.q_goal - (lengths * v[:k:-1]).running()
+    onward = leg.start.q + (lengths * v[:k]).running()
+    back = leg.goal.q - (lengths * v[:k:-1]).running()
     passed = Interval.at(side).running()
     left = (Interval.at(longest) - passed - passed[-1]).upper  # until the other side's cells begin
     far = Interval.at(np.maximum(left, 0.0)[:, None]) * Interval(-leg.velocity, leg.velocity)

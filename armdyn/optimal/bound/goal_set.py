@@ -16,7 +16,7 @@ Analysis, 2009, chapter 8). What is neither empty nor small is cut in two.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -38,28 +38,73 @@ _TOLERANCE = 10 * REACHED
 """Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
 
+TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
+"""A whole turn [rad]."""
+
+_NEAR = 1e-9
+"""Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
+
 _BATCH = 500
 """Boxes that are evaluated at once: arrays of some 10 MB."""
 
 
 @dataclass(frozen=True, eq=False)
+class Within:
+    """Joint positions that a motion between given ones may pass within the velocity limits in some time.
+
+    Attributes:
+        ends: joint positions before and behind [rad or m], each of shape (nv,); none: all within limits.
+        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
+        position: limits [rad or m], each end of shape (nv,).
+        duration: [s].
+    """
+
+    ends: tuple[Array, ...]
+    velocity: Array
+    position: Interval
+    duration: float
+
+    @property
+    def box(self) -> Interval:
+        """One box of them all, each end of shape (nv,), perhaps infinite."""
+        box = self.position
+        finite = np.isfinite(self.velocity)
+        far = np.where(finite, up(np.where(finite, self.velocity, 1.0) * self.duration), np.inf)
+        for q in self.ends:
+            near = Interval.at(q) + Interval(-far, far)
+            box = Interval(np.maximum(box.lower, near.lower), np.minimum(box.upper, near.upper))
+        return box
+
+    def times(self, boxes: Interval, turning: NDArray[np.bool_]) -> Array:
+        """Time from end to end through each box by the velocity limits [s], rounded down, shape (boxes,).
+
+        Args:
+            boxes: shape (boxes, nv).
+            turning: joints whose positions are meant modulo 2π, shape (nv,).
+        """
+        total = np.zeros(len(boxes.lower))
+        for q in self.ends:
+            away = (boxes - Interval.at(q)).mignitude
+            for turn in (-TURN, TURN):
+                away = np.where(turning, np.minimum(away, (boxes + turn - Interval.at(q)).mignitude), away)
+            total = total + np.maximum(down(np.max(away / self.velocity, axis=1)), 0.0)
+        return np.maximum(down(total), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
 class GoalSet:
-    """The set of joint positions within limits that bring a frame to a pose, as far as speeds lead in a given time.
+    """The set of joint positions within limits that bring a frame to a pose, as far as motions may pass it in time.
 
     Attributes:
         dynamics: of the arm.
         goal: where which frame is to be.
-        q_start: where the motion begins [rad or m], shape (nv,).
-        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
-        position: limits, each end of shape (nv,).
+        within: where motions may pass.
         policy: tuned numbers of the bound.
     """
 
     dynamics: Dynamics
     goal: GoalPose
-    q_start: Array
-    velocity: Array
-    position: Interval
+    within: Within
     policy: BoundPolicy
 
     @cached_property
@@ -73,52 +118,80 @@ class GoalSet:
             beyond, offset = beyond + float(np.linalg.norm(offset)), robot.model.jointPlacements[joint].translation
         return levers
 
-    def times(self, boxes: Interval) -> Array:
-        """Time of every joint at its greatest speed to enter a box [s], rounded down, shape (boxes, nv)."""
-        away = (boxes - Interval.at(self.q_start)).mignitude
-        return np.maximum(down(away / self.velocity), 0.0)
+    def before(self, duration: float) -> GoalSet:
+        """What motions of so long a time [s] may pass."""
+        return replace(self, within=replace(self.within, duration=duration))
 
-    def within(self, duration: float) -> Interval | None:
-        """One box of all that may be reached in so long [s], shape (1, nv); None: it is not bounded."""
-        far = np.where(
-            np.isinf(self.velocity), np.inf, up(np.where(np.isinf(self.velocity), 1, self.velocity) * duration)
-        )
-        near = Interval.at(self.q_start) + Interval(-far, far)
-        lower, upper = np.maximum(near.lower, self.position.lower), np.minimum(near.upper, self.position.upper)
-        # A joint without a limit of velocity turns for nothing: one turn of it holds all there is.
-        free = np.isinf(self.velocity) & ~self.dynamics.robot.slides & (upper - lower > 2 * np.pi)
-        begin = np.where(np.isfinite(lower), lower, np.where(np.isfinite(upper), upper - 7.0, self.q_start - 3.5))
-        lower, upper = np.where(free, begin, lower), np.where(free, begin + 7.0, upper)
+    @property
+    def closed(self) -> bool:
+        """Whether equations enclose the set: not where the position is free along an axis."""
+        return bool(np.all(np.isfinite(self.goal.deviations[:3])))
+
+    @property
+    def continuous(self) -> bool:
+        """Whether many joint positions lie side by side in the set."""
+        return any(self.goal.tolerance) or self.dynamics.nv > np.sum(np.isfinite(self.goal.deviations))
+
+    @cached_property
+    def turning(self) -> NDArray[np.bool_]:
+        """Joints that may turn by more than 2π: the set is the same after a turn, shape (nv,)."""
+        box = self.within.box
+        return ~self.dynamics.robot.slides & (box.upper - box.lower > 2 * np.pi)
+
+    @property
+    def whole(self) -> Interval | None:
+        """One box, shape (1, nv), of the set but for whole turns; None: it is not bounded."""
+        box, ends = self.within.box, self.within.ends
+        middle = ends[0] if ends else np.zeros(self.dynamics.nv)
+        lower = np.where(self.turning, down(middle - np.pi), box.lower)
+        upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
 
-    def enclosed(
-        self, boxes: Interval, duration: float, small: float, stop: Callable[[], bool]
-    ) -> tuple[Interval, float]:
-        """Boxes that hold the whole set, as far as it may be reached in some time, and the time before which none is.
+    def turned(self, boxes: Interval) -> list[Interval]:
+        """Boxes, shape (boxes, nv), after all whole turns that limits and time allow."""
+        inside, found = self.within.box, [boxes]
+        first, last = np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0)
+        for joint in np.flatnonzero(self.turning & np.isfinite(self.within.velocity)):
+            least = int(np.ceil((inside.lower[joint] - last[joint]) / (2 * np.pi) - _NEAR))
+            most = int(np.floor((inside.upper[joint] - first[joint]) / (2 * np.pi) + _NEAR))
+            unit = np.eye(len(first))[joint]
+            turns = [Interval.at(float(k)) * TURN for k in range(least, most + 1)]
+            by = [Interval(turn.lower * unit, turn.upper * unit) for turn in turns]
+            found = [one + turn if np.any(turn.lower) else one for one in found for turn in by]
+        none = np.zeros_like(self.turning)
+        return [one for one in found if np.any(self.within.times(one, none) < self.within.duration)]
+
+    def enclosed(self, boxes: Interval, small: float, stop: Callable[[], bool]) -> Interval:
+        """Boxes that hold all of the set that others hold, but for whole turns.
 
         Args:
             boxes: that hold it, shape (boxes, nv).
-            duration: joint positions that velocity limits put further away than this [s] are left out.
             small: boxes in which no joint moves the frame by more than this [m, or rad of its orientation] are kept.
             stop: asked now and then; once it is true, what is not yet examined is kept.
 
         Returns:
-            The boxes, shape (boxes, nv), perhaps none; and the least of `times` over all of them, or the duration [s].
+            The boxes, shape (boxes, nv), perhaps none.
         """
         closing, levers, examined = _closure(self.dynamics, self.goal), self.levers, 0
         kept: list[Interval] = [boxes[:0]]
         while len(boxes.lower) and examined < self.policy.most_boxes and not stop():
-            order = np.argsort(np.max(self.times(boxes), axis=1), kind="stable")
+            order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
             now = narrowed(now, self._widened(closing(Affine.over(now.turned((1, 0))))), self.policy)
-            now = now[np.max(self.times(now), axis=1) < duration]
+            now = now[self.within.times(now, self.turning) < self.within.duration]
             reach = (now.upper - now.lower) * levers
             wide = np.max(reach, axis=1, initial=0.0) > small
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(reach[wide], axis=1))])
-        found = joined([*kept, boxes])
-        return found, float(np.min(np.max(self.times(found), axis=1), initial=duration))
+        return joined([*kept, boxes])
+
+    def shrunk(self, boxes: Interval, stop: Callable[[], bool]) -> Interval:
+        """Boxes that touch, shape (boxes, nv): one as small as a point if they hold but an isolated joint position."""
+        few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
+        tiny = boxes if self.continuous else few.enclosed(_hull(boxes), self.policy.isolated, stop)
+        small = len(tiny.lower) == 0 or np.max(_hull(tiny).radius) < self.policy.isolated
+        return boxes if self.continuous or not small else _hull(tiny) if len(tiny.lower) else tiny
 
     def cut(self, boxes: Interval) -> list[Interval]:
         """Boxes, shape (boxes, nv), in two groups: where they lie along the joint in which they move the frame most."""
@@ -198,6 +271,11 @@ def clusters(boxes: Interval) -> list[Interval]:
                 apart.append((first, last, others))
         groups = [*apart, (lower, upper, members)]
     return [boxes[np.array(members)] for _, _, members in groups]
+
+
+def _hull(boxes: Interval) -> Interval:
+    """One box, shape (1, nv), that holds all."""
+    return Interval(np.min(boxes.lower, axis=0)[None], np.max(boxes.upper, axis=0)[None])
 
 
 def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interval]:

@@ -1,4 +1,4 @@
-"""One leg of a motion: from one pose to the next, within limits."""
+"""One leg of a motion: from one set of joint positions to the next, within limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding
 from armdyn.optimal.bound.rates import least_times
 from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.path_constraints.registry import path_constraints_of
@@ -26,31 +26,63 @@ _DEPENDENT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
+class LegEnd:
+    """Joint positions and velocities at an end of a leg.
+
+    Attributes:
+        q: box of joint positions [rad or m], each end of shape (nv,): a point, or many that bring a frame to a pose.
+        v: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
+        equations: they hold at every joint position of the end, affine forms over the box, shape (m, 1); None: all of
+            the box.
+    """
+
+    q: Interval
+    v: Array | None
+    equations: Affine | None = None
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the arm rests there."""
+        return self.v is not None and not np.any(self.v)
+
+    def least(self, weights: Array) -> float:
+        """The least λᵀ q of all joint positions of the end, rounded down, λ of shape (nv,).
+
+        Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
+        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The w that solves for λ ρ leaves little of what the box allows.
+        """
+        least = (Interval.at(weights) * self.q).sum(0).lower
+        if self.equations is None:
+            return float(least)
+        centre, slopes, rest = (part[..., 0] for part in self.equations.parts)
+        scaled = Interval.at(weights) * Interval.at(self.q.radius)
+        w = np.asarray(np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0], dtype=np.float64)
+        left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
+        beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
+        middle = (Interval.at(weights) * Interval.at(self.q.centre)).sum(0)
+        return float(np.maximum(least, (middle - beside).lower))
+
+
+@dataclass(frozen=True, eq=False)
 class BoundLeg:
-    """From one pose to the next.
+    """Motion between two sets of joint positions.
 
     Attributes:
         dynamics: of the arm.
-        q_start: [rad or m], shape (nv,).
-        q_goal: box that holds the goals [rad or m], each end of shape (nv,): a point, or many joint positions that
-            reach a pose.
-        closing: equations that hold at every goal, affine forms over that box, shape (m, 1); None: all of the box.
-        v_start: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
-        v_goal: likewise.
+        start: where the leg begins.
+        goal: where it ends.
         velocity: limits, no less than the velocities at the ends, shape (nv,).
         acceleration: limits [rad/s² or m/s²], infinite where there is none, shape (nv,).
         jerk: likewise [rad/s³ or m/s³]; accelerations are zero where velocities are given.
         torque_rate: likewise of the torques [N m/s or N/s]; where the arm rests they are what holds it.
-        position: limits that hold all poses, each end of shape (nv,).
+        position: limits that hold both ends, each end of shape (nv,).
         torque: the limits of it.
         policy: tuned numbers of the bound.
     """
 
     dynamics: Dynamics
-    q_start: Array
-    q_goal: Interval
-    v_start: Array | None
-    v_goal: Array | None
+    start: LegEnd
+    goal: LegEnd
     velocity: Array
     acceleration: Array
     jerk: Array
@@ -58,7 +90,6 @@ class BoundLeg:
     position: Interval
     torque: JointLimits
     policy: BoundPolicy
-    closing: Affine | None = None
 
     @property
     def friction(self) -> JointFriction:
@@ -67,30 +98,20 @@ class BoundLeg:
 
     @cached_property
     def inertia(self) -> Interval:
-        """M at the start and at the goal [kg m²], shape (2, nv, nv)."""
-        return terms_over(self.dynamics, joined([Interval.at(self.q_start)[None], self.q_goal[None]])).inertia
+        """M at the start and at the goal [kg m²], all of it within their boxes, shape (2, nv, nv)."""
+        terms = terms_over(self.dynamics, joined([self.start.q[None], self.goal.q[None]]))
+        open_ = terms.inertia_slopes.magnitude
+        beside = np.sum(open_, axis=1) + rounding(open_.shape[1], np.sum(open_, axis=1))
+        return terms.inertia + Interval(-beside, beside)
 
     @property
     def away(self) -> Interval:
         """From start to goal [rad or m], shape (nv,)."""
-        return self.q_goal - Interval.at(self.q_start)
+        return self.goal.q - self.start.q
 
     def least_way(self, way: Array) -> float:
-        """The least λᵀ Δq of all goals, rounded down, λ of shape (nv,).
-
-        Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
-        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The w that solves for λ ρ leaves little of what the box allows.
-        """
-        least = (Interval.at(way) * self.away).sum(0).lower
-        if self.closing is None:
-            return float(least)
-        centre, slopes, rest = (part[..., 0] for part in self.closing.parts)
-        scaled = Interval.at(way) * Interval.at(self.q_goal.radius)
-        w = np.asarray(np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0], dtype=np.float64)
-        left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
-        beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
-        middle = (Interval.at(way) * (Interval.at(self.q_goal.centre) - Interval.at(self.q_start))).sum(0)
-        return float(np.maximum(least, (middle - beside).lower))
+        """The least λᵀ Δq from any joint position of the start to any of the goal, rounded down, λ of shape (nv,)."""
+        return float(down(np.array(self.goal.least(way) + self.start.least(-way))))
 
     @property
     def kinematic(self) -> Array:
@@ -105,15 +126,10 @@ class BoundLeg:
     @property
     def ramped(self) -> Array:
         """Time of every joint with its limits of velocity, acceleration and jerk [s], rounded down, shape (nv,)."""
-        if not (self.at_rest(self.v_start) and self.at_rest(self.v_goal)):
+        if not (self.start.at_rest and self.goal.at_rest):
             return self.kinematic
         way = np.maximum(down(self.away.mignitude), 0.0)
         return np.maximum(self.kinematic, least_times(way, self.velocity, self.acceleration, self.jerk))
-
-    @staticmethod
-    def at_rest(v: Array | None) -> bool:
-        """Whether the arm rests at an end of such velocities."""
-        return v is not None and not np.any(v)
 
 
 def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
@@ -131,10 +147,8 @@ def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg,
     return tuple(
         BoundLeg(
             dynamics=dynamics,
-            q_start=poses[i],
-            q_goal=Interval.at(poses[i + 1]),
-            v_start=v_start if i == 0 else None,
-            v_goal=v_goal if i == last else None,
+            start=LegEnd(Interval.at(poses[i]), v_start if i == 0 else None),
+            goal=LegEnd(Interval.at(poses[i + 1]), v_goal if i == last else None),
             velocity=np.max([limits.velocity, np.abs(v_start), np.abs(v_goal)], axis=0),
             acceleration=rates["acceleration"],
             jerk=rates["jerk"],

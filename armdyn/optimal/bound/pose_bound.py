@@ -15,7 +15,7 @@ import numpy as np
 from armdyn.arguments import expect
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval
-from armdyn.optimal.bound.goal_set import GoalSet, clusters
+from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -36,10 +36,12 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
         the position is free along an axis.
     """
     numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
-    if not np.all(np.isfinite(pose.deviations[:3])):
+    within = Within((leg.start.q.lower,), leg.velocity, leg.position, np.inf)
+    goals = GoalSet(leg.dynamics, pose, within, numbers)
+    if not goals.closed:
         return 0.0, 0, 0.0  # a position that is free along an axis closes no chain
-    goals = GoalSet(leg.dynamics, pose, leg.q_start, leg.velocity, leg.position, numbers)
-    near = min((replace(leg, q_goal=Interval.at(q)) for q in problem.goals), key=lambda one: one.shortest)
+    nearby = (replace(leg, goal=replace(leg.goal, q=Interval.at(q))) for q in problem.goals)
+    near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
     known, joint = kinematic, int(np.argmax(near.kinematic))
     if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
@@ -50,7 +52,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
         if stop() or longest < known * (1 + numbers.near_enough):
             break
         middle = (known + longest) / 2
-        bound, decides = _before(goals, leg, middle, (known, joint), stop)
+        bound, decides = _before(goals.before(middle), leg, (known, joint), stop)
         if bound > known:
             known, joint = bound, decides
         if bound < middle:
@@ -60,14 +62,14 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
 
 def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
     """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
-    known, boxes, numbers = 0.0, goals.within(near), goals.policy
+    known, boxes, numbers = 0.0, goals.before(near).whole, goals.policy
     for size in numbers.sizes:
         if boxes is None or stop():
             break
         if len(boxes.lower) > numbers.few:  # too many to be made smaller: only what is reached soon
             near = known + numbers.soon * (near - known)
-        boxes, least = goals.enclosed(boxes, near, size, stop)
-        known = max(known, least)
+        boxes = goals.before(near).enclosed(boxes, size, stop)
+        known = max(known, float(np.min(goals.within.times(boxes, goals.turning), initial=near)))
     return known
 
 
@@ -91,16 +93,16 @@ class _Region:
         return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
 
 
-def _before(goals: GoalSet, leg: BoundLeg, longest: float, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
-    """Bound by boxes of all goals that may be reached in some time [s], that time at most, and the joint that decides.
+def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
+    """Bound by boxes of all goals that may be reached in the set's time, that time at most, and the joint that decides.
 
     The region with the least bound is improved first: by momentum, and then by cutting it in two.
     """
-    whole = goals.within(longest)
+    whole, longest = goals.whole, goals.within.duration
     if whole is None:
         return known
-    boxes, _ = goals.enclosed(whole, longest, leg.policy.size, stop)
-    regions = [_Region(known, part) for part in clusters(boxes)]
+    boxes = [one for each in clusters(goals.enclosed(whole, leg.policy.size, stop)) for one in goals.turned(each)]
+    regions = [_Region(known, part) for part in boxes]
     tries = 0
     while regions and tries < leg.policy.regions and not stop():
         regions.sort(key=lambda region: region.bound)
@@ -118,5 +120,5 @@ def _before(goals: GoalSet, leg: BoundLeg, longest: float, known: tuple[float, i
 def _by_momentum(goals: GoalSet, leg: BoundLeg, region: _Region, stop: Stop) -> tuple[float, int]:
     """Bound of all goals in a region, and the joint that decides it."""
     hull = region.hull
-    closing = None if np.max(hull.radius) < leg.policy.isolated else goals.closure_over(hull)
-    return leg_bound(replace(leg, q_goal=hull, closing=closing), stop, region.bound[0])
+    equations = None if np.max(hull.radius) < leg.policy.isolated else goals.closure_over(hull)
+    return leg_bound(replace(leg, goal=replace(leg.goal, q=hull, equations=equations)), stop, region.bound[0])

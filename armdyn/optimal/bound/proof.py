@@ -7,7 +7,7 @@ Of every motion of duration T within the cells' boxes, and for any multipliers �
 for the integral of d/dt (wᵀ p) is between. With w linear within each cell the integrand's supremum over a cell's
 boxes is convex in w, so that its mean at both ends of the cell is no less than its mean over it. In the middle cell
 w is constant and the integrand at most some ρ. A motion of duration h + c, h that of all other cells, can make the
-way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below. Of many goals the one with the least λᵀ Δq counts.
+way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below. Of many starts and goals those with the least λᵀ Δq count.
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
 
 def accelerations(leg: BoundLeg, cells: Cells) -> Array:
     """Largest accelerations in every cell [rad/s² or m/s²], shape (2 k + 1, nv); infinite: no limit."""
-    if leg.v_start is None or leg.v_goal is None:  # at a via point any acceleration is allowed
+    if leg.start.v is None or leg.goal.v is None:  # at a via point any acceleration is allowed
         return np.broadcast_to(leg.acceleration, cells.v.lower.shape)
     since = _since_ends(cells)
     since[cells.middle] = up(np.array(cells.longest / 2))
@@ -67,13 +67,12 @@ def torques(leg: BoundLeg, cells: Cells) -> Interval:
         return found
     room = up(_since_ends(cells)[:, None] * leg.torque_rate)
     lower, upper = found.lower.copy(), found.upper.copy()
-    ends = (Interval.at(leg.q_start), leg.v_start, slice(0, k)), (leg.q_goal, leg.v_goal, slice(k + 1, None))
-    for q, v, own in ends:
-        terms = terms_over(leg.dynamics, q[None])
+    for end, own in ((leg.start, slice(0, k)), (leg.goal, slice(k + 1, None))):
+        terms = terms_over(leg.dynamics, end.q[None])
         open_ = up(np.sum(terms.gravity_slopes.magnitude[0], axis=0))
         hold = terms.gravity[0] + Interval(-open_, open_)
         held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else torques begin anywhere
-        if leg.at_rest(v) and np.all(held):
+        if end.at_rest and np.all(held):
             lower[own] = np.maximum(lower[own], hold.lower - room[own])
             upper[own] = np.minimum(upper[own], hold.upper + room[own])
     return Interval(lower, upper).outward()

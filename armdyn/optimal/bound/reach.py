@@ -46,7 +46,7 @@ class End:
     @classmethod
     def at(cls, leg: BoundLeg, outward: int) -> End | None:
         """A leg's start (outward 1) or goal (-1); None where any velocity is allowed."""
-        v = leg.v_start if outward > 0 else leg.v_goal
+        v = (leg.start if outward > 0 else leg.goal).v
         return None if v is None else cls(leg.inertia[0 if outward > 0 else 1], v, outward)
 
     @property

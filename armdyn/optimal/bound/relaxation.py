@@ -5,11 +5,11 @@ cell's box, momentum changes from one cell to the next by what the forces' bound
 
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
 
-Where θ < 1 the duration is too short. Of many goals, Δq is that of their box's centre, and what is added within the box
-keeps the equations that hold at every goal, to first order. What M leaves open within a box, beyond what is linear
-there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not linear and a solver
-rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same kind, with the unit
-matrix as inertia.
+Where θ < 1 the duration is too short. Between boxes of joint positions, Δq is that of their centres, and what is
+added within the boxes keeps the equations that hold at every end, to first order. What M leaves open within a box,
+beyond what is linear there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not
+linear and a solver rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same
+kind, with the unit matrix as inertia.
 """
 
 from __future__ import annotations
@@ -90,8 +90,7 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     ways = hstack([eye(nv) * (time / duration) for time in times])
     away = leg.away.centre / (duration * leg.velocity)
     slacks = len(kinds) * nodes * nv
-    closing = np.zeros((0, nv)) if leg.closing is None else leg.closing.slopes[:, :, 0]
-    free = np.zeros((nv, 0)) if leg.closing is None else np.diag(leg.q_goal.radius / (duration * leg.velocity))
+    closing, free = _within_ends(leg, duration)
     matrix = hstack(
         [
             vstack([ways, *(rows.matrix for rows in kinds)]),
@@ -100,13 +99,14 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
             vstack([csr_matrix(np.column_stack([-free, -away])), csr_matrix((slacks, free.shape[1] + 1))]),
         ]
     )
-    closed = csr_matrix(np.pad(closing, ((0, 0), (matrix.shape[1] - 1 - nv, 1))))
+    before = csr_matrix((closing.shape[0], matrix.shape[1] - 1 - free.shape[1]))
+    closed = hstack([before, closing, csr_matrix((closing.shape[0], 1))])
     speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
     others = (*(rows.change for rows in kinds), *(rows.open for rows in kinds))
     bounds = np.concatenate([speeds, *others, np.tile([-1.0, 1.0], (free.shape[1], 1)), [[-np.inf, np.inf]]])
     cost = np.zeros(len(bounds))
     cost[-1] = -1.0
-    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds), np.zeros(len(closing))])
+    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds), np.zeros(closing.shape[0])])
     equal, names = csr_matrix(vstack([matrix, closed])), ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
     exact = dict.fromkeys(names, leg.policy.feasible)
     solved = linprog(cost, A_eq=equal, b_eq=given, bounds=bounds, method="highs", options=exact)
@@ -122,6 +122,16 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     )
 
 
+def _within_ends(leg: BoundLeg, duration: float) -> tuple[csr_matrix, Array]:
+    """Equations of the places within the ends' boxes, and what these add to Δq, with ε of all such boxes as columns."""
+    closing, free = [np.zeros((0, 0))], [np.zeros((len(leg.velocity), 0))]
+    for end, sign in ((leg.start, -1.0), (leg.goal, 1.0)):
+        if end.equations is not None:
+            closing.append(end.equations.slopes[:, :, 0])
+            free.append(sign * np.diag(end.q.radius / (duration * leg.velocity)))
+    return csr_matrix(block_diag(closing)), np.hstack(free)
+
+
 def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
     """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
     k, nv, inertia = cells.middle, len(leg.velocity), held.centre
@@ -133,7 +143,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
         bound[1:] += half * end[cells.outer]
         bound[k] += max(duration - np.sum(cells.lengths), 0.0) * end[k]
     given = np.zeros((2 * k + 1, nv))
-    for node, v, sign in ((0, leg.v_start, 1.0), (2 * k, leg.v_goal, -1.0)):
+    for node, v, sign in ((0, leg.start.v, 1.0), (2 * k, leg.goal.v, -1.0)):
         if v is None:
             change[:, node] = np.array([-np.inf, np.inf])[:, None]
         else:
@@ -160,7 +170,7 @@ def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
 
 def _free_at_ends(leg: BoundLeg, nodes: Array) -> Array:
     """Multipliers, zero at an end where no velocity is given."""
-    for node, v in ((0, leg.v_start), (-1, leg.v_goal)):
+    for node, v in ((0, leg.start.v), (-1, leg.goal.v)):
         if v is None:
             nodes[node] = 0.0
     return nodes

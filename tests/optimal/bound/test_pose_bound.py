@@ -6,8 +6,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.bound.enclosure.interval import Interval
-from armdyn.optimal.bound.goal_set import GoalSet
+from armdyn.optimal.bound.enclosure.interval import Interval, joined
+from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 
@@ -41,24 +41,24 @@ def reaching(robot, seed, oriented=False):
     return start, ad.GoalPose(robot.tip, at if oriented else at.translation), np.array(found)
 
 
+def enclosed(robot, pose, start, longest, size):
+    """Boxes of all joint positions that reach a pose, and that velocity limits let be reached in some time."""
+    limits = robot.limits
+    within = Within((start,), limits.velocity, Interval(limits.position_lower, limits.position_upper), longest)
+    goals = GoalSet(Dynamics(robot), pose, within, BoundPolicy())
+    parts = goals.turned(goals.enclosed(goals.whole, size, lambda: False))
+    return joined(parts)
+
+
 @pytest.mark.parametrize(("name", "oriented"), [("rrr", False), ("ur5", False), ("panda", False), ("ur5", True)])
 @pytest.mark.parametrize("seed", [101, 102])
 def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
     robot = ARMS[name]()
     start, pose, members = reaching(robot, seed, oriented)
     limits = robot.limits
-    goals = GoalSet(
-        Dynamics(robot),
-        pose,
-        start,
-        limits.velocity,
-        Interval(limits.position_lower, limits.position_upper),
-        BoundPolicy(),
-    )
     times = np.max(np.abs(members - start) / limits.velocity, axis=1)
     longest = float(np.quantile(times, 0.1 if oriented else 0.3)) * (1 + 1e-9)
-    boxes, least = goals.enclosed(goals.within(longest), longest, 0.1, lambda: False)
-    assert least <= np.min(times)
+    boxes = enclosed(robot, pose, start, longest, 0.1)
     near = members[times < longest]
     assert len(near)
     for q in near:
@@ -75,14 +75,9 @@ def test_no_joint_position_in_a_region_is_lost(region):
     if region == "turned":
         off, more = pin.SE3(pin.exp3(np.array([0, 0, 2.0])), np.zeros(3)), {"free": ("rz",)}
     goal, limits = ad.GoalPose(robot.tip, pose.pose * off, **more), robot.limits
-    goals = GoalSet(
-        Dynamics(robot), goal, start, limits.velocity, Interval(limits.position_lower, limits.position_upper),
-        BoundPolicy(),
-    )  # fmt: skip
     times = np.max(np.abs(members - start) / limits.velocity, axis=1)
     longest = float(np.quantile(times, 0.1)) * (1 + 1e-9)
-    boxes, least = goals.enclosed(goals.within(longest), longest, 0.5, lambda: False)
-    assert least <= np.min(times)
+    boxes = enclosed(robot, goal, start, longest, 0.5)
     for q in members[times < longest]:
         assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
 

@@ -81,26 +81,36 @@ class Affine:
 
     def sin(self) -> Affine:
         """Sines."""
-        return self._wave(np.sin(self.centre), np.cos(self.centre))
+        return self._wave(0.0)
 
     def cos(self) -> Affine:
         """Cosines."""
-        return self._wave(np.cos(self.centre), -np.sin(self.centre))
+        return self._wave(np.pi / 2)
 
     @property
     def _far(self) -> Array:
         """How far from the centre, at most, but for rounding."""
         return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
 
-    def _wave(self, value: Array, slope: Array) -> Affine:
-        """A function that is minus its own second derivative, by Taylor: f + f′ d − f d²/2 and |d|³/6 at most."""
-        far = self._far
-        bent = value * far**2 / 4  # of d², which is ½ ± ½ of its most
-        rest = np.abs(slope) * self.rest + np.abs(bent) + far**3 / 6
-        beside = rest + rounding(32, 1 + far + far**2 + far**3)
-        near = beside < 1  # elsewhere ±1 is all that is known
-        slopes = np.where(near[:, None], slope[:, None] * self.slopes, 0.0)
-        return Affine(np.where(near, value - bent, 0.0), slopes, np.where(near, beside, 1.0))
+    def _wave(self, phase: float) -> Affine:
+        """sin(x + phase): the line s d of least squares over d = x − c, |d| ≤ far, and the range of what it leaves.
+
+        What is left, sin(x + phase) − s d, is greatest and least at an end or where cos(x + phase) = s.
+        """
+        middle, far = self.centre + phase, self._far
+        small = far < 1e-2  # where differences of nearly equal numbers would say nothing
+        safe = np.where(small, 1.0, far)
+        share = np.where(small, 1 - far**2 / 10, 3 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
+        slope = np.cos(middle) * np.where(far < np.pi, share, 0.0)
+        stays = np.arccos(np.clip(slope, -1, 1))
+        turns = 2 * np.pi * np.round(middle / (2 * np.pi))
+        away = [side * stays + turn * 2 * np.pi - (middle - turns) for side in (-1.0, 1.0) for turn in (-1, 0, 1)]
+        ends = [-far, far, *(np.clip(d, -far, far) for d in away)]
+        left = np.array([np.sin(middle + d) - slope * d for d in ends])
+        lower, upper = np.min(left, axis=0), np.max(left, axis=0)
+        lower, upper = np.where(far < np.pi, lower, -1.0), np.where(far < np.pi, upper, 1.0)
+        rest = (upper - lower) / 2 + np.abs(slope) * self.rest
+        return Affine((lower + upper) / 2, slope[:, None] * self.slopes, rest + rounding(64, 4 + np.abs(middle) + far))
 
     def _rounded(self, centre: Array, slopes: Array, rest: Array) -> Affine:
         """With the errors of one rounding of each part."""

@@ -46,6 +46,8 @@ class BoundPolicy:
         (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
+    chain_bounds: int = tuned(60, "bounds", "by momentum between boxes of consecutive stops, at most", POSES)
+    most_pairs: int = tuned(2_000_000, "pairs", "of boxes of two stops that are held against velocity limits", POSES)
     few: int = tuned(500, "boxes", "where there are more, only those that are reached soon are made smaller", POSES)
     soon: float = tuned(0.3, "of the time from the bound to a known goal", "which is soon: that goal may be far", POSES)
     times: int = tuned(2, "times", "T that are tried for a set of goals", POSES)

@@ -1,0 +1,186 @@
+"""Lower bound on the duration of a chain of motions, over all joint positions at the stops between them.
+
+At a stop the arm is at a given joint position, or at any that brings a frame to a pose. Boxes enclose all of these, and
+a leg between two boxes has the bound of `leg_bound`. No chain is faster than the shortest path over the boxes
+(Bellman's principle), whatever bounds its legs have: `lattice.py`. Boxes that velocity limits put further away than the
+duration of a known chain are left out. Stops with one joint position cut the chain into runs that are bounded apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from armdyn.arguments import number, several, stopper
+from armdyn.errors import ProblemError
+from armdyn.models.robots.poses import pose_given
+from armdyn.models.scene.reaching import GoalPose, poses_reaching
+from armdyn.optimal.bound.covers import covers
+from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.lattice import Lattice, Region, sum_down
+from armdyn.optimal.bound.leg import BoundLeg, legs_of
+from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
+from armdyn.optimal.task.policy.bound import BoundPolicy
+from armdyn.reprs import brief
+
+Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+Place = Array | GoalPose
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class ChainBound:
+    """Lower bound on the sum of the durations of consecutive motions, proven by interval arithmetic.
+
+    Attributes:
+        duration: [s].
+        kinematic: by limits of single joints alone [s].
+        legs: bounds of the problems' motions between the boxes that decide [s], together `duration` at most. Between
+            other boxes a motion may be shorter: then others are longer.
+        stops: middles of these boxes [rad or m], shape (problems + 1, nv).
+        boxes: number of boxes that hold the joint positions of each stop, as far as a chain may use them in time.
+    """
+
+    duration: float
+    kinematic: float
+    legs: tuple[float, ...]
+    stops: Array
+    boxes: tuple[int, ...]
+
+
+def chain_bound(
+    problems: Sequence[MinimumTimeProblem],
+    stops: Sequence[ArrayLike | str | GoalPose],
+    upper: float | None = None,
+    stop: Stop | None = None,
+    policy: BoundPolicy | None = None,
+) -> ChainBound | None:
+    """Prove a lower bound on the sum of the durations of motions, each of which begins where the last one ends.
+
+    Example: `chain_bound([to_bin, back], [home, ad.GoalPose("tool", bin), home], upper=1.83).duration`
+
+    Args:
+        problems: one per motion: its robot with what it carries, its limits, path constraints, velocities at both ends
+            and via points. Their own starts and goals do not count.
+        stops: one more than problems: joint positions, a pose's name, or a `GoalPose` for all joint positions within
+            the limits that reach it.
+        upper: duration of a chain that is known [s]: the bound is no more than that, and improved until it is nearly
+            as much. Without, inverse kinematics are sampled for one.
+        stop: asked now and then; once it is true, what is proven so far is returned.
+        policy: tuned numbers; None: as they are. The bound holds with any.
+
+    Returns:
+        None if nothing is proven, as where no joint that moves has a velocity limit.
+
+    Raises:
+        ProblemError: no problem, another number of stops, or a pose out of reach.
+        BridgeError: the dynamics have an operation that is not known in intervals.
+    """
+    stopped, numbers = stopper(stop), policy or BoundPolicy()
+    given = [expect_problem(problem) for problem in several(problems, "problems")]
+    if not given or len(stops) != len(given) + 1:
+        raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
+    places = [_place(given[max(k - 1, 0)], place, f"stops[{k}]") for k, place in enumerate(stops)]
+    longest = np.inf if upper is None else number(upper, "upper", sign="positive")
+    runs = _runs(given, places, numbers)
+    found = [run.least for run in runs]
+    for k in sorted(range(len(runs)), key=lambda k: len(runs[k].legs)):  # points first: they leave others less time
+        others = sum_down([one.duration for j, one in enumerate(found) if j != k])
+        found[k] = runs[k].bounded(longest - others, stopped)
+    return _together(found, np.cumsum([0, *(len(problem.via) + 1 for problem in given)]), longest)
+
+
+def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:
+    return given if isinstance(given, GoalPose) else pose_given(problem.robot, given, name)
+
+
+def _runs(problems: Sequence[MinimumTimeProblem], stops: Sequence[Place], policy: BoundPolicy) -> list[_Run]:
+    """The chain, cut where the arm passes one joint position."""
+    legs: list[BoundLeg] = []
+    owners: list[MinimumTimeProblem] = []
+    places = [stops[0]]
+    for problem, stop in zip(problems, stops[1:], strict=True):
+        own = legs_of(problem, policy)
+        legs += own
+        owners += [problem] * len(own)
+        places += [*map(np.asarray, problem.via), stop]
+    cuts = [k for k, place in enumerate(places) if not isinstance(place, GoalPose)]
+    cuts = sorted({0, *cuts, len(legs)})
+    return [_Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b])) for a, b in pairwise(cuts)]
+
+
+def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) -> ChainBound | None:
+    """One bound of runs behind each other, given the numbers of the stops among their places."""
+    duration = min(sum_down([run.duration for run in runs]), longest)
+    legs = [leg for run in runs for leg in run.legs]
+    places = [runs[0].stops[:1], *(run.stops[1:] for run in runs)]
+    boxes = [runs[0].boxes[0], *(count for run in runs for count in run.boxes[1:])]
+    bound = ChainBound(
+        duration=duration,
+        kinematic=min(sum_down([run.kinematic for run in runs]), duration),
+        legs=tuple(sum_down(legs[a:b]) for a, b in pairwise(at)),
+        stops=np.concatenate(places)[at],
+        boxes=tuple(boxes[k] for k in at),
+    )
+    return bound if duration > 0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Consecutive legs between places that are goal poses, but perhaps for the first and the last one.
+
+    Attributes:
+        legs: their ends say the velocities there.
+        places: one more than legs.
+        problems: of each leg.
+    """
+
+    legs: tuple[BoundLeg, ...]
+    places: tuple[Place, ...]
+    problems: tuple[MinimumTimeProblem, ...]
+
+    @property
+    def least(self) -> ChainBound:
+        """What the velocity limits say of the way between the places that are points."""
+        first, last = self.places[0], self.places[-1]
+        count, duration = len(self.legs), 0.0
+        if not (isinstance(first, GoalPose) or isinstance(last, GoalPose)):
+            way = Interval.at(last) - Interval.at(first)
+            fastest = np.max([leg.velocity for leg in self.legs], axis=0)
+            duration = float(np.max(np.maximum(down(way.mignitude / fastest), 0.0)))
+        nowhere = np.full((count + 1, self.legs[0].dynamics.nv), np.nan)
+        return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
+
+    def bounded(self, longest: float, stop: Stop) -> ChainBound:
+        """The bound of the run alone, for motions that take no longer than some time [s], infinite if none is known."""
+        policy = self.legs[0].policy
+        if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
+            longest = min(longest, self._sampled(stop)) if np.isinf(longest) else longest
+        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, stop))
+        boxes, first = tuple(len(layer) for layer in lattice.layers), lattice.path()
+        path = lattice.improve(longest * (1 - policy.near_enough), policy.chain_bounds, stop)
+        if first is None or path is None:  # no chain is as fast
+            return replace(self.least, duration=longest, boxes=boxes)
+        stops = np.array([region.hull.centre for region in path.regions])
+        return ChainBound(min(path.duration, longest), min(first.duration, longest), path.legs, stops, boxes)
+
+    def _sampled(self, stop: Stop) -> float:
+        """The bound of chains through sampled joint positions [s]: that of all chains is no more."""
+        layers: list[list[Region]] = []
+        points = [np.asarray(place) for place in self.places if not isinstance(place, GoalPose)]
+        near = points[0] if points else np.asarray(self.problems[0].q_start)
+        for k, place in enumerate(self.places):
+            problem = self.problems[max(k - 1, 0)]
+            found = [np.asarray(place)]
+            if isinstance(place, GoalPose):
+                found = poses_reaching(problem.robot, place, near, problem.limits)
+            layers.append([Region.point(q) for q in found])
+            near = found[0]
+        lattice = Lattice(self.legs, layers)
+        path = lattice.improve(np.inf, self.legs[0].policy.chain_bounds, stop)
+        return np.inf if path is None else path.duration

@@ -1,0 +1,98 @@
+"""Regions that hold all joint positions which a chain of legs may use at its stops, in some time at most.
+
+The places between two that are one joint position each are covered together: what velocity limits lead to from the one,
+through boxes of all places between, to the other in time. Coarse boxes are thinned out before they are cut smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.goal_set import TURN, GoalSet, Within, clusters
+from armdyn.optimal.bound.lattice import Region
+from armdyn.optimal.bound.leg import BoundLeg
+
+Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+Place = Array | GoalPose
+
+
+def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, stop: Stop) -> list[list[Region]]:
+    """Regions of consecutive places.
+
+    Args:
+        legs: one less than places.
+        places: joint positions, shape (nv,), or all that bring a frame to a pose.
+        longest: time of a motion through all places [s], at most.
+        stop: asked now and then; once it is true, boxes are not made smaller.
+    """
+    ends = tuple(place for place in (places[0], places[-1]) if not isinstance(place, GoalPose))
+    velocity = np.max([leg.velocity for leg in legs], axis=0)
+    sets: list[GoalSet | None] = []
+    boxes: list[Interval] = []
+    for k, place in enumerate(places):
+        if not isinstance(place, GoalPose):
+            sets.append(None)
+            boxes.append(Interval.at(place)[None])
+            continue
+        own = legs[max(k - 1, 0) : k + 1]
+        within = Within(ends, velocity, own[0].position.meet(own[-1].position), longest)
+        goals = GoalSet(own[0].dynamics, place, within, own[0].policy)
+        whole = goals.whole if goals.closed else None
+        sets.append(None if whole is None else goals)
+        boxes.append(within.box[None] if whole is None else whole)
+    policy = legs[0].policy
+    for size in policy.sizes:
+        boxes = [
+            box if goals is None else goals.enclosed(box, size, stop) for goals, box in zip(sets, boxes, strict=True)
+        ]
+        boxes = _thinned(legs, sets, boxes, longest)
+    return [_regions(goals, box, stop) for goals, box in zip(sets, boxes, strict=True)]
+
+
+def _regions(goals: GoalSet | None, boxes: Interval, stop: Stop) -> list[Region]:
+    """Boxes that touch, joined, and turned by all whole turns."""
+    if goals is None:
+        return [Region(boxes)] if len(boxes.lower) else []
+    parts = [goals.shrunk(part, stop) for part in clusters(boxes)]
+    return [Region(boxes, goals) for part in parts if len(part.lower) for boxes in goals.turned(part)]
+
+
+def _thinned(
+    legs: Sequence[BoundLeg], sets: Sequence[GoalSet | None], boxes: list[Interval], longest: float
+) -> list[Interval]:
+    """Boxes without those that no motion passes in some time [s]."""
+    if any(len(a.lower) * len(b.lower) > legs[0].policy.most_pairs for a, b in pairwise(boxes)):
+        return boxes
+    none = np.zeros(legs[0].dynamics.nv, dtype=bool)
+    turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
+    times = [_times(leg, a, b, turning) for leg, a, b in zip(legs, boxes[:-1], boxes[1:], strict=True)]
+    onward, back = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
+    for each in times:
+        onward.append(np.min(onward[-1][:, None] + each, axis=0, initial=np.inf))
+    for each in reversed(times):
+        back.insert(0, np.min(each + back[0], axis=1, initial=np.inf))
+    passed = [down(down(a + b)) for a, b in zip(onward, back, strict=True)]
+    return [box[time * (1 - _ROUNDED) < longest] for box, time in zip(boxes, passed, strict=True)]
+
+
+def _times(leg: BoundLeg, starts: Interval, goals: Interval, turning: NDArray[np.bool_]) -> Array:
+    """Times of a leg by velocity limits between boxes, but for whole turns [s], shape (starts, goals)."""
+    found = np.zeros((len(starts.lower), len(goals.lower)))
+    for joint, velocity in enumerate(leg.velocity):
+        way = goals[:, joint][None] - starts[:, joint][:, None]
+        away = way.mignitude
+        if turning[joint]:
+            away = np.minimum(away, np.minimum((way + TURN).mignitude, (way - TURN).mignitude))
+        found = np.maximum(found, down(away / velocity))
+    return found
+
+
+_ROUNDED = 1e-12
+"""Part of a time that is taken off: sums of a few dozen floats err by 1e-15 each."""

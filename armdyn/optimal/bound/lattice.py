@@ -1,0 +1,181 @@
+"""Shortest path over boxes of joint positions, layer after layer, whose edges are bounds of legs.
+
+An edge has what velocity limits say, until the path needs it: then momentum improves it. Where all of the path's edges
+are improved, its widest region is cut in two. The path's length is a valid bound all along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
+from armdyn.optimal.bound.goal_set import GoalSet
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
+from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.bound.rates import least_times
+
+Array = NDArray[np.float64]
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Joint positions at a stop: one, or those of a goal set within boxes that touch.
+
+    Attributes:
+        boxes: shape (boxes, nv).
+        goals: whose members count; None: all of the boxes.
+    """
+
+    boxes: Interval
+    goals: GoalSet | None = None
+
+    @classmethod
+    def point(cls, q: Array) -> Region:
+        """One joint position, shape (nv,)."""
+        return cls(Interval.at(q)[None])
+
+    @property
+    def hull(self) -> Interval:
+        """One box that holds all, each end of shape (nv,)."""
+        return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
+
+    def end(self, v: Array | None) -> LegEnd:
+        """The region as an end of a leg, with velocities there."""
+        hull = self.hull
+        return LegEnd(hull, v, None if self.goals is None or self.is_point else self.goals.closure_over(hull))
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it is as good as one joint position, or has none that could be left out."""
+        return self.goals is None or self.size < self.goals.policy.isolated
+
+    @property
+    def size(self) -> float:
+        """Half width of the hull [rad or m]."""
+        return float(np.max(self.hull.radius))
+
+    def halves(self, stop: Stop) -> list[Region]:
+        """The region cut in two, perhaps with less in it."""
+        if self.goals is None:
+            return [self]
+        boxes = self.boxes
+        if len(boxes.lower) == 1:
+            reach = float(np.max((boxes.upper - boxes.lower) * self.goals.levers))
+            boxes = self.goals.enclosed(boxes, reach / 2, stop)
+        return [Region(part, self.goals) for part in self.goals.cut(boxes)] if len(boxes.lower) else []
+
+
+def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Region]) -> Array:
+    """Times of a leg between regions by limits of single joints [s], rounded down, shape (starts, goals)."""
+    if not (starts and goals):
+        return np.zeros((len(starts), len(goals)))
+    first, last = (joined([region.hull[None] for region in side]) for side in (starts, goals))
+    way = np.maximum((last[None] - first[:, None]).mignitude, 0.0)
+    times = np.where(way > 0, way / leg.velocity, 0.0)
+    if leg.start.at_rest and leg.goal.at_rest:
+        times = np.maximum(times, least_times(way, leg.velocity, leg.acceleration, leg.jerk))
+    return np.maximum(down(np.max(times, axis=2)), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Regions, one per layer, and the bounds of the legs between them [s]."""
+
+    at: tuple[int, ...]
+    regions: tuple[Region, ...]
+    legs: tuple[float, ...]
+
+    @property
+    def duration(self) -> float:
+        """Sum of the bounds [s], rounded down."""
+        return sum_down(self.legs)
+
+
+class Lattice:
+    """Layers of regions, and bounds of the legs between any two of neighbouring layers.
+
+    Attributes:
+        legs: one less than layers; their ends say the velocities there.
+        layers: regions of every stop.
+        bounds: of every leg [s], shape (regions of its start, regions of its goal).
+        tried: by momentum, likewise.
+    """
+
+    def __init__(self, legs: Sequence[BoundLeg], layers: Sequence[Sequence[Region]]) -> None:
+        self.legs, self.layers = tuple(legs), [list(layer) for layer in layers]
+        pairs = zip(self.legs, self.layers[:-1], self.layers[1:], strict=True)
+        self.bounds = [shortest_times(leg, *ends) for leg, *ends in pairs]
+        self.tried = [np.zeros(bounds.shape, dtype=bool) for bounds in self.bounds]
+
+    def path(self) -> Path | None:
+        """The shortest path; None: there is none."""
+        least, before = np.zeros(len(self.layers[0])), []
+        for bounds in self.bounds:
+            if bounds.size == 0:
+                return None
+            sums = least[:, None] + bounds
+            before.append(np.argmin(sums, axis=0))
+            least = np.min(sums, axis=0)
+        at = [int(np.argmin(least))]
+        for origin in reversed(before):
+            at.insert(0, int(origin[at[0]]))
+        regions = tuple(layer[k] for layer, k in zip(self.layers, at, strict=True))
+        return Path(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
+
+    def improve(self, enough: float, most: int, stop: Stop) -> Path | None:
+        """Improve bounds of the shortest path until it is long enough [s], or so many legs have been bounded."""
+        tries = 0
+        while True:
+            path = self.path()
+            if path is None or path.duration >= enough or tries >= most or stop():
+                return path
+            untried = [
+                k for k, (tried, ends) in enumerate(zip(self.tried, pairwise(path.at), strict=True)) if not tried[ends]
+            ]
+            if untried:
+                self._bound(untried[0], path, stop)
+                tries += 1
+            elif not self._cut(path, stop):
+                return path
+
+    def _bound(self, k: int, path: Path, stop: Stop) -> None:
+        """Bound a leg of the path by momentum."""
+        leg, at = self.legs[k], path.at[k : k + 2]
+        start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
+        self.tried[k][at] = True
+        if np.all(np.isfinite((goal.q - start.q).magnitude)):
+            one = replace(leg, start=start, goal=goal, position=leg.position.hull(start.q).hull(goal.q))
+            self.bounds[k][at] = leg_bound(one, stop, float(self.bounds[k][at]))[0]
+
+    def _cut(self, path: Path, stop: Stop) -> bool:
+        """Cut the widest region of the path in two; whether one was left to be cut."""
+        sizes = [0.0 if one.is_point else one.size for one in path.regions]
+        k = int(np.argmax(sizes))
+        if sizes[k] == 0:
+            return False
+        at, halves = path.at[k], path.regions[k].halves(stop)
+        count = len(halves)
+        self.layers[k][at : at + 1] = halves
+        for leg, axis in ((k - 1, 1), (k, 0)):
+            if 0 <= leg < len(self.legs):
+                inherited = np.repeat(np.take(self.bounds[leg], [at], axis), count, axis)
+                ends = (self.layers[leg], halves) if axis else (halves, self.layers[leg + 1])
+                new = np.maximum(inherited, shortest_times(self.legs[leg], *ends))
+                self.bounds[leg] = np.insert(np.delete(self.bounds[leg], at, axis), [at] * count, new, axis)
+                fresh = np.zeros(new.shape, dtype=bool)
+                self.tried[leg] = np.insert(np.delete(self.tried[leg], at, axis), [at] * count, fresh, axis)
+        return True
+
+
+def sum_down(durations: Sequence[float]) -> float:
+    """Sum of durations [s], rounded down."""
+    total = 0.0
+    for duration in durations:
+        total = duration if total == 0 else float(down(np.array(total + duration)))
+    return total

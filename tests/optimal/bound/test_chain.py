@@ -1,0 +1,117 @@
+"""The bound of a chain against sums of bounds, brute force over branches, and members of the stops' sets."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from armdyn.models.scene.reaching import poses_reaching
+from armdyn.optimal.bound.chain import chain_bound
+from problems import paper_arm
+
+UR5 = np.array(
+    [[-0.1, -1.0, 1.7, -2.0, -1.3, 0.3], [0.3, -1.2, 1.4, -1.7, -1.5, 0.2], [1.0, -0.9, 1.2, -1.6, -1.6, 0.7]]
+)
+"""Home, and two joint positions that reach bins."""
+
+
+def placement(robot, q):
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, np.asarray(q, dtype=float))
+    return data.oMf[robot.model.getFrameId(robot.tip)].copy()
+
+
+def motions(robots, poses, **given):
+    """Problems from each pose to the next."""
+    ends = zip(robots, pairwise(poses), strict=True)
+    return [ad.MinimumTimeProblem(robot, q_start=a, q_goal=b, **given) for robot, (a, b) in ends]
+
+
+def test_points_have_the_sum_of_their_bounds():
+    """Of arms with different payloads."""
+    arms = [ad.Robot.from_library("ur5", payload=ad.Payload(mass=mass)) for mass in (0.0, 2.0)]
+    poses = [UR5[1], UR5[2], UR5[1]]
+    problems = motions(arms, poses)
+    alone = [ad.lower_bound(problem).duration for problem in problems]
+    found = chain_bound(problems, poses)
+    assert found.legs == pytest.approx(alone, rel=1e-12)
+    assert found.duration == pytest.approx(sum(alone), rel=1e-12)
+    assert found.boxes == (1, 1, 1) and np.array_equal(found.stops, poses)
+
+
+@pytest.fixture(scope="module")
+def two_branches():
+    """An elbow arm, two stops with two branches each, and the chains through them."""
+    robot = paper_arm("rr").with_limits(None, 2.0)
+    home, stops = np.array([0.1, 0.4]), []
+    for q in ([0.9, 0.5], [1.5, -0.7]):
+        goal = ad.GoalPose(robot.tip, placement(robot, q).translation)
+        stops.append((goal, poses_reaching(robot, goal, home, robot.limits)))
+    return robot, home, stops
+
+
+def brute_force(robot, home, stops, duration):
+    """The least sum of durations over all branches."""
+    paths = [[home, *path, home] for path in product(*(branches for _, branches in stops))]
+    assert len(paths) == 4
+    return min(sum(duration(problem) for problem in motions([robot] * 3, path)) for path in paths)
+
+
+def test_two_branches_at_two_stops(two_branches):
+    robot, home, stops = two_branches
+    least = brute_force(*two_branches, lambda problem: ad.lower_bound(problem).duration)
+    stops = [home, *(goal for goal, _ in stops), home]
+    problems = motions([robot] * 3, [home, *np.array([[0.9, 0.5], [1.5, -0.7]]), home])
+    for upper in (None, least * (1 + 1e-9)):
+        found = chain_bound(problems, stops, upper=upper)
+        assert found.duration <= least * (1 + 1e-9)
+        assert found.duration == pytest.approx(least, rel=1.1e-3)  # within the share of the policy
+        assert found.kinematic < found.duration
+
+
+@pytest.mark.slow
+def test_two_branches_at_two_stops_against_least_times(two_branches):
+    robot, home, stops = two_branches
+    solved = brute_force(robot, home, stops, lambda problem: ad.solve_minimum_time(problem).duration)
+    problems = motions([robot] * 3, [home, *np.array([[0.9, 0.5], [1.5, -0.7]]), home])
+    found = chain_bound(problems, [home, *(goal for goal, _ in stops), home], upper=solved)
+    assert 0.995 * solved < found.duration <= solved
+
+
+def test_no_chain_is_slower_than_all_that_are_known(two_branches):
+    robot, home, stops = two_branches
+    stops = [home, *(goal for goal, _ in stops), home]
+    problems = motions([robot] * 3, [home, [0.9, 0.5], [1.5, -0.7], home])
+    whole = chain_bound(problems, stops)
+    assert chain_bound(problems, stops, upper=0.5 * whole.duration).duration == 0.5 * whole.duration
+    stopped = chain_bound(problems, stops, stop=lambda: True)
+    assert stopped is None or stopped.duration <= whole.duration
+
+
+def test_branches_of_a_ur5_are_those_that_inverse_kinematics_find():
+    robot = ad.Robot.from_library("ur5")
+    home, limits = UR5[0], robot.limits
+    goals = [ad.GoalPose(robot.tip, placement(robot, q)) for q in UR5[1:]]
+    problems = motions([robot] * 3, [*UR5, home])
+    upper = 1.6
+    found = chain_bound(problems, [home, *goals, home], upper=upper)
+    alone = sum(ad.lower_bound(problem).duration for problem in problems)
+    assert found.duration == pytest.approx(alone, rel=1.1e-3)
+    for goal, count in zip(goals, found.boxes[1:-1], strict=True):
+        branches = [q + 2 * np.pi * np.array(turn) for q in poses_reaching(robot, goal, home, limits, seed=7, most=20)
+                    for turn in product((-1, 0, 1), repeat=6)]  # fmt: skip
+        near = [q for q in branches if np.all((limits.position_lower <= q) & (q <= limits.position_upper))
+                and 2 * np.max(np.abs(q - home) / limits.velocity) < upper]  # fmt: skip
+        assert 1 <= count <= len(near)
+
+
+def test_bad_stops():
+    robot = paper_arm("rr").with_limits(None, 6.0)
+    problems = motions([robot], [[0, 0], [1, 1]])
+    with pytest.raises(ProblemError, match="1 problems and 1 stops"):
+        chain_bound(problems, [[0, 0]])
+    with pytest.raises(ProblemError, match=r"stops\[1\]"):
+        chain_bound(problems, [[0, 0], [1, 1, 1]])
