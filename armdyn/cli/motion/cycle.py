@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -211,7 +212,7 @@ def _write(
         from armdyn.show.results import save_results
 
         return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
-    motion, obstacles = solution.trajectory, _obstacles(solution)
+    motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
     written = results.write(
         folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress
     )
