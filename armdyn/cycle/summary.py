@@ -21,6 +21,8 @@ _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 NEAR = 0.05
 """A cycle whose proven gap is no larger is near the fastest possible: the bound knows neither obstacles nor straight
 segments."""
+_TOUCHING = 0.05
+"""Bodies that are nearer touch, as a part and its table do [mm]."""
 _NOTHING = 5e-7
 """Less than that is no difference [s]: motions are exact to so much."""
 
@@ -177,7 +179,8 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
     near = [leg.solution.clearance for leg in legs if leg.solution.clearance is not None]
     if near:
         sure, nearest = all(one.sure for one in near), min(near, key=lambda one: one.distance)
-        said = f"{nearest.body} is {1e3 * nearest.distance:.1f} mm from {nearest.other}"
+        away = 1e3 * nearest.distance
+        said = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
         yield "clear of obstacles", sure, said + ("" if sure else "; not proven between samples")
     if solution.gap is not None and solution.lower_bound is not None:
         said = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"

@@ -206,7 +206,7 @@ def _write(
 ) -> Written:
     """The files of a cycle, as far as it is solved."""
     robot = solution.cycle.robot
-    title = f"{name}: {solution.verdict}"
+    title = f"{name}: {f'{solution.duration:.3f} s, ' if solution.usable else ''}{solution.verdict}"
     folder.mkdir(parents=True, exist_ok=True)
     if not solution.legs:
         from armdyn.show.results import save_results

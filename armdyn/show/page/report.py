@@ -153,6 +153,9 @@ def report_of(
     lead = [f"{count} joint{'s' if count > 1 else ''}"]
     if subject.robot is not None and subject.robot.payload is not None and subject.robot.payload.mass:
         lead.append(f"payload {1000 * subject.robot.payload.mass:g} g")
+    if steps := first.facts.parts("steps"):
+        lead.append(f"{len(steps)} steps, {'closed' if first.facts.true('closed') else 'open'}")
+        lead += dict.fromkeys(f"{one.payload.name}, {one.payload.mass:g} kg" for one in parts_in(first.facts))
     if len(moves) > 1:
         lead.append(f"{first.name} beside {', '.join(move.name for move in moves[1:])}")
     rows = compared(moves, subject.limits)
