@@ -192,6 +192,7 @@
     get cursors() { return curves.cursors; },
     get seen() { return curves.seen; },
     linkPosition: (name, k = 0) => scene && scene.linkPosition(name, k),
+    get parts() { return scene && scene.parts(); },
     get camera() { return scene && scene.camera(); },
   };
 })();

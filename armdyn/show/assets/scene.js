@@ -60,7 +60,7 @@ const armdynScene = (pane, data, options) => {
   const parts = (data.parts ?? []).map(part => {
     run(part.commands);
     const nodes = part.shapes.map(path => object([...root(0), ...path]));
-    return time => { const there = time >= part.begin && (part.end === null || time < part.end); nodes.forEach(node => { node.visible = there; }); };
+    return { nodes, show: time => nodes.forEach(node => { node.visible = time >= part.begin && (part.end === null || time < part.end); }) };
   });
   viewer.set_property(["Axes"], "visible", false);
 
@@ -206,10 +206,13 @@ const armdynScene = (pane, data, options) => {
         });
         arm.trail.setDrawRange(0, Math.floor(arm.trail.index.count / 48 * t / (arm.frames - 1)) * 48);
       });
-      [...marks, ...parts].forEach(shown => shown(time));
+      marks.forEach(shown => shown(time));
+      parts.forEach(part => part.show(time));
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },
+    // Which of the parts' places are drawn.
+    parts: () => parts.map(part => part.nodes.some(node => node.visible)),
     // The camera's place [m].
     camera: () => viewer.scene.worldToLocal(viewer.camera.position.clone()).toArray(),
     // A frame's place [m] in the scene that is drawn; null where there is none of that name.
