@@ -53,6 +53,9 @@ class FormatOptions:
         "KG", "urscript, ur-rtde, panda-python: mass of the payload for the controller \\[kg]."
     )
     payload_com: str | None = option("X,Y,Z", "Centre of mass of --payload from the flange \\[m]; by default 0,0,0.")
+    transition: float | None = option(
+        "S", "urscript: time over which the controller applies a payload that changes \\[s]; by default at once."
+    )
 
     def fill(self, kind: type[OutputFormat]) -> OutputFormat:
         """A format with the given options.
@@ -98,15 +101,16 @@ class ModelOptions:
         if not self.model and self != ModelOptions(part=PartOptions()):
             raise ProblemError("--robot, --no-geometry, --lock, --arm, --tool and --package-dir need --model")
 
-    def content(self, file: Path, samples: Samples, motors: bool) -> str:
-        """The model of the arm of a motion's file, with the motion's samples as keyframes.
+    def content(self, file: Path, motion: Trajectory, samples: Samples, motors: bool) -> str:
+        """The model of the arm of a motion's file, with the samples of the motion, or of a piece, as keyframes.
 
         Raises:
             ArmdynError: the arm cannot be read, or another one moved.
         """
-        from armdyn.models import mujoco_model
+        from armdyn.models import mujoco_model, robots_of
 
-        return mujoco_model(_arm(file, self.robot, self.part), samples, geometry=self.geometry, motors=motors)
+        arm = robots_of(_arm(file, self.robot, self.part), motion)[0]
+        return mujoco_model(arm, samples, geometry=self.geometry, motors=motors)
 
 
 def export(
@@ -129,6 +133,9 @@ def export(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
     ] = None,
+    piece: Annotated[
+        int | None, typer.Option(metavar="N", help="Of a motion of several pieces only this one, from 1 on.")
+    ] = None,
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,
@@ -145,7 +152,8 @@ def export(
     qpos and qvel of the first keyframe; then hold each keyframe's ctrl until the next one's time.
 
     The programs for Universal Robots' and Franka's arms go to the start slowly, or refuse to run elsewhere. They were
-    planned on a model: try them in simulation or at reduced speed first.
+    planned on a model: try them in simulation or at reduced speed first. Of a motion whose payload changes they set the
+    controller's payload, and have a function for the gripper's commands.
 
     With --preset the export is checked as the robot's controller sees it; a refused one is not written (exit code 3). A
     motion that was planned under a built-in preset is checked by that one; a refused export is written with a warning.
@@ -170,7 +178,7 @@ def export(
             raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
         if file.suffix.lower() != ".npz":
             raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
-        motion = Trajectory.load(file)
+        motion = _piece(Trajectory.load(file), piece)
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         preset = None if kind is Mujoco else preset_of(file, controller)
@@ -183,7 +191,7 @@ def export(
             show_check(found, name)
             console.print("[red]not written[/]; without --preset it is, for simulations and figures")
             return
-        content = mujoco.content(file, samples, fields.motors) if mujoco.model else made.text(samples)
+        content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else made.text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         rows = samples.t.size
@@ -199,6 +207,18 @@ def export(
             console.print(
                 f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
             )
+
+
+def _piece(motion: Trajectory, number: int | None) -> Trajectory:
+    """The piece of a number, or the whole motion.
+
+    Raises:
+        ProblemError: there is none of that number.
+    """
+    count = len(motion.own_pieces)
+    if number is not None and not 1 <= number <= count:
+        raise ProblemError(f"--piece is {number}; the motion has {count} piece{'s' if count > 1 else ''}")
+    return motion if number is None else motion.split()[number - 1]
 
 
 def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:

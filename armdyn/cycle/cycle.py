@@ -116,9 +116,8 @@ class Cycle:
         """
         wrong = next((name for name in conditions if name not in CONDITIONS), None)
         if wrong is not None:
-            raise ProblemError(
-                f"a cycle has no condition {shown(wrong)} (known: {', '.join(CONDITIONS)}){did_you_mean(wrong, CONDITIONS)}"
-            )
+            meant = did_you_mean(wrong, CONDITIONS)
+            raise ProblemError(f"a cycle has no condition {shown(wrong)}{meant} (known: {', '.join(CONDITIONS)})")
         expect_robot(robot)
         given = several(steps, "steps")
         for i, step in enumerate(given):
@@ -212,7 +211,7 @@ class Cycle:
 
     @property
     def jobs(self) -> tuple[tuple[int, ...], ...]:
-        """Numbers of the steps of every job, in order: see `order`. The steps at the start and the way back are of none."""
+        """Numbers of the steps of every job; those of the steps at the start and of the way back are left out."""
         jobs, job, bare = list[tuple[int, ...]](), list[int](), self.robot.payload
         for k, step in enumerate(self.steps, start=1):
             if isinstance(step, Move) and job and self.arms[k - 1].payload is bare:

@@ -26,8 +26,11 @@ _STRAIGHT = ("length", "axis", "frame", "deviation", "angle")
 _CONDITIONS = ("obstacles", "path_constraints")
 _MOVE = ("move", "to", "via", "retreat", "approach", "speed", *_CONDITIONS)
 _KEYS = {
-    "move": _MOVE, "grasp": ("grasp", "dwell", "name"), "release": ("release", "dwell", "name"), "wait": ("wait", "name")
-}  # fmt: skip
+    "move": _MOVE,
+    "grasp": ("grasp", "dwell", "name"),
+    "release": ("release", "dwell", "name"),
+    "wait": ("wait", "name"),
+}
 
 
 @dataclass(frozen=True, eq=False)

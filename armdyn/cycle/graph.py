@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from armdyn.cycle.branches import shortest
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.order import EXACT, best_order, order_of_many, through
 from armdyn.cycle.posing import problem_of
-from armdyn.cycle.stops import candidates, limits_of, with_slid
+from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -73,7 +74,9 @@ class CycleGraph:
             CycleError: a stop cannot be reached, or the arm cannot rest there.
         """
         positions = candidates(cycle)
-        return cls.between(cycle, with_slid(cycle, positions, cls.between(cycle, positions)._promising()))
+        if any(redundant(cycle, positions)):
+            positions = with_slid(cycle, positions, cls.between(cycle, positions)._promising())
+        return cls.between(cycle, positions)
 
     @classmethod
     def between(cls, cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> CycleGraph:
@@ -140,8 +143,8 @@ class CycleGraph:
             order = self._order(lengths)
         arcs = _sequence(cycle, order)
         length, way = shortest([lengths[arc] for arc in arcs], cycle.closed)
-        pairs = zip(way[:-1], way[1:], strict=True)
-        return Tour(length, tuple((*arc, *pair) for arc, pair in zip(arcs, pairs, strict=True)), order)
+        edges = tuple((*arc, *pair) for arc, pair in zip(arcs, pairwise(way), strict=True))
+        return Tour(length, edges, order)
 
     def bound(self, lengths: dict[Arc, Array]) -> float:
         """A lower bound on the length of every tour, in any order that the cycle allows [s]."""

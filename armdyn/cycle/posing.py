@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armdyn.cycle.cycle import Cycle, Leg, told
 from armdyn.cycle.steps import Straight
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.reaching import GoalPose, frame_pose
+from armdyn.models.scene.reaching import GoalPose, frame_placement
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -61,7 +61,7 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
 def _on_line(robot: Robot, straight: Straight, to: object, q: Array) -> tuple[GoalPose, GoalPose]:
     """The region at the other end of a straight segment that ends at q, and that of the line between."""
     frame = straight.frame or (to.frame if isinstance(to, GoalPose) else robot.tip)
-    at, letter = frame_pose(robot, frame, q), straight.axis[-1]
+    at, letter = frame_placement(robot, frame, q), straight.axis[-1]
     axis = "xyz".index(letter)
     away = np.zeros(3)
     away[axis] = straight.length if straight.axis.startswith("-") else -straight.length

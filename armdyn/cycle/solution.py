@@ -110,7 +110,8 @@ class CycleSolution:
         """Joint positions at the stops [rad or m], each of shape (nv,)."""
         if not self.legs:
             return ()
-        return tuple(leg.solution.problem.poses[0] for leg in self.legs) + (self.legs[-1].solution.problem.poses[-1],)
+        problems = [leg.solution.problem for leg in self.legs]
+        return (*(problem.poses[0] for problem in problems), problems[-1].poses[-1])
 
     @property
     def decides(self) -> tuple[tuple[str, float], ...]:

@@ -14,6 +14,8 @@ from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.errors import CycleError
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -62,7 +64,7 @@ def solve_cycle(
                 _bound(graph, chosen, options, stop)
             else:
                 _solve(graph, edges, options, stop, report)
-        answer = _answer(graph, tour, stop)
+        answer = _answer(graph, tour, stop, report)
     return replace(answer, solve_time=time.perf_counter() - started)
 
 
@@ -98,7 +100,7 @@ def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, st
             stop.interrupt()
 
 
-def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
+def _answer(graph: CycleGraph, tour: Tour, stop: Stop, report: Report) -> CycleSolution:
     """The cycle along a tour, as far as its moves are solved."""
     if not np.isfinite(tour.length):
         status = stop.status if stop else Status.INFEASIBLE
@@ -113,8 +115,21 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
         begin += legs[-1].duration
     whole = len(legs) == len(cycle.moves)
     status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, stop.word)
-    bound = graph.bound(graph.bounds) + cycle.dwell
-    return CycleSolution(cycle, status, message, tuple(legs), bound, len(graph.solutions))
+    found = CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
+    report("a lower bound of the whole cycle")
+    return replace(found, lower_bound=_lower_bound(graph, found, stop))
+
+
+def _lower_bound(graph: CycleGraph, found: CycleSolution, stop: Stop) -> float | None:
+    """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
+    cycle = found.cycle
+    if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
+        return graph.bound(graph.bounds) + cycle.dwell
+    if graph.cycle.order == "free" or not found.usable:
+        return None  # `graph.bounds` know sampled branches only
+    problems = [leg.solution.problem for leg in found.legs]
+    bound = chain_bound(problems, [place.target for place in cycle.stops], found.duration - cycle.dwell, stop.__bool__)
+    return None if bound is None else bound.duration + cycle.dwell
 
 
 def _why(graph: CycleGraph) -> str:

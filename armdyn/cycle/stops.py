@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.cycle.cycle import Cycle, Stop, told
 from armdyn.errors import CycleError
+from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import unheld_joints
@@ -19,7 +21,9 @@ from armdyn.optimal.task.policy.search import GoalPolicy
 Array = NDArray[np.float64]
 
 BRANCHES = 8
-"""Joint positions of a goal pose that are tried at most: a six-axis arm has eight branches."""
+"""Joint positions of a goal pose, without whole turns, that are tried at most: a six-axis arm has eight branches."""
+MOST = 100
+"""Of each with whole turns of its joints: four joints, three ways each, and more."""
 
 
 def limits_of(cycle: Cycle) -> JointLimits:
@@ -51,8 +55,30 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
                 known.append((stop.target, positions))
         else:
             positions = (stop.target,)
-        found.append(_held(cycle, stop, positions, limits))
+        held = _held(cycle, stop, positions, limits)
+        if isinstance(stop.target, GoalPose) and cycle.order == "given":  # else there are too many
+            held = tuple(q for branch in held for q in _turned(cycle.robot, branch, limits))
+        found.append(held)
     return tuple(found)
+
+
+def _turned(robot: Robot, branch: Array, limits: JointLimits) -> list[Array]:
+    """Joint positions with whole turns of the joints, one either way, within the limits, each of shape (nv,)."""
+    turns = 2 * np.pi * ~robot.slides
+    ways = [
+        [q] + [q + way for way in (turn, -turn) if way and lower <= q + way <= upper]
+        for q, turn, lower, upper in zip(branch, turns, limits.position_lower, limits.position_upper, strict=True)
+    ]
+    return [np.array(way) for way in islice(product(*ways), MOST)]
+
+
+def redundant(cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> list[GoalPose | None]:
+    """The goal pose of every stop that a continuum of joint positions reaches; None of the others."""
+    targets = [stop.target for stop in cycle.stops]
+    return [
+        target if isinstance(target, GoalPose) and free_directions(cycle.robot, target, own[0]).size else None
+        for target, own in zip(targets, positions, strict=True)
+    ]
 
 
 def with_slid(
@@ -65,13 +91,7 @@ def with_slid(
         positions: branches of every stop.
         tours: branches of all stops, the best first.
     """
-    targets = [stop.target for stop in cycle.stops]
-    goals = [
-        target if isinstance(target, GoalPose) and free_directions(cycle.robot, target, own[0]).size else None
-        for target, own in zip(targets, positions, strict=True)
-    ]
-    if not any(goals):
-        return positions
+    goals = redundant(cycle, positions)
     limits, numbers, found = limits_of(cycle), GoalPolicy(), [list(own) for own in positions]
     for tour in tours[: numbers.slid]:
         chain = [own[k] for own, k in zip(positions, tour, strict=True)]

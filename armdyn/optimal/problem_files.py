@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +126,13 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     if "q_start" not in given:
         raise table.error("", f"[problem] has no q_start: {robot.nv} positions of {', '.join(robot.joint_names)}")
     if "via" in given:
-        given["via"] = [positions_of(robot, q, "via") for q in _listed(table, "via")]
+        vias = [(f"via[{i}]", one) for i, one in enumerate(_listed(table, "via"))]
+        given["via"] = [
+            goal_pose_from(replace(table, values=one, within=(*table.within, "via")), robot, name)
+            if isinstance(one, Mapping)
+            else positions_of(robot, one, "via")
+            for name, one in vias
+        ]
     if "goal_pose" in given:
         given["goal_pose"] = goal_pose_from(table.table("goal_pose"), robot)
     return given
@@ -164,8 +170,8 @@ def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
     return given
 
 
-def goal_pose_from(table: Table, robot: Robot) -> GoalPose:
-    """The goal pose that a table describes.
+def goal_pose_from(table: Table, robot: Robot, name: str = "goal_pose") -> GoalPose:
+    """The goal pose or region that a table describes.
 
     Raises:
         ProblemError: a key is unknown or wrong.
@@ -174,7 +180,7 @@ def goal_pose_from(table: Table, robot: Robot) -> GoalPose:
     given = table.values
     at, quaternion, rpy = (given.get(key) for key in ("position", "quaternion", "rpy"))
     at = () if at is None else at
-    placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, "goal_pose")
+    placed = at if quaternion is None and rpy is None else pose_of(at, quaternion, rpy, name)
     region = {key: given.get(key, ()) for key in ("free", "tolerance")}
     return GoalPose(given.get("frame", robot.tip), placed, **region)
 

@@ -230,7 +230,7 @@ def to_toml(tables: Mapping[str, Mapping[str, Any]]) -> str:
     """Tables of numbers, flags, texts, lists and tables as TOML; doubles with all their digits.
 
     Args:
-        tables: by name; a list of tables in one becomes an array of tables.
+        tables: by name; a list of tables alone becomes an array of tables.
     """
     lines = []
     for name, values in tables.items():

@@ -63,10 +63,8 @@ def write_run(
     progress = progress or (lambda text: None)
     folder.mkdir(parents=True, exist_ok=True)
     own = {
-        # A controller's reference was made for its own model of the arm; pieces have models of their own.
-        name: motion
-        if motion.pieces or (name == "reference" and motion.model_hash)
-        else replace(motion, model_hash=robot.model_hash)
+        # A controller's reference was made for its own model of the arm.
+        name: motion if name == "reference" and motion.model_hash else replace(motion, model_hash=robot.model_hash)
         for name, motion in motions.items()
     }
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]

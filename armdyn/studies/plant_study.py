@@ -16,7 +16,7 @@ from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.setup import Setup, expect_own_payload
 from armdyn.errors import ResultError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.actuator_limits import torque_speed_entry
@@ -123,6 +123,7 @@ class PlantStudy(OwnTask):
         expect(self.plants, Plants, "plants", "Plants(payload=(0.8, 1.2))").check(expect_robot(self.robot))
         expect(self.options, MonteCarloOptions, "options", "MonteCarloOptions(count=1000)")
         self.setup  # noqa: B018  # made now: wrong arguments are refused before there is a file
+        expect_own_payload(self.robot, self.reference)
 
     def __len__(self) -> int:
         return self.options.count

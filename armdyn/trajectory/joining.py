@@ -32,7 +32,6 @@ def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajector
     pieces = first.own_pieces + tuple(
         replace(one, start=float(later[np.searchsorted(second.t, one.start)])) for one in second.own_pieces
     )
-    hashes = {one.model_hash for one in pieces}
     return replace(
         first,
         t=np.concatenate([first.t, later]),
@@ -41,7 +40,6 @@ def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajector
         tau=np.concatenate([first.tau, second.tau]),
         joint_names=names,
         name=first.name or second.name,
-        model_hash=hashes.pop() if len(hashes) == 1 else "",
         pieces=pieces,
     )
 
@@ -144,6 +142,6 @@ def split(motion: Trajectory) -> tuple[Trajectory, ...]:
         return (motion,)
     ends = [*(one.start for one in motion.pieces[1:]), float(motion.t[-1])]
     return tuple(
-        replace(cut(motion, one.start, end), name=one.name or motion.name, model_hash=one.model_hash)
+        replace(cut(motion, one.start, end), name=one.name or motion.name)
         for one, end in zip(motion.pieces, ends, strict=True)
     )

@@ -23,6 +23,7 @@ from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
+from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS
 
 Array = NDArray[np.float64]
 
@@ -202,20 +203,23 @@ def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
         pass
     else:
         raise TrajectoryError(f"{file}: its first line is numbers; {_usage()}")
-    table = _numbers(file, rows[1:], len(names))
+    table = _numbers(file, rows[1:], names)
     return _sorted(file, names, table, joint_names)
 
 
-def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], width: int) -> Array:
-    """The rows as numbers, shape (n, width)."""
-    values = []
+def _numbers(file: Path, rows: Iterable[tuple[int, list[str]]], names: Sequence[str]) -> Array:
+    """The rows as numbers, shape (n, columns); NaN for text in `PIECE_COLUMNS`."""
+    values, width = [], len(names)
     for number, row in rows:
         if len(row) != width:
             raise TrajectoryError(f"{file}, line {number}: {len(row)} values; the first line names {width}")
-        for value in row:
+        for name, value in zip(names, row, strict=True):
             try:
                 values.append(float(value))
             except ValueError:
+                if name in PIECE_COLUMNS:
+                    values.append(np.nan)
+                    continue
                 raise TrajectoryError(f"{file}, line {number}: {shown(value)} is not a number") from None
     return np.reshape(values, (-1, width))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ from armdyn.trajectory.formats.ros2 import joint_trajectory
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from armdyn.trajectory.pieces import Piece
     from armdyn.trajectory.value import Trajectory
 
 Array = NDArray[np.float64]
@@ -85,6 +86,7 @@ class Samples:
         joint_names: one name per column; may be empty.
         name: of the motion.
         model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known.
+        pieces: of the motion, their starts measured from its start; empty: the motion is one piece.
 
     Raises:
         TrajectoryError: arrays do not fit each other, a number is not finite, or stamps do not increase from 0.
@@ -98,6 +100,7 @@ class Samples:
     joint_names: tuple[str, ...] = ()
     name: str = ""
     model_hash: str = ""
+    pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self, _ARRAYS)
@@ -110,8 +113,17 @@ class Samples:
         if self.joint_names and len(self.joint_names) != self.q.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.q.shape[1]} joints")
 
+    @property
+    def piece_rows(self) -> list[int]:
+        """Row of each piece: the first one whose stamp is not before the piece's start."""
+        starts = np.array([one.start for one in self.pieces])
+        return [int(k) for k in np.minimum(np.searchsorted(self.t, starts - LEAST_STAMP), self.t.size - 1)]
+
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write a table: a head with names and units, a row per stamp, numbers that read back to the last bit.
+
+        Of a motion of several pieces each row also has the piece's name, the event that occurs there, and the mass of
+        the load.
 
         Returns:
             The path written, as given.
@@ -173,6 +185,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
     return Samples(
         t=t, q=q, v=v, a=np.vstack([a, a[-1:]]), tau=np.vstack([tau, tau[-1:]]),
         joint_names=motion.joint_names, name=motion.name, model_hash=motion.model_hash,
+        pieces=tuple(replace(one, start=one.start - float(motion.t[0])) for one in motion.pieces),
     )  # fmt: skip
 
 

@@ -56,7 +56,8 @@ class Trajectory:
         tau: joint torques [N m or N], shape (n, nv).
         joint_names: one name per column of v; may be empty.
         name: in legends and tables.
-        model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known, or if pieces differ.
+        model_hash: `Robot.model_hash` of the arm that it is a motion of; empty if it is not known. Of
+            a motion with pieces it is theirs, and empty if they differ.
         hold: torque between samples, see `Hold`.
         pieces: parts with a model and payload of their own, in order; empty: the motion is one piece.
     """
@@ -93,6 +94,9 @@ class Trajectory:
         if self.joint_names and len(self.joint_names) != self.v.shape[1]:
             raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
         object.__setattr__(self, "pieces", check_pieces(self.pieces, self.t))
+        if self.pieces:
+            own = {one.model_hash for one in self.pieces}
+            object.__setattr__(self, "model_hash", own.pop() if len(own) == 1 else "")
 
     @staticmethod
     def at_rest(

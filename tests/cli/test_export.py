@@ -12,7 +12,7 @@ import armdyn as ad
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import read_planned
 from cli.command import answer, run_here
-from problems import solved
+from problems import pick_and_place, solved
 
 
 @pytest.fixture
@@ -130,6 +130,23 @@ def test_a_model_of_the_arm_that_moved(tmp_path):
     assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
     told = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
     assert told["message"] == "--model is of the format mujoco; csv has none"
+
+
+def test_a_motion_whose_payload_changes(tmp_path):
+    motion = pick_and_place()[1]
+    motion.save(tmp_path / "m.npz")
+    told = answer(run_here("export", "m.npz", "--json", cwd=tmp_path))
+    assert ",grasp," in (tmp_path / told["files"][0]).read_text() and told["duration"] == motion.duration
+    keys = ("export", "m.npz", "--format", "mujoco", "--json")
+    assert "--piece" in answer(run_here(*keys, cwd=tmp_path), 2)["message"]
+    assert answer(run_here(*keys, "--piece", "2", cwd=tmp_path))["duration"] == pytest.approx(0.1)
+    told = answer(run_here(*keys, "--piece", "3", "--model", "--robot", "rr", cwd=tmp_path))
+    model = mujoco.MjSpec.from_file(str(tmp_path / told["files"][0])).compile()
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    carried = sum(model.body_mass) - sum(inertia.mass for inertia in list(arm.model.inertias)[1:])
+    assert carried == pytest.approx(0.1006, rel=1e-6)
+    told = answer(run_here("export", "m.npz", "--piece", "4", "--json", cwd=tmp_path), 2)
+    assert told["message"] == "--piece is 4; the motion has 3 pieces"
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 
 import armdyn as ad
 from cli.command import answer, run_here
+from problems import pick_and_place
 
 BARE = ("--no-figure", "--no-report")
 
@@ -44,6 +45,20 @@ def test_a_saved_motion(tmp_path):
     saved = ad.ramp(robot, [0.0, 0.0], [0.3, 0.2], 0.3).save(tmp_path / "ramp.npz")
     told = answer(run_here("track", "rr", "--reference", saved, *BARE, "--json", "--out", tmp_path / "out"))
     assert told["reference_duration"] == 0.3
+
+
+def test_a_motion_whose_payload_changes(tmp_path):
+    motion = pick_and_place()[1]
+    motion.save(tmp_path / "cycle.npz")
+    run = ("track", "rr", "--reference", tmp_path / "cycle.npz", "--plant-friction", "0.01", "--no-figure")
+    told = answer(run_here(*run, "--no-report", "--json", "--out", tmp_path / "run"))
+    assert told["success"] and told["peak_error"] < 0.05
+    moved, followed = (ad.Trajectory.load(tmp_path / "run" / f"{name}.npz") for name in ("trajectory", "reference"))
+    assert [piece.load for piece in moved.pieces] == [piece.load for piece in motion.pieces] and moved.model_hash == ""
+    assert followed.pieces == motion.pieces
+    assert not answer(run_here("report", tmp_path / "run", "--json"))["warnings"]
+    told = answer(run_here(*run, "--plant-payload", "0.2", "--json", "--out", tmp_path / "run"), 2)
+    assert "the pieces of the reference have loads of their own" in told["message"]
 
 
 @pytest.mark.parametrize(

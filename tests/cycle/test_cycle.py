@@ -67,7 +67,7 @@ def test_steps_that_do_not_follow_are_refused_with_number_and_name(steps, closed
         ({"order": "any"}, "'given', 'free'"),
         ({"closed": 1}, "closed"),
         ({"start": "nowhere"}, "start of the cycle: .*'nowhere'"),
-        ({"obstacle": []}, "no condition 'obstacle'.*did you mean 'obstacles'"),
+        ({"obstacle": []}, "no condition 'obstacle'; did you mean 'obstacles'"),
         ({"q_goal": [0, 0]}, "no condition 'q_goal'"),
     ],
 )

@@ -214,7 +214,7 @@ class Panda(Arm):
         self.late, self.ticks = late, 0
 
     def create_context(self, frequency):
-        self.frequency = frequency
+        self.frequency, self.ticks = frequency, 0
         return self
 
     def __enter__(self):

@@ -23,7 +23,8 @@ REACHED = 1e-9
 """Error of a pose [m and rad] that counts as none: far below any encoder's, far above rounding."""
 _DEPENDENT = 1e-6
 """Singular values of a frame's Jacobian below this share of the greatest: joints that move together leave it there."""
-_DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+"""Names of a goal pose's directions."""
 _DISTINCT = 0.3
 """Solutions of which no joint is further off than this [rad or m] are one branch."""
 
@@ -62,7 +63,7 @@ class GoalPose:
     def deviations(self) -> Array:
         """Largest deviations along and about x, y, z [m, rad], shape (6,); inf where they are free."""
         most = np.array(self.tolerance or (0.0,) * 6)
-        most[[_DIRECTIONS.index(name) for name in self.free]] = np.inf
+        most[[DIRECTIONS.index(name) for name in self.free]] = np.inf
         most[3:] = np.inf if np.ndim(self.placement) == 1 else most[3:]
         return most
 
@@ -164,20 +165,53 @@ def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimit
     return moved if np.linalg.norm(error) <= REACHED else None
 
 
-def frame_pose(robot: Robot, name: str, q: Array) -> pin.SE3:
-    """Placement of a frame in the world.
+def frame_placement(robot: Robot, frame: str, q: Array) -> pin.SE3:
+    """Placement of a frame in the world at joint positions q [rad or m], shape (nv,)."""
+    fixed, data = robot.frame(frame), robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.configuration(q))
+    return data.oMi[fixed.parentJoint] * fixed.placement
+
+
+def deviations_of(robot: Robot, goal: GoalPose, q: Array) -> Array:
+    """Deviations of a frame from its goal along and about x, y, z, as `GoalPose` defines them [m, rad].
 
     Args:
         robot: the arm.
-        name: of the frame.
-        q: joint positions [rad or m], shape (nv,).
+        goal: the pose from which the frame deviates.
+        q: joint positions [rad or m], shape (nv,), or several, shape (m, nv).
 
-    Raises:
-        SpecError: the robot has no such frame.
+    Returns:
+        Shape (6,) or (m, 6).
     """
-    frame, data = robot.frame(name), robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.configuration(q))
-    return data.oMi[frame.parentJoint] * frame.placement
+    fixed, data, centre = robot.frame(goal.frame), robot.model.createData(), goal.pose
+    out = np.empty((*np.shape(q)[:-1], 6))
+    for here, one in zip(np.atleast_2d(out), np.atleast_2d(q), strict=True):
+        pin.forwardKinematics(robot.model, data, robot.configuration(one))
+        off = centre.actInv(data.oMi[fixed.parentJoint] * fixed.placement)
+        here[:3], here[3:] = off.translation, _turn(goal, off.rotation)
+    return out
+
+
+def moving_directions(robot: Robot, goal: GoalPose, seed: int = 0) -> NDArray[np.bool_]:
+    """Directions along and about the axes of a goal in which the frame can move, shape (6,): of a planar arm three."""
+    fixed, data, random = robot.frame(goal.frame), robot.model.createData(), np.random.default_rng(seed)
+    most, back = np.zeros(6), goal.pose.rotation.T
+    for q in random.uniform(-1, 1, (3, robot.nv)):
+        pin.computeJointJacobians(robot.model, data, robot.configuration(q))
+        frame = data.oMi[fixed.parentJoint] * fixed.placement
+        jacobian = pin.getJointJacobian(robot.model, data, fixed.parentJoint, pin.ReferenceFrame.LOCAL)
+        own = fixed.placement.toActionMatrixInverse() @ jacobian
+        rows = np.vstack([back @ frame.rotation @ own[:3], back @ frame.rotation @ own[3:]])
+        most = np.maximum(most, np.max(np.abs(rows), axis=1))
+    return np.asarray(most > REACHED)
+
+
+def _turn(goal: GoalPose, rotation: Array) -> Array:
+    """Rotation vector of a frame's deviation [rad], shape (3,): of its free axis, or else of all of it."""
+    if goal.axis is None:
+        return np.asarray(pin.log3(rotation))
+    axis = np.eye(3)[goal.axis]
+    return swing(axis, rotation @ axis)
 
 
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
@@ -203,12 +237,11 @@ def _outside(goal: GoalPose, off: pin.SE3, jacobian: Array) -> tuple[Array, Arra
         off: the frame's placement in that of the goal.
         jacobian: of the frame in its own axes, shape (6, nv).
     """
-    turned = jacobian[3:]
+    turned, vector = jacobian[3:], _turn(goal, off.rotation)
     if goal.axis is None:
-        vector, by = pin.log3(off.rotation), pin.Jlog3(off.rotation) @ turned
+        by = pin.Jlog3(off.rotation) @ turned
     else:
         axis = np.eye(3)[goal.axis]
-        vector = swing(axis, off.rotation @ axis)
         # Exact where the axes agree, and near enough elsewhere for a method that compares errors.
         by = (np.eye(3) - np.outer(axis, axis)) @ off.rotation @ turned
     deviation, most = np.concatenate([off.translation, vector]), goal.deviations
@@ -225,13 +258,13 @@ def swing(axis: Array, turned: Array) -> Array:
 
 
 def _free_of(free: object, placement: Placement) -> tuple[str, ...]:
-    if not isinstance(free, tuple | list) or not all(name in _DIRECTIONS for name in free):
-        raise ProblemError(f"free is {shown(free)}; it is a tuple of some of {', '.join(_DIRECTIONS)}")
+    if not isinstance(free, tuple | list) or not all(name in DIRECTIONS for name in free):
+        raise ProblemError(f"free is {shown(free)}; it is a tuple of some of {', '.join(DIRECTIONS)}")
     names = tuple(free)
     turns = {name for name in names if name.startswith("r")}
     if len(turns) == 2 or (turns and np.ndim(placement) == 1):
         raise ProblemError("a goal pose has one free rotation or three, and a position alone has none to be named")
-    return tuple(name for name in _DIRECTIONS if name in names)
+    return tuple(name for name in DIRECTIONS if name in names)
 
 
 def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement) -> tuple[float, ...]:
@@ -243,7 +276,7 @@ def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement
         raise ProblemError(f"the tolerance of a goal pose has {len(values)} numbers; it takes x, y, z, rx, ry, rz")
     if any(values[3:]) and np.ndim(placement) == 1:
         raise ProblemError("the goal pose is a position: its tolerance is of x, y, z alone, with zeros for rotations")
-    both = [name for name, value in zip(_DIRECTIONS, values, strict=False) if value and name in free]
+    both = [name for name, value in zip(DIRECTIONS, values, strict=False) if value and name in free]
     if both:
         raise ProblemError(f"{both[0]} of a goal pose is free and has a tolerance: give one of these")
     return values if any(values) else ()

@@ -66,7 +66,7 @@ def chain_bound(
 
     Args:
         problems: one per motion: its robot with what it carries, its limits, path constraints, velocities at both ends
-            and via points. Their own starts and goals do not count.
+            and via points. Their own starts, goals and via regions do not count.
         stops: one more than problems: joint positions, a pose's name, or a `GoalPose` for all joint positions within
             the limits that reach it.
         upper: duration of a chain that is known [s]: the bound is no more than that, and improved until it is nearly
@@ -92,7 +92,7 @@ def chain_bound(
     for k in sorted(range(len(runs)), key=lambda k: len(runs[k].legs)):  # points first: they leave others less time
         others = sum_down([one.duration for j, one in enumerate(found) if j != k])
         found[k] = runs[k].bounded(longest - others, stopped)
-    return _together(found, np.cumsum([0, *(len(problem.via) + 1 for problem in given)]), longest)
+    return _together(found, np.cumsum([0, *(len(problem.fixed_poses) - 1 for problem in given)]), longest)
 
 
 def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:
@@ -108,7 +108,7 @@ def _runs(problems: Sequence[MinimumTimeProblem], stops: Sequence[Place], policy
         own = legs_of(problem, policy)
         legs += own
         owners += [problem] * len(own)
-        places += [*map(np.asarray, problem.via), stop]
+        places += [*problem.fixed_poses[1:-1], stop]
     cuts = [k for k, place in enumerate(places) if not isinstance(place, GoalPose)]
     cuts = sorted({0, *cuts, len(legs)})
     return [_Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b])) for a, b in pairwise(cuts)]

@@ -133,11 +133,11 @@ class BoundLeg:
 
 
 def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
-    """The legs of a problem, in order.
+    """The legs of a problem, in order, as if it had no via regions: these only make motions slower.
 
     Poses and velocities may be typed a little beyond the limits; these are widened to hold them.
     """
-    nv, poses, limits = problem.robot.nv, problem.poses, problem.limits
+    nv, poses, limits = problem.robot.nv, problem.fixed_poses, problem.limits
     v_start, v_goal = problem.x_start[nv:], problem.x_goal[nv:]
     rates = _rates(problem)
     lower, upper = limits.position_lower, limits.position_upper

@@ -114,14 +114,15 @@ def _other_turns(problem: MinimumTimeProblem) -> float:
     Each joint's listed goals are a turn apart. A way that is not listed has some joint a turn further out, or is one of
     those that `ways_round` leaves off behind the last of its list.
     """
-    goals, begin, speed = np.array(problem.goals), problem.poses[-2], problem.limits.velocity
-    first, last = goals.min(axis=0) - 2 * np.pi, goals.max(axis=0) + 2 * np.pi
+    goals, fixed, speed = np.array(problem.goals), problem.fixed_poses, problem.limits.velocity
+    begin, first, last = fixed[-2], goals.min(axis=0) - 2 * np.pi, goals.max(axis=0) + 2 * np.pi
     beyond = np.maximum(np.minimum(begin - first, last - begin), 0.0) / speed
     turning = endless(problem.robot, problem.limits)
     least = float(np.min(beyond, where=turning, initial=np.inf))
     if 2 ** int(np.sum(turning)) > MOST_WAYS:
-        least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if not problem.via else 0.0)
-    return (least + float(np.sum(problem.leg_bounds()[:-1]))) * (1 - _ROUNDED)
+        least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if len(fixed) == 2 else 0.0)
+    before = np.max(np.abs(np.diff(fixed[:-1], axis=0)) / speed, axis=1)
+    return (least + float(np.sum(before))) * (1 - _ROUNDED)
 
 
 def _sum_down(durations: list[float]) -> float:

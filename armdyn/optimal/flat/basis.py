@@ -18,15 +18,19 @@ DEGREE = 4
 """Of positions: accelerations are quadratic between breaks, and torques have no corners."""
 
 
-def graded(intervals: int, shortest: float, longest: float = 1.0) -> Array:
-    """Breaks from 0 to 1 whose distances grow by one factor from both ends to the middle, shape (intervals + 1,).
+def graded(intervals: int, shortest: float, longest: float = 1.0, ends: tuple[bool, bool] = (True, True)) -> Array:
+    """Breaks from 0 to 1 whose distances grow by one factor from the ends, shape (intervals + 1,).
 
     Args:
         intervals: their number.
         shortest: length of the first and the last, as a part of the whole.
         longest: the same of any interval; it is exceeded if the intervals are too few.
+        ends: whether they grow from the beginning, and from the end.
     """
-    steps = np.minimum(np.arange(intervals), np.arange(intervals)[::-1])
+    if not any(ends):
+        return np.linspace(0, 1, intervals + 1)
+    count = np.arange(intervals)
+    steps = np.minimum(count if ends[0] else intervals, count[::-1] if ends[1] else intervals)
 
     def lengths(growth: float) -> Array:
         return np.minimum(shortest * np.exp(np.minimum(growth * steps, 700.0)), longest)
@@ -36,8 +40,8 @@ def graded(intervals: int, shortest: float, longest: float = 1.0) -> Array:
 
     can_grow = intervals > 2 and beyond(0.0) < 0 and intervals * longest > 1
     growth = brentq(beyond, 0.0, -np.log(shortest)) if can_grow else 0.0
-    ends = np.cumsum(lengths(growth))
-    return np.append(0.0, ends / ends[-1])
+    breaks = np.cumsum(lengths(growth))
+    return np.append(0.0, breaks / breaks[-1])
 
 
 @dataclass(frozen=True, eq=False)

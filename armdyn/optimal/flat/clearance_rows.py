@@ -76,11 +76,13 @@ class ClearanceRows:
 
 def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
     """Rows at even places of every leg, where distances were missed before, and where pairs pass each other."""
-    fine = guess.legs[0].basis.intervals > policy.coarse
-    even = np.linspace(0, 1, (policy.poses if fine else policy.coarse_poses) + 2)
+    longest = max(leg.basis.intervals for leg in guess.legs)
+    fine = longest > policy.coarse
+    most = policy.poses if fine else policy.coarse_poses
     least = np.minimum(asked.clearance + policy.spare, asked.most)
     places = []
     for leg, more in zip(guess.legs, asked.places, strict=True):
+        even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
         passing = _passing(asked.model, leg, even, least + policy.passing) if fine else even[:0]
         beside = (passing[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
         # Nearer places than a hundredth of a step tell the program nothing new.

@@ -15,6 +15,10 @@ _ACCURATE = 1e-8
 """Of the quadratic program: rows are kept better than the 1e-6 to which limits are; two iterations more."""
 
 
+_ITERATIONS = 60
+"""Of PIQP: 20 to 30 are usual; where rounding stalls it, refined solutions of its equations lead on."""
+
+
 @dataclass(frozen=True, eq=False)
 class SoftRows:
     """Inequalities that may be violated at a price: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
@@ -43,6 +47,7 @@ class ConvexStep:
         upper: likewise, not negative.
         hard: inequalities without a price: their Jacobian, and upper sides of shape (rows,).
         soft: inequalities that may be violated.
+        equal: equations that may be violated either way, each by a slack of its own; None: there are none.
     """
 
     gradient: Array
@@ -51,6 +56,7 @@ class ConvexStep:
     upper: Array
     hard: tuple[sp.csr_matrix, Array]
     soft: tuple[SoftRows, ...]
+    equal: SoftRows | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +86,9 @@ def solve_step(problem: ConvexStep) -> QpSolution:
     """Solve a quadratic program."""
     problem, kept = _within_reach(problem)
     n, counts = problem.gradient.size, [int(np.max(rows.groups, initial=-1)) + 1 for rows in problem.soft]
-    slacks = sum(counts)
+    equal = problem.equal if problem.equal is not None and problem.equal.upper.size else None
+    either = 0 if equal is None else equal.upper.size
+    slacks = sum(counts) + 2 * either
     blocks, tops, before = [_widened(problem.hard[0], slacks)], [problem.hard[1]], 0
     for rows, count in zip(problem.soft, counts, strict=True):
         size = rows.upper.size
@@ -89,23 +97,34 @@ def solve_step(problem: ConvexStep) -> QpSolution:
         tops.append(rows.upper)
         before += count
     prices = np.concatenate([np.full(count, rows.price) for rows, count in zip(problem.soft, counts, strict=True)])
+    if equal is not None:
+        prices, one = np.append(prices, np.full(2 * either, equal.price)), sp.identity(either)
+        matrix = sp.hstack([equal.jacobian, sp.csr_matrix((either, sum(counts))), -one, one], format="csc")
     solver = piqp.SparseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = _ACCURATE
-    solver.settings.preconditioner_iter = 0  # rows and unknowns have scales near 1: without it a fifth less time
+    if equal is None:
+        solver.settings.preconditioner_iter = 0  # rows and unknowns have scales near 1: without it a fifth less time
+    else:
+        solver.settings.preconditioner_scale_cost = True  # short legs have large torque rows
     solver.setup(
         sp.block_diag([problem.curvature, sp.csc_matrix((slacks, slacks))], format="csc"),
         np.concatenate([problem.gradient, prices]),
-        None,
-        None,
+        None if equal is None else matrix,
+        None if equal is None else equal.upper,
         sp.vstack(blocks, format="csc"),
         None,
         np.concatenate(tops),
         np.concatenate([problem.lower, np.zeros(slacks)]),
         np.concatenate([problem.upper, np.full(slacks, np.inf)]),
     )
-    status, result = solver.solve(), solver.result
+    solver.settings.max_iter = _ITERATIONS
+    status = solver.solve()
+    if status == piqp.PIQP_MAX_ITER_REACHED:
+        solver.settings.iterative_refinement_always_enabled = True
+        status = solver.solve()
+    result = solver.result
     x, ends = np.array(result.x), np.cumsum([block.shape[0] for block in blocks])[:-1]
-    step, slack = x[:n], np.split(prices * x[n:], np.cumsum(counts)[:-1])
+    step, slack = x[:n], np.split(prices * x[n:], np.cumsum(counts))[: len(counts)]
     cost = float(problem.gradient @ step + step @ (problem.curvature @ step) / 2 + prices @ x[n:])
     return QpSolution(
         found=status in _SOLVED and bool(np.all(np.isfinite(x))),

@@ -69,31 +69,35 @@ class Curve:
             durations: of the legs [s], shape (legs,), or one for all.
         """
         ends = zip(problem.poses[:-1], problem.poses[1:], strict=True)
-        return cls.along([np.array(pair) for pair in ends], basis, durations, np.ones(problem.robot.nv))
+        paths = [np.array(pair) for pair in ends]
+        return cls.along(paths, [basis] * len(paths), durations, np.ones(problem.robot.nv))
 
     @classmethod
-    def along(cls, paths: Sequence[Array], basis: Basis, durations: ArrayLike, speed: Array) -> Self:
+    def along(
+        cls, paths: Sequence[Array], bases: Sequence[Basis], durations: ArrayLike, speed: Array, flying: bool = False
+    ) -> Self:
         """Along paths of straight segments, gaining speed, cruising, losing it.
 
         Args:
             paths: of every leg, joint positions [rad or m], shape (n, nv).
-            basis: of every leg.
+            bases: of every leg.
             durations: of the legs [s], shape (legs,), or one for all.
             speed: scales of the joints against each other [rad/s or m/s], shape (nv,).
+            flying: whether it passes the poses between the legs without losing speed.
         """
-        s = np.minimum(basis.places, 1 - basis.places)
-        half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
-        part = np.where(basis.places < 0.5, half, 1 - half)
-        legs = []
-        for path, duration in zip(paths, np.broadcast_to(durations, len(paths)), strict=True):
+        legs, last = [], len(paths) - 1
+        every = zip(paths, bases, np.broadcast_to(durations, len(paths)), strict=True)
+        for k, (path, basis, duration) in enumerate(every):
+            part = _ramped(basis.places, k == 0 or not flying, k == last or not flying)
             marks = np.append(0.0, np.cumsum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)))
             points = np.column_stack([np.interp(part * marks[-1], marks, column) for column in path.T])
             legs.append(CurveLeg(basis, points, float(duration)))
         return cls(tuple(legs))
 
-    def on(self, basis: Basis) -> Self:
-        """About the same motion with another basis in all legs."""
-        return replace(self, legs=tuple(CurveLeg(basis, leg.at(basis.places)[0], leg.duration) for leg in self.legs))
+    def on(self, bases: Sequence[Basis]) -> Self:
+        """About the same motion with other bases of its legs."""
+        pairs = zip(bases, self.legs, strict=True)
+        return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
@@ -149,3 +153,12 @@ class Curve:
             parts.append(own)
         t, q, v, tau = (np.concatenate(part) for part in zip(*parts, strict=True))
         return Trajectory(t, q, v, tau, robot.joint_names, "minimum time", robot.model_hash)
+
+
+def _ramped(places: Array, gains: bool, loses: bool) -> Array:
+    """Parts of a way at parts of the time, gaining speed at its beginning, or not, and losing it at its end."""
+    if not (gains and loses):
+        return places**2 if gains else 1 - (1 - places) ** 2 if loses else places
+    s = np.minimum(places, 1 - places)
+    half = np.where(s < _RAMP, s**2 / (2 * _RAMP), s - _RAMP / 2) / (1 - _RAMP)
+    return np.where(places < 0.5, half, 1 - half)

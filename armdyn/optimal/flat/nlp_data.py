@@ -16,7 +16,7 @@ from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.path_constraints.rows import Rows, RowValues, intervals_of, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
@@ -79,7 +79,8 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
         orders.add(2)  # accelerations that are zero at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
     smooth, lines = 2 if problem.continuous_torque else 1, len(problem.limits.actuators.lines[0])
-    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), smooth, rated, lines)
+    joined = tuple(i + 1 for i in problem.via_regions)
+    return CurveLayout(problem.robot.nv, intervals, (1, *sorted(orders)), smooth, rated, lines, joined)
 
 
 def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
@@ -152,7 +153,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
-            numbers.add(np.concatenate([*sides, 1 / _finite(limits.velocity)]), np.zeros(n), np.zeros(n))
+            numbers.add(np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n))
     _add_torque_rates(numbers, task, spec, guess)
     _add_rows(numbers, task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
@@ -166,6 +167,15 @@ def _travel(task: Task, guess: Curve) -> Array:
     most = guess.duration * _finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
+
+
+def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
+    """Scales of the velocities that agree where legs meet [rad/s or m/s], shape (nv,)."""
+    limits = _finite(problem.limits.velocity)
+    if not problem.regional:
+        return limits
+    # What sequential convexification may miss is priced by its scale: far above the motion's speeds nothing would be.
+    return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
 def _finite(limit: Array) -> Array:
@@ -258,10 +268,10 @@ def _ends_free(constraints: TightenedConstraints) -> bool:
 def _fix_ends(
     problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array], free: bool
 ) -> None:
-    """Give a leg's ends their poses, unless the goal is free, and rest where the motion begins and ends."""
+    """Give a leg's ends their poses, unless these are free, and rest where the motion begins and ends."""
     ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
     for place, inward, outer, v in ends:
-        if free and outer and place:
+        if (free and outer and place) or (not outer and leg - (place == 0) in problem.via_regions):
             continue
         q = problem.poses[leg if place == 0 else leg + 1]
         at_rest = outer and not np.any(v)
@@ -282,13 +292,13 @@ def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
 def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:
     """Add the parameters and bounds of the path constraints' rows, over the intervals of all legs."""
     problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
-    rows, intervals = rows_of(problem, constraints), sum(leg.basis.intervals for leg in guess.legs)
+    rows, intervals = rows_of(problem, constraints), [leg.basis.intervals for leg in guess.legs]
     if not rows:
         return
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
     values = constraint_values(problem, guess, constraints)
     for each, own in zip(rows, values, strict=True):
-        own_powers = {"first": powers[:1], "last": powers[-1:]}.get(each.where, powers)
+        own_powers = powers[intervals_of(each, intervals)]
         numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
 
 

@@ -23,7 +23,7 @@ from armdyn.optimal.flat.equations import (
     torque_speed_equations,
     torque_step_cost,
 )
-from armdyn.optimal.path_constraints.rows import Rows
+from armdyn.optimal.path_constraints.rows import Rows, intervals_of
 from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
 
@@ -42,6 +42,7 @@ class CurveLayout:
         smooth: order of the highest derivative that does not jump where legs meet.
         rated: whether there are limits of how fast torques change.
         lines: of every joint's torque-speed curve.
+        joined: legs whose first control point is the last one of the leg before, since both are free.
     """
 
     joints: int
@@ -50,6 +51,7 @@ class CurveLayout:
     smooth: int = 1
     rated: bool = False
     lines: int = 0
+    joined: tuple[int, ...] = ()
 
     @property
     def legs(self) -> range:
@@ -62,8 +64,9 @@ class CurveLayout:
 
     def points(self, leg: int) -> Index:
         """Indices of a leg's control points, shape (intervals + DEGREE, joints)."""
-        size = (self.intervals[leg] + DEGREE) * self.joints
-        return self._before(leg) + np.arange(size).reshape(-1, self.joints)
+        own = self.intervals[leg] + DEGREE - (leg in self.joined)
+        points = self._before(leg) + np.arange(own * self.joints).reshape(-1, self.joints)
+        return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
 
     def duration(self, leg: int) -> int:
         """Index of a leg's duration."""
@@ -144,7 +147,8 @@ class CurveLayout:
         return np.hstack(own if more is None else [*own, more]).T
 
     def _before(self, leg: int) -> int:
-        return sum(self.joints * (size * (1 + POINTS) + DEGREE) + 1 for size in self.intervals[:leg])
+        each = [self.joints * (size * (1 + POINTS) + DEGREE) + 1 for size in self.intervals[:leg]]
+        return sum(each) - self.joints * sum(one < leg for one in self.joined)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +202,7 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compil
     everywhere = np.hstack([shape.in_intervals(leg) for leg in shape.legs])
     for each in rows:
         one = each.functions(CurveInterval(dynamics, compile_mode))
-        index = {"first": everywhere[:, :1], "last": everywhere[:, -1:]}.get(each.where, everywhere)
+        index = everywhere[:, intervals_of(each, shape.intervals)]
         parts.append(_Part(one, index, WINDOW**2 + 1, True, each.numbers, each.where == "sum"))
     paid = [shape.duration(leg) for leg in shape.legs]
     return program_of(_laid_out(parts, Shared.size(n)), shape.size, paid, Shared.size(n) - 1)

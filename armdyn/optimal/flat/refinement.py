@@ -118,7 +118,8 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     """
     numbers, hopeless = task.policy.sequential, task.policy.curves.hopeless
     constraints = TightenedConstraints.of(task)
-    spec = CurveSpec(constraints, margins=tuple(_at_the_ends(leg, numbers) for leg in guess.legs))
+    margins = () if task.problem.regional else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
+    spec = CurveSpec(constraints, margins=margins)
     found, solved, iterations = list[RefinedCurve](), None, 0
 
     def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
@@ -139,7 +140,8 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
         if task.stop or (good and little):
             break
-        more = tuple(_larger_margin(task, margin, here) for margin, here in zip(spec.margins, over, strict=True))
+        margins = spec.margins or (TorqueMargin(),) * len(over)
+        more = tuple(_larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
         spec = replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
     return replace(min(found, key=rank), iterations=iterations)
 

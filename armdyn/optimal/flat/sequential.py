@@ -243,8 +243,8 @@ class Sequential:
             torque <= policy.torque * policy.torque_left and distance + other <= policy.distance * policy.distance_left
         )
 
-    def _rows(self, at: _Iterate) -> tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]]:
-        """Hard rows and soft ones of the quadratic program."""
+    def _rows(self, at: _Iterate) -> tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...], SoftRows]:
+        """Hard rows of the quadratic program, soft inequalities, soft equations."""
         problem, policy = self.problem, self.policy
         low, high = (side[problem.torques] for side in problem.numbers.x_bounds)
         load = at.jacobian[problem.torque_equations.ravel()]
@@ -256,13 +256,15 @@ class Sequential:
         velocity = np.flatnonzero((power == 1) & (least < most))
         rest = np.setdiff1d(np.flatnonzero(np.isfinite(least) | np.isfinite(most)), velocity)
         rest = np.setdiff1d(rest, problem.torque_equations.ravel())
+        equal, rest = rest[least[rest] == most[rest]], rest[least[rest] < most[rest]]
         hard = self._sides(at, velocity)
         jacobian, upper = self._sides(at, rest)
         soft = [torque, SoftRows(jacobian, upper, np.arange(upper.size), policy.other)]
         if at.near is not None:
             by_free = at.near.jacobian[:, problem.free]
             soft.append(SoftRows(-by_free, at.near.spare, at.near.samples, policy.distance))
-        return hard, tuple(soft)
+        equations = SoftRows(at.jacobian[equal], (most - at.g)[equal], np.arange(equal.size), policy.other)
+        return hard, tuple(soft), equations
 
     def _sides(self, at: _Iterate, rows: Index) -> tuple[sp.csr_matrix, Array]:
         """Upper and lower sides of equations.
@@ -287,7 +289,7 @@ class Sequential:
         return sp.vstack(blocks, format="csr"), np.concatenate(tops)
 
     def _convex(
-        self, at: _Iterate, rows: tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...]], trust: float
+        self, at: _Iterate, rows: tuple[tuple[sp.csr_matrix, Array], tuple[SoftRows, ...], SoftRows], trust: float
     ) -> ConvexStep:
         problem, policy, free = self.problem, self.policy, self.problem.free
         low, high = problem.numbers.x_bounds
@@ -306,6 +308,7 @@ class Sequential:
             upper=upper[free],
             hard=rows[0],
             soft=rows[1],
+            equal=rows[2],
         )
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The fastest curve near a guess: by IPOPT, or among obstacles by sequential convexification."""
+"""The fastest curve near a guess: by IPOPT, or with obstacles or regions by sequential convexification."""
 
 from dataclasses import dataclass
 from math import inf
@@ -59,7 +59,7 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
         LateError: the time is up before the program is built.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
-    if spec.constraints.asked_distances(task.problem) is not None:
+    if task.problem.regional or spec.constraints.asked_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
         return solve_among_obstacles(task, guess, spec, trust, numbers.enough, eager=eager)
@@ -80,7 +80,7 @@ def solve_among_obstacles(
     beaten: float = inf,
     eager: int | None = None,
 ) -> Solved:
-    """Solve a program of curves that keep distances.
+    """Solve a program of curves that keep distances, or frames in regions.
 
     Args:
         task: what is to be solved, and how.

@@ -118,6 +118,7 @@ class PathConstraint(ABC):
         policy: tuned numbers of path constraints.
         name: for people, in the plural.
         continuous_torque: it forbids jumps of the torque.
+        curves_alone: no mesh keeps it.
         option: its name in `--limit NAME=…`; empty: it cannot be given there.
         metavar: what `…` stands for, with its unit in the help.
         help: one line of that help.
@@ -127,6 +128,7 @@ class PathConstraint(ABC):
 
     name: ClassVar[str]
     continuous_torque: ClassVar[bool] = False
+    curves_alone: ClassVar[bool] = False
     option: ClassVar[str] = ""
     metavar: ClassVar[str] = "X"
     help: ClassVar[str] = ""

@@ -1,4 +1,4 @@
-"""End of a motion within the region of a goal pose, as rows of a program whose end is free."""
+"""A frame within the region of a `GoalPose`, as rows of a program."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose, moving_directions
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
-from armdyn.optimal.path_constraints.rows import RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows, Where
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
+
+_LEAST = 1e-2
+"""Least scale of deviations [m or rad]: a tip goes so far in 10 ms, and what the program may miss is priced by it."""
 
 
 @dataclass(frozen=True)
@@ -29,36 +33,69 @@ class GoalRegion(PathConstraint):
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the last interval."""
-        return (StageRows(_deviations, (self.goal.frame, self._limited, self.goal.axis), numbers=12, where="last"),)
+        return (region_rows(problem.robot, self.goal, "last"),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
         """Zero, or the tolerance either way."""
-        most, pose = self.goal.deviations[list(self._limited)], self.goal.pose
-        numbers = np.concatenate([pose.rotation.ravel(order="F"), pose.translation])
-        return (RowValues(-most, most, numbers),)
+        return (region_values(problem.robot, self.goal),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: np.ndarray) -> ConstraintReport:
         """Nothing: the end found is brought onto the region and becomes the goal of what is solved and checked."""
         return ConstraintReport(self.name, "the end is chosen within the region")
 
-    @property
-    def _limited(self) -> tuple[int, ...]:
-        """Directions with a limit, of x, y, z, rx, ry, rz."""
-        return tuple(np.flatnonzero(np.isfinite(self.goal.deviations)).tolist())
+
+def region_rows(
+    robot: Robot, goal: GoalPose, where: Where, leg: int | None = None, stages: tuple[int, ...] = (-1,)
+) -> StageRows:
+    """Rows of a frame's deviations from a goal, as parts of its tolerances.
+
+    Args:
+        robot: the arm.
+        goal: the region.
+        where: in which intervals.
+        leg: of which leg; None: of the motion.
+        stages: numbers of the interval's stages.
+    """
+    limited = _limited(robot, goal)
+    return StageRows(_deviations, (goal.frame, limited, goal.axis, stages), 12 + len(limited), where, leg)
 
 
-def _deviations(stages: Stages, pose: ca.SX, frame: str, limited: tuple[int, ...], axis: int | None) -> ca.SX:
-    """Deviations from a goal at the end of an interval, as `GoalPose` defines them [m, rad].
+def region_values(robot: Robot, goal: GoalPose, part: float = 1.0, stages: int = 1) -> RowValues:
+    """Numbers of `region_rows` and their bounds: a part of the tolerances either way."""
+    limited, pose = list(_limited(robot, goal)), goal.pose
+    most = goal.deviations[limited]
+    scale = np.maximum(most, _LEAST)
+    bound = np.tile(part * most / scale, stages)
+    return RowValues(-bound, bound, np.concatenate([pose.rotation.ravel(order="F"), pose.translation, 1 / scale]))
+
+
+def _limited(robot: Robot, goal: GoalPose) -> tuple[int, ...]:
+    """Directions with a limit, of x, y, z, rx, ry, rz, in which the frame can move."""
+    return tuple(np.flatnonzero(np.isfinite(goal.deviations) & moving_directions(robot, goal)).tolist())
+
+
+def _deviations(
+    stages: Stages,
+    numbers: ca.SX,
+    frame: str,
+    limited: tuple[int, ...],
+    axis: int | None,
+    at: tuple[int, ...],
+) -> ca.SX:
+    """Deviations from a goal at stages of an interval, as `GoalPose` defines them, over scales.
 
     Args:
         stages: of the interval.
-        pose: rotation, column by column, and position of the goal, shape (12,).
+        numbers: rotation, column by column, and position of the goal, one over the scales, shape (12 + rows,).
         frame: that is to be there.
         limited: directions that have rows, in their order.
         axis: number of the axis about which the frame may turn.
+        at: numbers of the stages.
     """
+    n = stages.dynamics.nv
+    q, pose = ca.SX.sym("q", n), ca.SX.sym("pose", 12)
     back = ca.reshape(pose[:9], 3, 3).T
-    rotation, origin = stages.dynamics.frame_placement(stages.q[:, -1], frame)
+    rotation, origin = stages.dynamics.frame_placement(q, frame)
     turned = back @ rotation
     if axis is None:
         across = ca.vertcat(*(turned[k, j] - turned[j, k] for j, k in ((1, 2), (2, 0), (0, 1)))) / 2
@@ -67,5 +104,5 @@ def _deviations(stages: Stages, pose: ca.SX, frame: str, limited: tuple[int, ...
         across, cosine = ca.cross(ca.DM.eye(3)[:, axis], turned[:, axis]), turned[axis, axis]
     sine = ca.sqrt(ca.sumsqr(across) + 1e-20)  # differentiable where there is no deviation
     deviations = ca.vertcat(back @ (origin - pose[9:]), across * ca.atan2(sine, cosine) / sine)
-    column: ca.SX = ca.vertcat(*(deviations[k] for k in limited))
-    return column
+    one = ca.Function("deviations", [q, pose], [ca.vertcat(*(deviations[k] for k in limited))])
+    return ca.vertcat(*(one(stages.q[:, k], numbers[:12]) * numbers[12:] for k in at))

@@ -40,10 +40,11 @@ def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> L
     Every leg gets a part of the mesh by its part of the time, and a few intervals at least.
     """
     marks, first = [float(guess.t[0])], 0
-    for i, pose in enumerate(problem.via):
-        last = guess.t.size - (len(problem.via) - i)
+    inner = problem.poses[1:-1]
+    for i, pose in enumerate(inner):
+        last = guess.t.size - (len(inner) - i)
         first = min(first + 1, last - 1)
-        away = np.max(np.abs(guess.q[first:last] - np.asarray(pose)), axis=1)
+        away = np.max(np.abs(guess.q[first:last] - pose), axis=1)
         first += int(np.argmin(away))
         marks.append(float(guess.t[first]))
     durations = np.maximum(np.diff([*marks, guess.t[-1]]), 1e-3 * guess.duration)

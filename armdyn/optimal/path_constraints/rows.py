@@ -21,7 +21,7 @@ from armdyn.optimal.task.scheme import Scheme
 
 Array = NDArray[np.float64]
 Where = Literal["every", "first", "last", "sum"]
-"""Of a mesh's intervals; "sum": rows of all intervals are summed, as integrals along the path are."""
+"""In which intervals of the motion, or of a leg; "sum": rows of all are summed, as integrals along the path are."""
 
 
 class Rows(Protocol):
@@ -30,6 +30,7 @@ class Rows(Protocol):
     Attributes:
         numbers: how many numbers the rows take as parameters.
         where: in which intervals they are.
+        leg: in those of one leg, by its number; None: of the whole motion.
     """
 
     @property
@@ -37,6 +38,9 @@ class Rows(Protocol):
 
     @property
     def where(self) -> Where: ...
+
+    @property
+    def leg(self) -> int | None: ...
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows of one interval, of its unknowns and of its parameters with the numbers after them."""
@@ -54,12 +58,14 @@ class StageRows:
         of: what else it takes.
         numbers: how many numbers it takes.
         where: in which intervals the rows are.
+        leg: in those of one leg; None: of the whole motion. Only curves have rows of one leg.
     """
 
     expression: Callable[..., ca.SX]
     of: tuple[Hashable, ...] = ()
     numbers: int = 0
     where: Where = "every"
+    leg: int | None = None
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
@@ -81,9 +87,9 @@ class RowValues:
     numbers: Array = field(default_factory=lambda: np.empty(0))
 
 
-def spread(rows: Rows, functions: IntervalFunctions, values: RowValues, intervals: int) -> tuple[Array, Array]:
-    """Lower and upper bounds of rows, one for each row of the program."""
-    shape = (intervals if rows.where == "every" else 1, functions.defects.numel_out(0))
+def spread(rows: Rows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]) -> tuple[Array, Array]:
+    """Lower and upper bounds of rows, one for each row of the program; legs: their numbers of intervals."""
+    shape = (1 if rows.where == "sum" else intervals_of(rows, legs).size, functions.defects.numel_out(0))
     return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()
 
 
@@ -100,7 +106,7 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
     blocks, first = [], Parameters.size(dynamics.nv, intervals)
     for each in rows:
-        here = _intervals(each.where, intervals)
+        here = intervals_of(each, (intervals,))
         numbers = (first + np.arange(each.numbers))[:, None].repeat(here.size, axis=1)
         blocks.append(
             Block(
@@ -111,9 +117,11 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     return build_nlp(dynamics, scheme, intervals, blocks)
 
 
-def _intervals(where: Where, count: int) -> NDArray[np.int_]:
-    whole = np.arange(count)
-    return {"every": whole, "sum": whole, "first": np.array([0]), "last": np.array([count - 1])}[where]
+def intervals_of(rows: Rows, legs: Sequence[int]) -> NDArray[np.int_]:
+    """Indices of the intervals in which rows are; legs: numbers of intervals of all legs."""
+    whole = np.arange(sum(legs))
+    own = whole if rows.leg is None else whole[sum(legs[: rows.leg]) : sum(legs[: rows.leg + 1])]
+    return {"every": own, "sum": own, "first": own[:1], "last": own[-1:]}[rows.where]
 
 
 @built_once(maxsize=64)

@@ -109,7 +109,7 @@ def row_bounds(
     rows: Sequence[Rows], values: Sequence[RowValues], place: IntervalView, intervals: int
 ) -> tuple[Array, Array]:
     """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
-    sides = [spread(each, each.functions(place), own, intervals) for each, own in zip(rows, values, strict=True)]
+    sides = [spread(each, each.functions(place), own, (intervals,)) for each, own in zip(rows, values, strict=True)]
     lower, upper = zip(*sides, strict=True) if sides else ((), ())
     return np.concatenate([np.empty(0), *lower]), np.concatenate([np.empty(0), *upper])
 

@@ -1,26 +1,38 @@
-"""Via points: poses that are passed through in their order, at any time and any velocity.
+"""Via points: poses and regions that are passed through in their order, at any time and any velocity.
 
-The mesh is dealt out to the legs between them, whose knots are bounds that coincide (`legs`), so that they need no
-rows; what the replay misses them by is aimed off.
+The mesh is dealt out to the legs between them, whose knots are bounds that coincide (`legs`), so that poses need no
+rows; what the replay misses them by is aimed off. Where legs meet in a region, curves share a free control point.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
+from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_LOOKS = 41
+"""Times about the planned one at which a region is looked for, a replay's samples apart."""
+
 
 @dataclass(frozen=True)
 class ViaPoints(PathConstraint):
-    """The motion passes through `problem.via`."""
+    """The motion passes through `problem.via`.
+
+    Attributes:
+        parts: of the tolerances of regions, that the program is asked to keep; none: all of them.
+    """
+
+    parts: tuple[float, ...] = field(default=(), kw_only=True)
 
     name = "via points"
 
@@ -28,16 +40,60 @@ class ViaPoints(PathConstraint):
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         return cls() if problem.via else None
 
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
+        """Rows where a leg ends in a region."""
+        return tuple(region_rows(problem.robot, one, "last", leg) for leg, one in problem.via_regions.items())
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        parts = self.parts or np.ones(len(problem.via))
+        return tuple(region_values(problem.robot, one, parts[leg]) for leg, one in problem.via_regions.items())
+
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """How far beside each it passes when it should be there."""
-        beside = np.abs(motion(passing).q - np.array(problem.via))
-        errors = np.max(beside, axis=1)
-        missed = [(i, error) for i, error in enumerate(errors) if error > self.policy.near]
-        reasons = tuple(f"it passes {error:.2g} rad beside via point {i}" for i, error in missed)
+        """How far beside each it passes: beside a pose when it should be there, beside a region at the best time."""
+        reasons, worst, errors = list[str](), list[Violation](), []
+        for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
+            if isinstance(via, GoalPose):
+                error, time, which = _beside(problem, motion, via, float(time))
+                enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
+                what = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
+            else:
+                beside = np.abs(motion(time).q - np.asarray(via))
+                error, which = float(np.max(beside)), problem.robot.joint_names[int(np.argmax(beside))]
+                enough, what = self.policy.near, f"{error:.2g} rad beside via point {i}"
+            errors.append(error)
+            if error > enough:
+                reasons.append(f"it passes {what}")
+                worst.append(Violation(f"via point {i}", which, float(time), error))
         times = ", ".join(f"{t:.4f}" for t in passing)
-        far, joint = np.unravel_index(np.argmax(beside), beside.shape)
-        worst = Violation(
-            f"via point {far}", problem.robot.joint_names[joint], float(passing[far]), float(np.max(errors))
-        )
-        said = f"at {times} s, within {np.max(errors):.1e} rad"
-        return ConstraintReport(self.name, said, None, reasons, worst if reasons else None, errors)
+        said = f"at {times} s, within {max(max(errors), 0.0):.1e} rad" + (" or m" if problem.via_regions else "")
+        most = max(worst, key=lambda one: one.value, default=None)
+        return ConstraintReport(self.name, said, None, tuple(reasons), most, np.array(errors))
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """Ask for less of a region's tolerance where the replay passed outside."""
+        parts = list(self.parts or np.ones(len(problem.via)))
+        for i, region in problem.via_regions.items():
+            given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]
+            if kept.missed[i] > self.policy.beside_region and given.size:
+                parts[i] = max(parts[i] - 2 * float(kept.missed[i]) / float(np.min(given)), 0.0)
+        return replace(self, parts=tuple(parts))
+
+
+def _beside(
+    problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float
+) -> tuple[float, float, str]:
+    """By how much a motion passes outside a region at most [m or rad], when [s], and in which direction.
+
+    The time is that near the planned one at which the deviations are least, over the tolerances.
+    """
+    k = int(np.clip(np.searchsorted(motion.t, passing), 1, motion.t.size - 1))
+    step = motion.t[k] - motion.t[k - 1]
+    most = region.deviations
+    time, scale = passing, np.where((most > 0) & np.isfinite(most), most, 1e-3)
+    for width in (step, 2 * step / (_LOOKS - 1)):
+        times = np.clip(time + width * np.linspace(-1, 1, _LOOKS), motion.t[0], motion.t[-1])
+        over = np.abs(deviations_of(problem.robot, region, motion(times).q)) - most
+        best = int(np.argmin(np.max(over / scale, axis=1)))
+        time = float(times[best])
+    which = int(np.argmax(over[best]))
+    return float(over[best, which]), time, DIRECTIONS[which]

@@ -73,6 +73,13 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
         )
 
 
+def check_motors_everywhere(robot: Robot, limits: JointLimits, what: str) -> None:
+    """Refuse what curves alone can do with a joint that has no motor."""
+    if np.any(limits.passive):
+        name = robot.joint_names[int(np.argmax(limits.passive))]
+        raise ProblemError(f"{what}, which takes a motor at every joint; joint {name!r} has none")
+
+
 def check_limits(robot: Robot, limits: JointLimits) -> None:
     """Refuse limits that leave no room, and torques without limits."""
     for i, joint in enumerate(robot.joint_names):

@@ -17,6 +17,7 @@ class PathConstraintSpec(Protocol):
     Attributes:
         name: for people, in the plural: "torque-rate limits".
         continuous_torque: it forbids jumps of the torque, which is then linear between knots.
+        curves_alone: no mesh keeps it.
     """
 
     @property
@@ -24,6 +25,9 @@ class PathConstraintSpec(Protocol):
 
     @property
     def continuous_torque(self) -> bool: ...
+
+    @property
+    def curves_alone(self) -> bool: ...
 
     def option_text(self) -> str:
         """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".

@@ -27,6 +27,7 @@ from armdyn.optimal.problem.checks import (
     check_clear,
     check_limits,
     check_motors,
+    check_motors_everywhere,
     check_path_constraints,
     check_poses,
     check_scene,
@@ -40,6 +41,7 @@ from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, rate_limit, resolved_limits
 from armdyn.optimal.problem.robot_tables import robot_table
 from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.optimal.problem.via_regions import Via, check_via_regions, via_positions
 from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
@@ -78,7 +80,8 @@ class MinimumTimeProblem:
             by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
         goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
-        via: poses, like q_start, that are passed through in this order, at any time and any velocity.
+        via: what is passed through in this order, at any time and any velocity: poses, like q_start, or regions,
+            `GoalPose` with tolerances or free directions: the program chooses where in them.
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
@@ -93,6 +96,7 @@ class MinimumTimeProblem:
         limits: the limits that hold for the motion, less the reserves, each of shape (nv,). Certificate, lower bound,
             sensitivities and all else that is said of the motion speak of these.
         goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
+        poses: start, via points and goal [rad or m], shape (legs + 1, nv); of a via region joint positions within it.
 
     Raises:
         ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal, a joint
@@ -118,7 +122,7 @@ class MinimumTimeProblem:
     relative_effort_weight: float = 0.0
     wrap: bool = False
     goal_pose: GoalPose | None = None
-    via: Sequence[ArrayLike | str] = ()
+    via: Sequence[ArrayLike | str | GoalPose] = ()
     obstacles: Sequence[Obstacle] = ()
     self_collision: bool = False
     clearance: float = 0.005
@@ -130,6 +134,7 @@ class MinimumTimeProblem:
     preset: ControllerPreset | None = None
     limits: JointLimits = field(init=False, repr=False)
     goals: tuple[Array, ...] = field(init=False, repr=False)
+    poses: Array = field(init=False, repr=False)
     own_rates: Mapping[str, ArrayLike | None] = field(init=False, repr=False)
     """Limits of acceleration and jerk as given, without the preset's."""
 
@@ -199,6 +204,11 @@ class MinimumTimeProblem:
         """Whether pairs of bodies keep a clearance: motions are planned round obstacles and the arm itself."""
         return bool(self.obstacles) or self.self_collision
 
+    @property
+    def regional(self) -> bool:
+        """Whether a frame passes regions or keeps to them: only curves, by sequential convexification, do that."""
+        return bool(self.via_regions) or any(one.curves_alone for one in self.path_constraints)
+
     def collision_model(self) -> CollisionModel:
         """The arm among its obstacles, and the pairs of bodies that keep a clearance."""
         contacts = tuple(self.allowed_contacts), tuple(self.end_contacts)
@@ -218,9 +228,14 @@ class MinimumTimeProblem:
         return self.preset is not None and self.preset.limit(limit) is not None
 
     @property
-    def poses(self) -> Array:
-        """Start, via points and goal [rad or m], shape (legs + 1, nv)."""
-        return np.array([self.q_start, *self.via, self.q_goal])
+    def via_regions(self) -> Mapping[int, GoalPose]:
+        """Via regions by their numbers among the via points, which are those of the legs that end in them."""
+        return {i: one for i, one in enumerate(self.via) if isinstance(one, GoalPose)}
+
+    @property
+    def fixed_poses(self) -> Array:
+        """`poses` but for those in via regions, from which the motion may deviate, shape (fixed legs + 1, nv)."""
+        return np.delete(self.poses, [1 + i for i in self.via_regions], axis=0)
 
     @property
     def x_start(self) -> Array:
@@ -319,11 +334,13 @@ class MinimumTimeProblem:
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
-        return float(np.sum(self.leg_bounds()))
+        return float(np.sum(np.max(np.abs(np.diff(self.fixed_poses, axis=0)) / self.limits.velocity, axis=1)))
 
     def leg_bounds(self) -> Array:
-        """Lower bounds on the legs' durations, from one of `poses` to the next [s], shape (legs,)."""
-        return np.asarray(np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1))
+        """Lower bounds on the legs' durations, from one of `poses` to the next [s], shape (legs,); 0 at via regions."""
+        bounds = np.max(np.abs(np.diff(self.poses, axis=0)) / self.limits.velocity, axis=1)
+        bounds[[leg for i in self.via_regions for leg in (i, i + 1)]] = 0.0
+        return np.asarray(bounds)
 
     def _joints(self, value: Any, name: str) -> Array:
         return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
@@ -344,12 +361,7 @@ class MinimumTimeProblem:
 
     def _resolve_course(self) -> None:
         """Check via points, obstacles and path constraints, and keep them as tuples and arrays."""
-        via = [pose_given(self.robot, q, f"via[{i}]") for i, q in enumerate(several(self.via, "via"))]
-        for i, q in enumerate(via):
-            check_state(self.robot, self.limits, q, np.zeros_like(q), f"via[{i}]", self.reserves.velocity)
-            q.setflags(write=False)
-        object.__setattr__(self, "via", tuple(via))
-        check_poses(self.poses)
+        object.__setattr__(self, "via", self._resolved_via())
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
         object.__setattr__(self, "obstacles", obstacles)
         for name in ("allowed_contacts", "end_contacts"):
@@ -358,23 +370,52 @@ class MinimumTimeProblem:
         object.__setattr__(self, "own_rates", {name: getattr(self, name) for name in names})
         for name in names:
             object.__setattr__(self, name, rate_limit(getattr(self, name), name, self.robot, self.preset))
+        self._resolve_poses()
         self._resolve_clear()
         path_constraints = check_path_constraints(self.path_constraints)
         bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
         object.__setattr__(self, "path_constraints", bound)
+
+    def _resolved_via(self) -> tuple[Via, ...]:
+        """Via points as arrays and regions, checked."""
+        via = list[Via]()
+        for i, one in enumerate(several(self.via, "via")):
+            if isinstance(one, GoalPose):
+                check_motors_everywhere(self.robot, self.limits, f"via[{i}] is a region")
+            else:
+                one = pose_given(self.robot, one, f"via[{i}]")
+                check_state(self.robot, self.limits, one, np.zeros_like(one), f"via[{i}]", self.reserves.velocity)
+                one.setflags(write=False)
+            via.append(one)
+        return tuple(via)
+
+    def _resolve_poses(self) -> None:
+        """Choose joint positions in via regions, and keep all poses as one array."""
+        model = self.collision_model() if self.crowded and self.via_regions else None
+
+        def is_clear(q: Array) -> bool:
+            return model is None or not model.nearer(q, self.clearance)
+
+        start, goal = np.asarray(self.q_start), np.asarray(self.q_goal)
+        inner = via_positions(self.robot, self.limits, (start, goal), self.via, is_clear)
+        object.__setattr__(self, "poses", np.array([start, *inner, goal]))
+        self.poses.setflags(write=False)
+        check_via_regions(self.robot, self.via, self.poses)
+        check_poses(self.poses)
 
     def _resolve_clear(self) -> None:
         """Drop goals in contact; complain of a start, a via point, or all goals."""
         if not self.crowded:
             return
         model = self.collision_model()
-        fixed = [("start", np.asarray(self.q_start)), *((f"via[{i}]", np.asarray(q)) for i, q in enumerate(self.via))]
+        fixed = [("start", self.poses[0]), *((f"via[{i}]", q) for i, q in enumerate(self.poses[1:-1]))]
         fixed += [("goal", np.asarray(self.q_goal))] if self.goal_pose is None else []
         check_clear(model, fixed, self.clearance)
         if self.goal_pose is not None:
             clear = clear_goals(model, self.goals, self.clearance)
             object.__setattr__(self, "goals", clear)
             object.__setattr__(self, "q_goal", clear[0])
+            object.__setattr__(self, "poses", np.array([*self.poses[:-1], clear[0]]))
 
     def _resolve_limits(self) -> JointLimits:
         robot, kept = self.robot, Reserve.of(self.reserve, self.velocity_reserve, self.robot.joint_names)

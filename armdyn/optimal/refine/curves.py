@@ -26,6 +26,7 @@ from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
+from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
@@ -51,7 +52,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     Args:
         task: any problem.
     """
-    numbers, crowded = task.policy.curves, task.problem.crowded
+    numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
         found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts)), True)
@@ -113,14 +114,14 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
 
 
 def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
-    """The fastest curve that keeps all distances, or none, and whether a way was planned.
+    """The fastest curve that keeps all distances and regions, or none, and whether a way was planned.
 
     Where the straight line touches nothing the fastest curve without obstacles may do so, too.
     """
-    task.progress("ways round the obstacles")
+    task.progress("ways round the obstacles" if task.problem.crowded else "the way through the regions")
     planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
     first = list(islice(planned, 1))
-    straight = bool(first) and all(len(leg) == 2 for leg in first[0])
+    straight = bool(first) and task.problem.crowded and all(len(leg) == 2 for leg in first[0])
     found = (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain(first, planned))
     return found, bool(first)
 
@@ -188,7 +189,14 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 def _calm(task: Task, fastest: RefinedCurve) -> RefinedCurve:
     """A curve with calm joints, as slow as the options allow, and a proven bound where that is near; or the fastest."""
     problem, share, duration = task.problem, task.options.calm, fastest.curve.duration
-    if not share or problem.pays_effort or problem.crowded or task.stop or not fastest.solved.converged:
+    if (
+        not share
+        or problem.pays_effort
+        or problem.crowded
+        or problem.regional
+        or task.stop
+        or not fastest.solved.converged
+    ):
         return fastest
     bound = task.lower_bound()
     if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound:
@@ -251,11 +259,12 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
 def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
     """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
     solved, found, end = refined.solved, dict[str, Array](), 0
-    place, intervals = CurveInterval(task.dynamics, task.scheme.compile), sum(solved.shape.intervals)
+    place, legs = CurveInterval(task.dynamics, task.scheme.compile), solved.shape.intervals
     asked = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
     heated = {rows: each.dwell for each in asked for rows in each.rows(task.problem)}
     for rows in reversed(solved.rows):  # the last equations
-        begin = end - rows.functions(place).defects.numel_out(0) * (intervals if rows.where == "every" else 1)
+        places = 1 if rows.where == "sum" else intervals_of(rows, legs).size
+        begin = end - rows.functions(place).defects.numel_out(0) * places
         if rows in heated:
             multipliers = solved.result.lam_g[slice(begin, end or None)]
             part = 2 * multipliers * solved.guessed * (1 + heated[rows] / solved.curve.duration)

@@ -8,7 +8,8 @@ from functools import partial
 from itertools import islice, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import whole
 from armdyn.errors import ProblemError
@@ -23,7 +24,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
 from armdyn.planning.rrt_connect import PlannerOptions
@@ -63,6 +63,9 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
 
 def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[Way]:
     """Ways through all poses of a problem, each planned when it is asked for; none: no path was found."""
+    if not problem.crowded:
+        yield [np.array(pair) for pair in pairwise(problem.poses)]
+        return
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
@@ -116,7 +119,7 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
             best = solved
     if best is None:
         return []
-    fine = Basis(graded(numbers.intervals, numbers.shortest, numbers.longest))
+    fine = _bases(task, [leg.duration for leg in best.curve.legs], fine=True)
     refined = refine_among_obstacles(task, best.curve.on(fine))
     curve, iterations = refined.curve.slower(1 + numbers.kept), iterations + refined.iterations
     return [replace(refined, curve=curve, iterations=iterations)]
@@ -128,20 +131,46 @@ def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
     yield from (_guess(task, way) for way in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
     yield from (_guess(task, way) for way in others[: numbers.ways - 1])
-    yield from (Curve.near(guess, _coarse(numbers)) for guess in task.options.guesses)
+    if len(task.problem.poses) == 2:
+        (basis,) = _bases(task, [1.0])
+        yield from (Curve.near(guess, basis) for guess in task.options.guesses)
 
 
 def _guess(task: Task, way: Way) -> Curve:
     """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
-    problem, numbers, speed = task.problem, task.policy.sequential, _speed(task.problem, task.policy.search)
+    problem, speed = task.problem, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
-    curve = Curve.along(way, _coarse(numbers), task.policy.curves.slack * np.array(times), speed)
+    durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.regional else 0.0)
+    curve = Curve.along(way, _bases(task, durations), durations, speed, flying=problem.regional)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot, 1, 0))
     return curve.slower(float(np.clip(factor, 0.1, 10.0)) if np.isfinite(factor) else 1.0)
 
 
-def _coarse(numbers: SequentialPolicy) -> Basis:
-    """Splines on which ways are compared."""
-    return Basis(graded(numbers.coarse, numbers.coarse_shortest, numbers.coarse_longest))
+def _ramp_times(problem: MinimumTimeProblem) -> Array:
+    """Times in which joints alone come from rest to the ends of the legs, or from there to rest [s], shape (legs,)."""
+    robot, data = problem.robot, problem.robot.model.createData()
+    inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
+    ways = np.abs(np.diff(problem.poses, axis=0))
+    return np.asarray(np.max(np.sqrt(2 * ways * inertia / problem.limits.actuators.half_range), axis=1))
+
+
+def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
+    """Splines of the legs, of which ways are compared on coarse ones.
+
+    With regions short legs have fewer intervals, and these are short only where the motion begins and ends.
+    """
+    numbers, times = task.policy.sequential, np.asarray(durations, dtype=float)
+    most = numbers.intervals if fine else numbers.coarse
+    shortest, longest = (
+        (numbers.shortest, numbers.longest) if fine else (numbers.coarse_shortest, numbers.coarse_longest)
+    )
+    if not task.problem.regional:
+        return [Basis(graded(most, shortest, longest))] * times.size
+    parts, last = times / np.max(times), times.size - 1
+    counts = np.clip(np.ceil(most * parts), numbers.least, most).astype(int)
+    return [
+        Basis(graded(int(count), min(shortest / part, 1 / count), longest, (k == 0, k == last)))
+        for k, (count, part) in enumerate(zip(counts, parts, strict=True))
+    ]

@@ -140,7 +140,7 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
         return one
     regions = (*spec.constraints.path_constraints, GoalRegion(pose))
     spec = replace(spec, constraints=replace(spec.constraints, path_constraints=regions))
-    guess = one.curve.on(straight_curve(task.about(problem), intervals).legs[0].basis)
+    guess = one.curve.on([leg.basis for leg in straight_curve(task.about(problem), intervals).legs])
     with suppress(LateError):
         solved = solve_curve(task.about(problem), guess, spec)
         nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]

@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
@@ -61,13 +62,13 @@ def via_guesses(
     if not problem.via:
         to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.unlike)
         ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
-    straight: list[Array] = [np.asarray(q) for q in problem.via]
+    straight = list(problem.poses[1:-1])
     return [straight, *ways]
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
     """The via points with one more pose on a leg."""
-    ways = [np.asarray(q) for q in problem.via]
+    ways = list(problem.poses[1:-1])
     return [*ways[:leg], pose, *ways[leg:]]
 
 
@@ -101,7 +102,7 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
             problem's own.
         haste: the guess takes so many times the duration at which its torques fit.
     """
-    path = _path(problem, via or [np.asarray(q) for q in problem.via], SAMPLES)
+    path = _path(problem, via or list(problem.poses[1:-1]), SAMPLES)
     q, dq, ddq = path.q, path.dq, path.ddq
     # Torque along a path is static + inertial / T² + friction.
     friction, rest = problem.robot.friction, np.zeros_like(q)
@@ -129,11 +130,20 @@ def straight_curve(task: Task, intervals: int) -> Curve:
     problem, numbers = task.problem, task.policy.curves
     basis = Basis(graded(intervals, numbers.shortest))
     if numbers.cruises:
-        durations = numbers.slack * np.maximum(problem.leg_bounds(), 1e-3 * problem.duration_bound())
+        ways = np.max(np.abs(np.diff(problem.poses, axis=0)) / problem.limits.velocity, axis=1)
+        durations = numbers.slack * np.maximum(ways, 1e-3 * np.sum(ways))
     else:
         ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
         durations = spline(problem, []).duration * ways / ways.sum()
     return Curve.straight(problem, basis, durations)
+
+
+def ramp_times(problem: MinimumTimeProblem) -> Array:
+    """Times in which joints alone come from rest to the ends of the legs, or from there to rest [s], shape (legs,)."""
+    robot, data = problem.robot, problem.robot.model.createData()
+    inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
+    ways = np.abs(np.diff(problem.poses, axis=0))
+    return np.asarray(np.max(np.sqrt(2 * ways * inertia / problem.limits.actuators.half_range), axis=1))
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import expect, listener, number, one_of, path, whole
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.setup import Setup, expect_own_payload
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
@@ -154,7 +154,9 @@ def tune(
         FileError: the file cannot be read or written.
     """
     expect(family, ControllerFamily, "family", "such as ControllerFamily.pid(robot, q_goal)")
-    if not isinstance(reference, Trajectory):
+    if isinstance(reference, Trajectory):
+        expect_own_payload(robot, reference)
+    else:
         expect(reference, Ramps, "reference", "a Trajectory or Ramps(q_start, q_goal)")
     expect_loop(loop)
     expect(options, TuneOptions, "options", 'TuneOptions(index="settled")')

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from armdyn.trajectory.samples import Samples
 
+PIECE_COLUMNS = ("piece", "event", "load [kg]")
+"""Columns of motions of several pieces: names and events are text, and a load may be empty."""
+
 _UNITS = {"q": "rad or m", "v": "rad/s or m/s", "a": "rad/s^2 or m/s^2", "tau": "N m or N"}
 
 
@@ -31,14 +34,16 @@ class CsvTable:
         content = io.StringIO(newline="")
         writer = csv.writer(content, lineterminator="\n")
         writer.writerow(columns(samples))
-        writer.writerows(_rows(samples).tolist())  # Python's floats are written with as many digits as they need
+        rows = _rows(samples).tolist()  # Python's floats are written with as many digits as they need
+        writer.writerows([*row, *more] for row, more in zip(rows, _piece_rows(samples), strict=True))
         return content.getvalue()
 
 
 def columns(samples: Samples) -> list[str]:
     """Head of the table: quantity, joint and unit."""
     joints = samples.joint_names or [f"joint{i + 1}" for i in range(samples.q.shape[1])]
-    return ["t [s]", *(f"{what}_{joint} [{unit}]" for what, unit in _UNITS.items() for joint in joints)]
+    numbers = ["t [s]", *(f"{what}_{joint} [{unit}]" for what, unit in _UNITS.items() for joint in joints)]
+    return [*numbers, *PIECE_COLUMNS] if samples.pieces else numbers
 
 
 def dataframe(samples: Samples) -> DataFrame:
@@ -47,10 +52,24 @@ def dataframe(samples: Samples) -> DataFrame:
         import pandas
     except ImportError:
         raise MissingPackageError("pandas", "to_dataframe", "to_csv does without") from None
-    return pandas.DataFrame(_rows(samples), columns=columns(samples))
+    head = columns(samples)
+    table = pandas.DataFrame(_rows(samples), columns=head[: len(head) - len(PIECE_COLUMNS)] if samples.pieces else head)
+    for name, column in zip(PIECE_COLUMNS, zip(*_piece_rows(samples), strict=True), strict=False):
+        table[name] = column
+    return table
 
 
 def _rows(samples: Samples) -> np.ndarray[Any, np.dtype[np.float64]]:
     import numpy as np
 
     return np.column_stack([samples.t, *(getattr(samples, what) for what in _UNITS)])
+
+
+def _piece_rows(samples: Samples) -> list[tuple[str | float | None, ...]]:
+    """`PIECE_COLUMNS` of each row; of a motion without pieces nothing."""
+    rows: list[tuple[str | float | None, ...]] = [()] * samples.t.size
+    ends = [*samples.piece_rows[1:], len(rows)]
+    for piece, first, end in zip(samples.pieces, samples.piece_rows, ends, strict=bool(samples.pieces)):
+        mass = None if piece.load is None else piece.load.mass
+        rows[first:end] = [(piece.name, piece.event if k == first else "", mass) for k in range(first, end)]
+    return rows

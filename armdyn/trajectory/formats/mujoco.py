@@ -32,7 +32,16 @@ class Mujoco:
     motors: bool = True
 
     def text(self, samples: Samples) -> str:
-        """See `Samples.to_mjcf`."""
+        """See `Samples.to_mjcf`.
+
+        Raises:
+            TrajectoryError: joints have no names, or one that XML cannot say; or the payload changes.
+        """
+        if len({(one.load, one.model_hash) for one in samples.pieces}) > 1:
+            raise TrajectoryError(
+                f"the payload changes along the motion of {len(samples.pieces)} pieces, and a MuJoCo model has one: "
+                "write each piece by itself: armdyn export --piece, or trajectory.split() in Python"
+            )
         names = [_attribute(name) for name in joint_names(samples)]
         lines = [f"<mujoco model={_attribute(samples.name or 'motion')}>"]
         if flag(self.motors, "motors"):

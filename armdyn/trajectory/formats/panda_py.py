@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from armdyn.trajectory.formats.streams import Stream, python_head, start_tolerance
+from armdyn.errors import TrajectoryError
+from armdyn.trajectory.formats.streams import EVENT_REMARK, Stream, python_head, start_tolerance
 
 if TYPE_CHECKING:
     from armdyn.trajectory.samples import Samples
@@ -31,24 +32,33 @@ def go_to_start(panda, moves):
         raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
 
 
-def run(panda, controller):
+def run(panda, controller, first, last):
     """Show the controller the target of each moment; panda-py raises the arm's errors, and the arm stops by itself."""
     panda.start_controller(controller)
     try:
-        sent = 0
+        sent = first
         with panda.create_context(frequency=RATE) as context:
-            while context.ok() and sent < len(Q) + SETTLING:
-                due = int(context.time * RATE + 0.5)  # this computer may be late: the motion is not
+            while context.ok() and sent <= last + SETTLING:
+                due = first + int(context.time * RATE + 0.5)  # this computer may be late: the motion is not
                 if due > sent + MOST_LATE:
                     raise SystemExit(f"stopped: this computer was {(due - sent) / RATE:.3f} s late")
                 sent = max(sent, due)
-                row = min(sent, len(Q) - 1)
-                controller.set_control(Q[row], V[row] if row < len(Q) - 1 else [0.0] * len(Q[row]))
+                row = min(sent, last)
+                controller.set_control(Q[row], V[row] if row < last else [0.0] * len(Q[row]))
                 if distance(panda.q, Q[row]) > MOST_OFF:
                     raise SystemExit(f"stopped: a joint is more than {MOST_OFF} rad off the motion")
                 sent += 1
     finally:
         panda.stop_controller()
+
+
+def occur(panda, kind, name, load):
+    """Set the load of a piece, which the robot takes at rest without a controller only, and tell of its event."""
+    if load is not None:
+        mass, com, (xx, yy, zz, xy, xz, yz) = load
+        panda.get_robot().set_load(mass, com, [xx, xy, xz, xy, yy, yz, xz, yz, zz])
+    if kind:
+        on_event(kind, name)
 
 
 def main():
@@ -62,15 +72,24 @@ def main():
     panda = panda_py.Panda(asked.host)
     if PAYLOAD is not None:
         panda.get_robot().set_load(*PAYLOAD, [0.0] * 9)
+    events = EVENTS[:]
+    if events and events[0][0] < 0:
+        occur(panda, *events.pop(0)[1:])
     refuse_unless_ready(panda)
     go_to_start(panda, asked.to_start)
-    run(panda, controllers.JointPosition())
+    for (first, *event), last in zip([(0, "", "", None)] + events, [event[0] for event in events] + [len(Q) - 1]):
+        occur(panda, *event)
+        if last > first:
+            run(panda, controllers.JointPosition(), first, last)
     print(f"done; a joint is {distance(panda.q, Q[-1]):.4f} rad from the goal at most")
 
 
 if __name__ == "__main__":
     main()
 '''
+
+_REST = 0.01
+"""Speed of a joint at which an arm counts as at rest [rad/s]: a sample may be a tick off a stop."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +99,10 @@ class PandaPython(Stream):
     Positions and velocities go to its `JointPosition` controller, a PD controller at 1 kHz over the arm's gravity
     compensation. It refuses an arm with an error or not at the start, and targets outside the arm's joint limits.
 
+    The robot takes a new load without a controller only: of a motion of several pieces the arm settles and pauses at
+    each event and each change of the load, where it must be at rest. A load is what is added to the end effector that
+    Franka's Desk knows.
+
     Attributes:
         tolerance: largest distance of a joint from the start [rad].
     """
@@ -88,6 +111,7 @@ class PandaPython(Stream):
     suffix: ClassVar[str] = ".py"
     summary: ClassVar[str] = "a Python program for panda-python, 1 kHz"
     rate: ClassVar[float] = 1000.0
+    flange: ClassVar[str] = "link8"
 
     tolerance: float = 0.01
 
@@ -95,8 +119,17 @@ class PandaPython(Stream):
         """The program.
 
         Raises:
-            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is none.
+            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is none; or an event
+                occurs in motion.
         """
+        events = self.events(samples)
+        for event in events:
+            near = samples.v[max(event.row - 1, 0) : max(event.row, 0) + 1]  # a rest may be between two rows
+            if (speed := abs(near).max(axis=1).min()) > _REST:
+                raise TrajectoryError(
+                    f"{event.kind or 'a new load'} occurs at {samples.t[event.row]:.4g} s, where a joint moves by "
+                    f"{speed:.3g} rad/s; a Franka arm takes a new load at rest only"
+                )
         constants = {
             "RATE": (self.rate_of(samples, 7, (self.rate,)), "[Hz]"),
             "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
@@ -104,6 +137,7 @@ class PandaPython(Stream):
             "MOST_LATE": (20, "ticks"),
             "MOST_OFF": (0.1, "[rad]"),
             "SETTLING": (500, "ticks"),
+            "EVENTS": ([tuple(one) for one in events], EVENT_REMARK),
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "V": (samples.v.tolist(), "joint velocities [rad/s], one row per tick"),
         }

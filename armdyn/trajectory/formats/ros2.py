@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from armdyn.arguments import number
@@ -23,6 +23,9 @@ _BETWEEN = 8
 
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
+_EVENT = ("name", "event", "load")
+"""Fields of `Piece` in a file's events."""
+
 _NO_YAML = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 """Characters that YAML does not have unescaped in a text, and more: https://yaml.org/spec/1.1/#c-printable."""
 
@@ -32,6 +35,9 @@ class Ros2:
     """The message as JSON that is YAML of the same meaning, a point per line.
 
     PyYAML, which ROS reads with, takes 1e-05 for text and 1.0e-05 for a number: YAML 1.1 wants the point.
+
+    Of a motion of several pieces the file has "events", too, which are no field of the message: for each piece
+    time_from_start, name, event and load, as in `Piece`, for the node that sets the controller's payload.
 
     Attributes:
         tolerance: largest allowed `deviation` [rad or m].
@@ -66,17 +72,20 @@ class Ros2:
         return off
 
     def text(self, samples: Samples) -> str:
-        """The message of `joint_trajectory`."""
+        """The message of `joint_trajectory`, and events."""
         message = joint_trajectory(samples)
-        names = ", ".join(
-            _NO_YAML.sub(_escaped, json.dumps(name, ensure_ascii=False)) for name in message["joint_names"]
-        )
+        names = ", ".join(map(_quoted, message["joint_names"]))
         points = []
         for point in message["points"]:
             rows = [f'"{what}": [{", ".join(map(_decimal, point[what]))}]' for what in _FIELDS]
             points.append(f'{{{", ".join(rows)}, "time_from_start": {json.dumps(point["time_from_start"])}}}')
         head = f'{{"header": {json.dumps(message["header"])},\n"joint_names": [{names}],\n"points": [\n'
-        return head + ",\n".join(points) + "\n]}\n"
+        events = ",\n".join(
+            _written({"time_from_start": _stamp(round(one.start * 1e9)), **{name: at[name] for name in _EVENT}})
+            for one in samples.pieces
+            for at in [asdict(one)]
+        )
+        return head + ",\n".join(points) + (f'\n],\n"events": [\n{events}' if events else "") + "\n]}\n"
 
 
 def joint_trajectory(samples: Samples) -> dict[str, Any]:
@@ -95,8 +104,28 @@ def joint_trajectory(samples: Samples) -> dict[str, Any]:
     rows = zip(*(getattr(samples, what).tolist() for what in _FIELDS.values()), strict=True)
     points: list[dict[str, Any]] = [dict(zip(_FIELDS, row, strict=True)) for row in rows]
     for point, stamp in zip(points, stamps.tolist(), strict=True):
-        point["time_from_start"] = {"sec": stamp // 10**9, "nanosec": stamp % 10**9}
+        point["time_from_start"] = _stamp(stamp)
     return {"header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}, "joint_names": names, "points": points}
+
+
+def _stamp(nanoseconds: int) -> dict[str, int]:
+    """A `builtin_interfaces/msg/Duration`."""
+    return {"sec": nanoseconds // 10**9, "nanosec": nanoseconds % 10**9}
+
+
+def _written(value: object) -> str:
+    """Plain values as JSON that is YAML of the same meaning."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{_quoted(key)}: {_written(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_written, value))}]"
+    if isinstance(value, str):
+        return _quoted(value)
+    return _decimal(value) if isinstance(value, float) else json.dumps(value)
+
+
+def _quoted(text: str) -> str:
+    return _NO_YAML.sub(_escaped, json.dumps(text, ensure_ascii=False))
 
 
 def _decimal(value: float) -> str:

@@ -7,21 +7,38 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from armdyn.arguments import number, several
 from armdyn.errors import TrajectoryError
 
 if TYPE_CHECKING:
+    from armdyn.trajectory.pieces import Load
     from armdyn.trajectory.samples import Samples
 
 _EVEN = 1e-6
 """Part of a tick by which stamps may be off even ones."""
 
 
+class Event(NamedTuple):
+    """Start of a piece, as a program has it."""
+
+    row: int
+    """Of the samples; -1: before the way to the start, of a load that the arm carries there already."""
+    kind: str
+    """`Piece.event`."""
+    name: str
+    """`Piece.name`."""
+    load: tuple[float, list[float], list[float]] | None
+    """Mass [kg], centre of mass [m] and Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg m²] about the flange; None: it stays."""
+
+
 @dataclass(frozen=True)
 class Stream:
     """A program that sends one row of samples per tick. The last step is as long as the others.
+
+    Of a motion of several pieces the program also sets their loads, and calls a function at each event, into which the
+    user writes the gripper's commands.
 
     Attributes:
         payload: mass that the controller is to know [kg]; None: the one that is set on the robot stays.
@@ -29,6 +46,8 @@ class Stream:
     """
 
     name: ClassVar[str]
+    flange: ClassVar[str]
+    """End of the name of the flange's frame, in whose axes the controller takes loads."""
 
     payload: float | None = None
     payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -46,6 +65,35 @@ class Stream:
         if len(com) != 3:
             raise TrajectoryError(f"payload_com has {len(com)} numbers; it is x, y, z [m]")
         return mass, [number(x, f"payload_com[{i}]", unit="m", error=TrajectoryError) for i, x in enumerate(com)]
+
+    def events(self, samples: Samples) -> list[Event]:
+        """The pieces at whose start something occurs: an event, or a change of the load.
+
+        Raises:
+            TrajectoryError: a load is not known about the flange, or is given by `payload` too.
+        """
+        found, before = [], None
+        for row, piece in zip(samples.piece_rows, samples.pieces, strict=True):
+            load = None if piece.load == before else piece.load
+            if load is not None and self.payload is not None:
+                raise TrajectoryError(
+                    "`payload` is of motions whose payload does not change; the pieces of this one have their loads"
+                )
+            if load is not None or piece.event:
+                row = row if row or piece.event else -1
+                told = None if load is None else self._about_flange(load)
+                found.append(Event(row, piece.event, piece.name, told))
+            before = piece.load or before
+        return found
+
+    def _about_flange(self, load: Load) -> tuple[float, list[float], list[float]]:
+        own = load.at_flange or load
+        if own.mass and not (own.frame == self.flange or own.frame.endswith(f"_{self.flange}")):
+            raise TrajectoryError(
+                f"a load of {load.mass:g} kg is in the frame {own.frame!r}; {self.name} takes it in that of the "
+                f"flange, {self.flange}: load_of(robot) gives both where the robot's model has that frame"
+            )
+        return own.mass, list(own.com), list(own.inertia)
 
     def rate_of(self, samples: Samples, joints: int, rates: Sequence[float]) -> float:
         """Ticks per second of the samples [Hz].
@@ -68,6 +116,10 @@ class Stream:
         )
 
 
+EVENT_REMARK = "tick, kind, name; mass [kg], centre of mass from the flange [m], inertia [kg m^2] of a new load"
+"""Of `Event` in a program."""
+
+
 def start_tolerance(value: object) -> float:
     """The field `tolerance` of a program: the largest distance of a joint from the start [rad].
 
@@ -76,6 +128,13 @@ def start_tolerance(value: object) -> float:
     """
     return number(value, "tolerance", unit="rad", sign="positive", error=TrajectoryError)
 
+
+_ON_EVENT = '''
+
+def on_event(kind, name):
+    """Events of the motion: write here what the gripper does, without waiting for it longer than the arm dwells."""
+    print(kind, name)
+'''
 
 _DISTANCE = '''
 
@@ -108,9 +167,9 @@ def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str
         "",
         f"NAME = {samples.name!a}",
         f"JOINTS = {list(samples.joint_names)!a}",
-        *(f"{name} = {value!r}  # {remark}" for name, (value, remark) in constants.items()),
+        *(f"{name} = {value!a}  # {remark}" for name, (value, remark) in constants.items()),
         "Q = [  # joint positions [rad], one row per tick",
         *(f"    {row}," for row in samples.q.tolist()),
         "]",
     ]
-    return "\n".join(lines) + "\n" + _DISTANCE
+    return "\n".join(lines) + "\n" + _ON_EVENT + _DISTANCE

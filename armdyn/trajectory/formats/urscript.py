@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.arguments import number
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory.formats.streams import Stream, python_head, start_tolerance
+from armdyn.trajectory.formats.streams import EVENT_REMARK, Event, Stream, python_head, start_tolerance
 
 if TYPE_CHECKING:
     from armdyn.trajectory.samples import Samples
@@ -20,6 +21,9 @@ UR_JOINTS = 6
 
 _RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
 """Ranges of servoj's lookahead_time [s] and gain, Script manual."""
+
+_PLAIN = re.compile("[^A-Za-z0-9 _.-]")
+"""Characters that a name in a program does not have."""
 
 _LATE = 3
 """Lookahead times for which the last target is kept: a first-order lag is then within 5 % of its last step."""
@@ -33,20 +37,27 @@ class UrScript(Stream):
     """One servoj per tick, after a slow movej to the start: https://www.universal-robots.com/manuals, Script manual.
 
     servoj(q, a, v, t, lookahead_time, gain) ignores a and v. The arm is behind the targets by about the lookahead time,
-    so that the last target is kept until the arm is there.
+    so that the last target is kept until the arm is there, and events are so much later than the targets.
+
+    Loads of pieces are set by set_target_payload(m, cog, inertia, transition_time) at their events, in the axes of the
+    flange; armdyn_event(kind, name) is there for the gripper's commands.
 
     Attributes:
         lookahead: `lookahead_time` of servoj [s], 0.03 to 0.2: longer is smoother, and later.
         gain: of servoj, 100 to 2000.
+        transition: `transition_time` [s] over which the controller applies a load that changes; 0: at once, and the
+            argument, which older controllers do not have, is left out.
     """
 
     name: ClassVar[str] = "urscript"
     suffix: ClassVar[str] = ".script"
     summary: ClassVar[str] = "a URScript program of servoj, 500 or 125 Hz"
     rate: ClassVar[float] = UR_RATES[0]
+    flange: ClassVar[str] = "tool0"
 
     lookahead: float = 0.1
     gain: float = 300.0
+    transition: float = 0.0
 
     def settling(self, rate: float) -> int:
         """Ticks for which the last target is kept.
@@ -59,6 +70,26 @@ class UrScript(Stream):
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; URScript takes {low:g} to {high:g}")
         return round(_LATE * self.lookahead * rate)
 
+    def late_events(self, samples: Samples, rate: float) -> list[Event]:
+        """Events in ticks from the start of the motion, later by the arm's lag where it moves before.
+
+        Raises:
+            TrajectoryError: see `Stream.events`.
+        """
+        late = round(self.lookahead * rate)
+        return [one._replace(row=one.row + late) if one.row > 0 else one for one in self.events(samples)]
+
+    def _event_lines(self, event: Event) -> list[str]:
+        """Script of an event; names have plain letters only, for URScript has no escapes."""
+        kind, name = (_PLAIN.sub("_", text[:80]) for text in (event.kind, event.name))
+        lines = [f'  armdyn_event("{kind}", "{name}")'] if event.kind else []
+        if event.load is not None:
+            mass, com, inertia = event.load
+            over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
+            tail = f", {_number(over)}" if over and event.row >= 0 else ""
+            lines.append(f"  set_target_payload({_number(mass)}, {_vector(com)}, {_vector(inertia)}{tail})")
+        return lines
+
     def text(self, samples: Samples) -> str:
         """The program: payload, way to the start, stream, stop.
 
@@ -69,6 +100,9 @@ class UrScript(Stream):
         rate, load = self.rate_of(samples, UR_JOINTS, UR_RATES), self.load()
         rows = [_vector(row) for row in samples.q.tolist()]
         kept = rows[-1:] * self.settling(rate)
+        events: dict[int, list[str]] = {}
+        for event in self.late_events(samples, rate):
+            events.setdefault(event.row, []).extend(self._event_lines(event))
         tail = f"0, 0, {1 / rate:g}, {self.lookahead:g}, {self.gain:g})"
         lines = [
             f"# Motion of {samples.t[-1]:.6f} s at {rate:g} Hz for a UR arm, written by armdyn.",
@@ -78,10 +112,15 @@ class UrScript(Stream):
             f"# First the arm moves slowly to {rows[0]}: that way is not planned, look at it.",
             "def armdyn_motion():",
         ]
+        if samples.pieces:
+            lines += ["  def armdyn_event(kind, name):", "    # Write here what the gripper does, such as:",
+                      "    # set_standard_digital_out(0, True)", "    textmsg(kind, name)", "  end"]  # fmt: skip
         if load is not None:
             lines.append(f"  set_target_payload({_number(load[0])}, {_vector(load[1])})")
+        lines += events.get(-1, [])
         lines.append(f"  movej({rows[0]}, a={APPROACH['a']}, v={APPROACH['v']})")
-        lines += [f"  servoj({row}, {tail}" for row in (*rows[1:], *kept)]
+        for tick, row in enumerate((*rows[1:], *kept)):
+            lines += [*events.get(tick, []), f"  servoj({row}, {tail}"]
         return "\n".join([*lines, "  stopj(2)", "end", ""])
 
 
@@ -115,11 +154,21 @@ def go_to_start(control, receive, moves):
         raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
 
 
+def occur(control, tick):
+    """Set the load of a piece that starts at a tick, and tell of its event."""
+    for row, kind, name, load in EVENTS:
+        if row == tick and load is not None:
+            control.setTargetPayload(*load)
+        if row == tick and kind:
+            on_event(kind, name)
+
+
 def run(control):
     """Send one target per tick; the last one until the arm has caught up."""
     try:
-        for q in Q[1:] + [Q[-1]] * SETTLING:
+        for tick, q in enumerate(Q[1:] + [Q[-1]] * SETTLING):
             begin = control.initPeriod()
+            occur(control, tick)
             if not control.servoJ(q, 0.5, 0.5, 1 / RATE, LOOKAHEAD, GAIN):  # 0.5, 0.5: not used by the controller
                 raise SystemExit("stopped: the controller takes no more targets")
             control.waitPeriod(begin)
@@ -140,6 +189,7 @@ def main():
     try:
         if PAYLOAD is not None:
             control.setPayload(*PAYLOAD)
+        occur(control, -1)
         refuse_unless_ready(control, receive)
         go_to_start(control, receive, asked.to_start)
         run(control)
@@ -176,6 +226,8 @@ class UrRtde(UrScript):
             TrajectoryError: see `UrScript.text`.
         """
         rate = self.rate_of(samples, UR_JOINTS, UR_RATES)
+        if self.transition:
+            raise TrajectoryError("transition is of urscript: setTargetPayload of ur_rtde changes a load at once")
         constants = {
             "RATE": (rate, "[Hz]"),
             "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
@@ -185,5 +237,6 @@ class UrRtde(UrScript):
             "LOOKAHEAD": (float(self.lookahead), "[s]: the arm is about so late"),
             "GAIN": (float(self.gain), "of servoJ"),
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
+            "EVENTS": ([tuple(one) for one in self.late_events(samples, rate)], EVENT_REMARK),
         }
         return python_head("a UR arm", "ur_rtde", samples, constants) + _UR_RTDE

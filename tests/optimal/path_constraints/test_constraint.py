@@ -63,7 +63,7 @@ def test_names_of_the_command_line():
 
 def test_what_has_only_a_name_is_refused():
     class Named:
-        name, continuous_torque = "names", False
+        name, continuous_torque, curves_alone = "names", False, False
 
         def on(self, robot, start, goal):
             return self

@@ -117,6 +117,9 @@ SOLVES = {
         between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
     ),
     "via points": lambda: noted(between("rr", via=[[-0.7, 0.8]]), starts=2),
+    "a via region": lambda: noted(
+        between("rr", via=[ad.GoalPose("tip", (0.3, 0, -0.1), tolerance=[0.02] * 3 + [0] * 3)])
+    ),
     "acceleration limits": lambda: noted(between("rr", acceleration_limit=100.0), starts=2),
     "velocity limits on a rail": lambda: noted(
         ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5)

@@ -147,7 +147,7 @@ class Policy:
 
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
     """The methods for a kind of problem."""
-    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0)
+    alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.regional)
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
     first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()

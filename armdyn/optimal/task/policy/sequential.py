@@ -15,6 +15,7 @@ class SequentialPolicy:
     shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh", TRAINED)
     longest: float = tuned(0.025, "of a leg", "longest interval of the last mesh: a link passes an edge in it", TRAINED)
     coarse: int = tuned(32, "intervals", "of the mesh on which ways are compared", TRAINED)
+    least: int = tuned(10, "intervals", "of a leg between regions, however short", "25/300/25 mm: Panda, UR5")
     coarse_shortest: float = tuned(3e-3, "of a leg", "first and last interval of the coarse mesh", TRAINED)
     coarse_longest: float = tuned(0.05, "of a leg", "longest interval of the coarse mesh", TRAINED)
     poses: int = tuned(64, "poses", "of a leg at which distances are asked for", TRAINED)

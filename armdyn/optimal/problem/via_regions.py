@@ -1,0 +1,98 @@
+"""Via regions: a frame passes through the region of a `GoalPose`, with joint positions within it as the guess."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose, deviations_of, frame_placement, poses_reaching, slid
+from armdyn.models.values.joint_limits import JointLimits
+
+Array = NDArray[np.float64]
+Via = Array | GoalPose
+
+_ARM = 0.3
+"""Lever [m] by which turns of a frame count as much as its ways: about a hand's distance from the wrist."""
+
+
+def via_positions(
+    robot: Robot, limits: JointLimits, ends: tuple[Array, Array], via: Sequence[Any], is_clear: Callable[[Array], bool]
+) -> tuple[Array, ...]:
+    """Joint positions at every via point, sampled in regions: near the neighbour whose frame is nearest.
+
+    Args:
+        robot: the arm.
+        limits: of the positions.
+        ends: start and goal [rad or m], each of shape (nv,).
+        via: joint positions and regions.
+        is_clear: whether joint positions touch nothing.
+
+    Raises:
+        ProblemError: a region is out of reach.
+    """
+    found, given = list[Array](), [None if isinstance(one, GoalPose) else one for one in via]
+    for i, one in enumerate(via):
+        if not isinstance(one, GoalPose):
+            found.append(one)
+            continue
+        after = next((q for q in given[i + 1 :] if q is not None), ends[1])
+        try:
+            found.append(_sampled(robot, limits, one, (found[-1] if found else ends[0], after), is_clear))
+        except (ProblemError, SpecError) as error:
+            raise ProblemError(f"via[{i}]: {error}") from None
+    return tuple(found)
+
+
+def _sampled(
+    robot: Robot, limits: JointLimits, region: GoalPose, beside: tuple[Array, Array], is_clear: Callable[[Array], bool]
+) -> Array:
+    """Joint positions in a region: its centre if that can be reached, clear of everything if any found are."""
+
+    def away(q: Array) -> float:
+        off = region.pose.actInv(frame_placement(robot, region.frame, q))
+        return float(np.linalg.norm(off.translation) + _ARM * np.linalg.norm(pin.log3(off.rotation)))
+
+    def candidates() -> Iterator[Array]:
+        near, nothing = sorted(beside, key=away), np.zeros(robot.nv)
+        centre = replace(region, tolerance=())
+        for goal, start in product((centre, region), near):
+            if (q := slid(robot, goal, start, nothing, limits)) is not None:
+                yield q
+        with suppress(ProblemError):
+            yield from poses_reaching(robot, centre, near[0], limits)
+        yield from poses_reaching(robot, region, near[0], limits)
+
+    first: Array | None = None
+    with suppress(ProblemError):
+        for q in candidates():
+            if is_clear(q):
+                return q
+            first = q if first is None else first
+    return poses_reaching(robot, region, beside[0], limits)[0] if first is None else first
+
+
+def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:
+    """Refuse a region that holds the pose before or after it: the motion would be through it before it left that pose.
+
+    Args:
+        robot: the arm.
+        via: joint positions and regions.
+        poses: start, via points and goal [rad or m], shape (vias + 2, nv).
+    """
+    for i, region in enumerate(via):
+        if not isinstance(region, GoalPose):
+            continue
+        for k in (i, i + 2):
+            if np.all(np.abs(deviations_of(robot, region, poses[k])) <= region.deviations):
+                name = "the start" if k == 0 else "the goal" if k == len(poses) - 1 else f"via[{k - 1}]"
+                raise ProblemError(
+                    f"via[{i}] is wider than its leg: {name} lies in it, and it would be passed by not moving; "
+                    "give it smaller tolerances or less free directions, or leave it out"
+                )
