@@ -68,6 +68,7 @@ from armdyn.models import reversed_motion as reversed_motion
 from armdyn.models import urdf_from_spec as urdf_from_spec
 from armdyn.optimal import Arc as Arc
 from armdyn.optimal import Certificate as Certificate
+from armdyn.optimal import FrameRegion as FrameRegion
 from armdyn.optimal import FrameSpeedLimit as FrameSpeedLimit
 from armdyn.optimal import LowerBound as LowerBound
 from armdyn.optimal import MinimumTimeOptions as MinimumTimeOptions

@@ -17,6 +17,8 @@ from armdyn.models.scene.obstacles import obstacle_from
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.placement import pose_of
+from armdyn.optimal.path_constraints.constraint import PathConstraint
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.registry import path_constraint_from
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.robot_tables import robot_from
@@ -158,16 +160,28 @@ def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
         given["obstacles"] = [*given.get("obstacles", ()), *scene.obstacles]
         given["allowed_contacts"] = [*given.get("allowed_contacts", ()), *scene.allowed_contacts]
     if "path_constraints" in given:
-        texts = _listed(table, "path_constraints")
-        if not all(isinstance(text, str) for text in texts):
-            raise table.error(
-                "path_constraints", f"path_constraints is {shown(texts)}; they are texts such as 'tip-speed=0.25'"
-            )
-        given["path_constraints"] = [path_constraint_from(text) for text in texts]
+        given["path_constraints"] = [
+            _constraint_from(table, one, robot, f"path_constraints[{i}]")
+            for i, one in enumerate(_listed(table, "path_constraints"))
+        ]
     limit = given.get("effort_limit")
     if isinstance(limit, list) and len(limit) == 2 and all(isinstance(end, list) for end in limit):
         given["effort_limit"] = tuple(limit)  # (lower, upper)
     return given
+
+
+def _constraint_from(table: Table, entry: object, robot: Robot, name: str) -> PathConstraint:
+    """The path constraint of a text, as of --limit, or of a table with a region and perhaps a leg."""
+    if isinstance(entry, str):
+        return path_constraint_from(entry)
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("region"), Mapping):
+        raise table.error(
+            "path_constraints",
+            f"{name} is {shown(entry)}; give texts such as 'tip-speed=0.25', or tables with a region",
+        )
+    own = replace(table, values=entry, within=(*table.within, "path_constraints"))
+    own.only(("region", "leg"))
+    return FrameRegion(goal_pose_from(replace(own, values=entry["region"]), robot, f"{name}.region"), entry.get("leg"))
 
 
 def goal_pose_from(table: Table, robot: Robot, name: str = "goal_pose") -> GoalPose:

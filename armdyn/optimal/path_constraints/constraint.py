@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,6 +151,10 @@ class PathConstraint(ABC):
         """See `PathConstraintSpec.option_text`."""
         raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
 
+    def entry(self) -> str | dict[str, Any]:
+        """See `PathConstraintSpec.entry`."""
+        return self.option_text()
+
     def under(self, policy: PathConstraintPolicy) -> Self:
         """The constraint with the tuned numbers of a policy."""
         return replace(self, policy=policy)
@@ -158,6 +162,9 @@ class PathConstraint(ABC):
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """See `PathConstraintSpec.on`."""
         return self
+
+    def fits(self, problem: MinimumTimeProblem) -> None:  # noqa: B027
+        """See `PathConstraintSpec.fits`."""
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
         """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.

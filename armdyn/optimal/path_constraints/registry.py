@@ -6,6 +6,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.clearance import KeepsClear
 from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
 from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
@@ -22,6 +23,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
     AccelerationLimit,
     JerkLimit,
     FrameSpeedLimit,
+    FrameRegion,
     TorqueRateLimit,
     VelocityTaperLimit,
     TorqueSpeedLimit,

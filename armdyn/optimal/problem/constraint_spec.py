@@ -1,6 +1,6 @@
 """Path constraints as a problem sees them."""
 
-from typing import Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,21 @@ class PathConstraintSpec(Protocol):
 
         Raises:
             ProblemError: no text says it.
+        """
+        ...
+
+    def entry(self) -> str | dict[str, Any]:
+        """The constraint as problem files say it: a text, as --limit does, or a table of values."""
+        ...
+
+    def fits(self, problem: Any) -> None:
+        """Check a whole problem, once its poses are known.
+
+        Args:
+            problem: a `MinimumTimeProblem`.
+
+        Raises:
+            ProblemError: the constraint cannot hold in it.
         """
         ...
 

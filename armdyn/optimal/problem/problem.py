@@ -375,6 +375,8 @@ class MinimumTimeProblem:
         path_constraints = check_path_constraints(self.path_constraints)
         bound = tuple(constraint.on(self.robot, self.x_start, self.x_goal) for constraint in path_constraints)
         object.__setattr__(self, "path_constraints", bound)
+        for constraint in bound:
+            constraint.fits(self)
 
     def _resolved_via(self) -> tuple[Via, ...]:
         """Via points as arrays and regions, checked."""
@@ -454,7 +456,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Obstacle):
         return obstacle_entry(value)
     if isinstance(value, PathConstraintSpec):
-        return value.option_text()
+        entry = value.entry()
+        return entry if isinstance(entry, str) else {key: _plain(one) for key, one in entry.items()}
     if isinstance(value, ControllerPreset):
         return value.to_text() or value.to_table()
     if isinstance(value, tuple | list):

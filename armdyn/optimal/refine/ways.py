@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 import pinocchio as pin
@@ -13,12 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import whole
 from armdyn.errors import ProblemError
+from armdyn.models.scene.reaching import slid
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.flat.solve import solve_among_obstacles
 from armdyn.optimal.landing.pace import least_factor
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop
@@ -34,6 +36,8 @@ Way = list[Array]
 
 _TURN = np.pi
 """Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
+_LINE = 17
+"""Joint positions of a line in a region: of one of 0.3 m 19 mm apart."""
 _FASTEST = 3.2
 """Velocity limit [rad/s or m/s] above which all are scaled down, lest collision checks be more than 0.064 rad apart."""
 NO_WAY = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
@@ -63,8 +67,9 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
 
 def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[Way]:
     """Ways through all poses of a problem, each planned when it is asked for; none: no path was found."""
+    lines = [_line(problem, leg) for leg in range(len(problem.poses) - 1)]
     if not problem.crowded:
-        yield [np.array(pair) for pair in pairwise(problem.poses)]
+        yield lines
         return
     model, limits, poses = problem.collision_model(), problem.limits, np.asarray(problem.poses)
     lower = np.maximum(limits.position_lower, np.min(poses, axis=0) - _TURN)
@@ -75,7 +80,10 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
     space = JointSpace(
         lambda q: model.is_free(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
     )
-    legs = [plan_paths(space, a, b, seed, stop=stop.__bool__) for a, b in pairwise(poses)]
+    legs = [
+        plan_paths(space, line[0], line[-1], seed, stop=stop.__bool__) if len(line) == 2 else iter([line])
+        for line in lines
+    ]
     way: list[Array | None] = [next(leg, None) for leg in legs]
     while found := [path for path in way if path is not None]:
         if len(found) < len(legs):
@@ -85,6 +93,21 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
         if all(path is None for path in more):
             return
         way = [old if new is None else new for old, new in zip(way, more, strict=True)]
+
+
+def _line(problem: MinimumTimeProblem, leg: int) -> Array:
+    """Straight line in joint space along a leg, shape (n, nv), brought into the regions that a frame keeps to on it."""
+    first, last = problem.poses[leg : leg + 2]
+    every = (one for one in problem.path_constraints if isinstance(one, FrameRegion))
+    regions = [one.region for one in every if one.leg in (None, leg)]
+    if not regions:
+        return np.array([first, last])
+    path = first + np.linspace(0, 1, _LINE)[:, None] * (last - first)
+    for region in regions:
+        half = replace(region, tolerance=tuple(0.5 * most for most in region.tolerance))
+        near = [slid(problem.robot, half, q, np.zeros_like(q), problem.limits) for q in path[1:-1]]
+        path[1:-1] = [q if moved is None else moved for q, moved in zip(path[1:-1], near, strict=True)]
+    return path
 
 
 def _seconds(way: Way, speed: Array) -> float:

@@ -1,0 +1,163 @@
+"""Region of a frame along the way: a straight approach, or a tool that is kept upright."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect, whole
+from armdyn.errors import ProblemError, SpecError
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
+from armdyn.models.scene.separation import frame_accelerations
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit
+from armdyn.optimal.path_constraints.rows import Rows, RowValues
+from armdyn.optimal.problem.checks import check_motors_everywhere
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Violation
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_STAGES = (1, 2, 3)
+"""Of an interval of a curve; its first one is the last of the interval before."""
+_REMAINDER = 0.01
+"""Part of a tolerance that a deviation may change by between two looks, as far as is proven."""
+_LOOKS = 100
+"""Looks at a sample at most."""
+_TURN = {True: 1.0, False: 2.5}
+"""Largest turn [rad] with a free axis, and without: for larger ones `_SECOND` does not hold."""
+_SECOND = (1.6, 2.8)
+"""Second derivatives of the rotation vector are no larger than 1.6 times the angular acceleration plus 2.8 times the
+squared angular velocity. Without a free axis the vector changes by J ω, with |J| = (φ/2) / sin(φ/2) <= 1.32 and
+|∂J/∂φ| <= 1.04 up to 2.5 rad: 1.32 |α| + 1.04 1.32 |ω|². With one it is g(c) e × a with c = e·a = cos θ and
+g = θ / sin θ; up to 1 rad g <= 1.19, |g'| <= 0.51 and |g''| <= 0.53, |a'| <= |ω|, |a''| <= |α| + |ω|²."""
+
+
+@dataclass(frozen=True)
+class FrameRegion(PartialLimit):
+    """A frame stays in a region along a leg, or all the motion.
+
+    Attributes:
+        region: where the frame is to be: free, or with a tolerance, in every direction.
+        leg: number of the leg between `MinimumTimeProblem.via`, from 0; None: the whole motion.
+    """
+
+    region: GoalPose
+    leg: int | None = None
+
+    name = "frame regions"
+    curves_alone = True
+
+    def __post_init__(self) -> None:
+        expect(self.region, GoalPose, "region of FrameRegion", "GoalPose(frame, placement, free=…, tolerance=…)")
+        if self.leg is not None:
+            whole(self.leg, "leg of FrameRegion", least=0)
+        turns = self.region.deviations[3:]
+        angle, most = float(np.linalg.norm(turns[np.isfinite(turns)])), _TURN[self.region.axis is not None]
+        if angle > most:
+            raise ProblemError(
+                f"FrameRegion lets {self.region.frame!r} turn by {angle:.3g} rad, and it is proven up to {most:g} rad: "
+                "give smaller tolerances, or leave rotations free"
+            )
+
+    def entry(self) -> dict[str, Any]:
+        return {"region": self.region, **({} if self.leg is None else {"leg": self.leg})}
+
+    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
+        """With tolerances in all directions in which the frame can move."""
+        try:
+            moving = moving_directions(robot, self.region)
+        except SpecError as error:
+            raise ProblemError(f"FrameRegion: {error}") from None
+        exact = np.array(DIRECTIONS)[moving & (self.region.deviations == 0)].tolist()
+        if exact:
+            raise ProblemError(
+                f"FrameRegion has no tolerance in {', '.join(exact)}: no motion is exact between its samples; give a "
+                "tolerance such as 3.5e-4 [m] or 5e-3 [rad], or name the direction in free"
+            )
+        return self
+
+    def fits(self, problem: MinimumTimeProblem) -> None:
+        """Refuse a leg that there is not, and poses outside the region between which it is to be kept."""
+        legs = len(problem.poses) - 1
+        if self.leg is not None and self.leg >= legs:
+            raise ProblemError(f"FrameRegion has leg {self.leg}; the motion has {legs}, numbered from 0")
+        check_motors_everywhere(problem.robot, problem.limits, "path_constraints has a FrameRegion")
+        first, last = (0, legs) if self.leg is None else (self.leg, self.leg + 1)
+        for k in range(first, last + 1):
+            if k - 1 in problem.via_regions:
+                continue
+            over = np.abs(deviations_of(problem.robot, self.region, problem.poses[k])) - self.region.deviations
+            if np.max(over) > self.policy.beside_region:
+                name = "start" if k == 0 else "goal" if k == legs else f"via[{k - 1}]"
+                raise ProblemError(
+                    f"the {name} is {np.max(over):.3g} {'m' if np.argmax(over) < 3 else 'rad'} outside of FrameRegion "
+                    f"in {DIRECTIONS[int(np.argmax(over))]}"
+                )
+
+    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+        """Deviations at the stages of every interval, and where the leg begins."""
+        every = region_rows(problem.robot, self.region, "every", self.leg, _STAGES)
+        return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,)))
+
+    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+        return tuple(region_values(problem.robot, self.region, self.part, count) for count in (len(_STAGES), 1))
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """By Pinocchio, at the samples and so many times between them that second derivatives prove the rest."""
+        marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
+        first, last = (marks[0], marks[-1]) if self.leg is None else marks[self.leg : self.leg + 2]
+        limited = np.isfinite(self.region.deviations) & moving_directions(problem.robot, self.region)
+        times, used, angle = _looked(problem.robot, self.region, motion, (first, last), limited)
+        k, i = np.unravel_index(np.argmax(used), used.shape)
+        share, direction = float(used[k, i]), np.array(DIRECTIONS)[limited][i]
+        most, unit = self.region.deviations[limited][i], "m" if not direction.startswith("r") else "rad"
+        name = f"region of {self.region.frame!r}" + ("" if self.leg is None else f" on leg {self.leg}")
+        said = f"{share * most:.3g} of {most:.3g} {unit} at most, in {direction} at t = {times[k]:.4g} s"
+        reasons = []
+        if angle > _TURN[self.region.axis is not None]:
+            reasons.append(f"frame {self.region.frame!r} turns by {angle:.3g} rad, too far for a proof between samples")
+        if share > 1 + self.policy.rate_tolerance:
+            reasons.append(f"frame {self.region.frame!r} leaves its region: {said}")
+        worst = Violation("frame region", self.region.frame, float(times[k]), share - 1) if reasons else None
+        return ConstraintReport(name, said, share, tuple(reasons), worst)
+
+
+def _looked(
+    robot: Robot, region: GoalPose, motion: Trajectory, span: tuple[float, float], limited: NDArray[np.bool_]
+) -> tuple[Array, Array, float]:
+    """Deviations of a frame, proven upper bounds in between included, as parts of the tolerances.
+
+    Args:
+        robot: the arm.
+        region: from which the frame deviates.
+        motion: between its samples joints follow cubics.
+        span: when it is looked at [s].
+        limited: which directions count, shape (6,).
+
+    Returns:
+        Times [s], shape (m,), the deviations around them, shape (m, limited directions), and the largest turn [rad].
+    """
+    point, (speed, turning) = frame_accelerations(robot, motion, region.frame)
+    second = np.repeat(np.column_stack([point, _SECOND[0] * turning + _SECOND[1] * speed**2]), 3, axis=1)
+    t, tolerance = motion.t, region.deviations[limited]
+    steps = np.flatnonzero((np.diff(t) > 0) & (t[1:] > span[0]) & (t[:-1] < span[1]))
+    begin, end = np.maximum(t[steps], span[0]), np.minimum(t[steps + 1], span[1])
+    beyond = second[steps][:, limited] * (end - begin)[:, None] ** 2 / 8
+    counts = np.ceil(np.sqrt(np.max(beyond / tolerance, axis=1, initial=0.0) / _REMAINDER)).clip(1, _LOOKS).astype(int)
+    owner = np.repeat(np.arange(steps.size), counts)
+    part = np.concatenate([np.arange(count) / count for count in counts])
+    times = np.append(begin[owner] + part * (end - begin)[owner], end[-1])
+    owner = np.append(owner, steps.size - 1)
+    found = deviations_of(robot, region, motion(times).q)
+    rest = (beyond / counts[:, None] ** 2)[owner]
+    rest[1:] = np.maximum(rest[1:], rest[:-1])  # a look bounds what lies on both its sides
+    angle = np.linalg.norm(found[:, 3:], axis=1) if np.any(limited[3:]) else np.zeros(times.size)
+    longest = float(np.max(angle + (speed[steps] * (end - begin))[owner]))
+    return times, (np.abs(found[:, limited]) + rest) / tolerance, longest
