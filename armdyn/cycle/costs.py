@@ -74,7 +74,8 @@ def cycle_costs(
     expect(solution, CycleSolution, "solution")
     if not solution.usable:
         raise ProblemError("costs are of a usable solution of a cycle")
-    report, chosen = listener(progress), options or MinimumTimeOptions(search="quick")
+    quick = MinimumTimeOptions(search="quick")
+    report, chosen = listener(progress), quick if options is None else expect(options, MinimumTimeOptions, "options")
     return (*_rests(solution), *_limits(solution), *_solved(solution, chosen, report))
 
 

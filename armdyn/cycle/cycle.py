@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import flag, one_of, several, shown
+from armdyn.arguments import expect, flag, one_of, several, shown, whole
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Wait
 from armdyn.errors import ArmdynError, CycleError, ProblemError, did_you_mean
 from armdyn.models.robots.poses import pose_given
@@ -124,7 +124,7 @@ class Cycle:
             if isinstance(step, type) or not isinstance(step, Move | Grasp | Release | Wait):
                 raise ProblemError(f"steps[{i}] is {shown(step)}; it must be a Move, Grasp, Release or Wait")
         if not any(isinstance(step, Move) for step in given):
-            raise ProblemError("a cycle has one Move at least")
+            raise ProblemError("steps have no Move: a cycle has one Move at least")
         with told(0, "start"):
             place = start if isinstance(start, GoalPose) else pose_given(robot, start, "start")
         values = {
@@ -145,8 +145,12 @@ class Cycle:
         return [called(self.robot.name), f"{len(self.steps)} steps", "closed" if self.closed else "open"]
 
     def name_of(self, step: int) -> str:
-        """Name of a step by its number, from 1 on; "start" of 0."""
-        if step == 0:
+        """Name of a step by its number, from 1 on; "start" of 0, "return" of what follows the last one.
+
+        Raises:
+            ProblemError: there is no such step.
+        """
+        if whole(step, "step", least=0, most=len(self.steps) + 1) == 0:
             return "start"
         if step > len(self.steps):
             return RETURN
@@ -166,8 +170,12 @@ class Cycle:
         return float(sum(step.dwell for step in self.steps if not isinstance(step, Move)))
 
     def rest(self, stop: Stop) -> float:
-        """Time at rest at a stop [s]."""
-        steps = (self.steps[k - 1] for k in stop.rests)
+        """Time at rest at one of the stops [s].
+
+        Raises:
+            ProblemError: it is none.
+        """
+        steps = (self.steps[k - 1] for k in expect(stop, Stop, "stop", "one of Cycle.stops").rests)
         return float(sum(step.dwell for step in steps if not isinstance(step, Move)))
 
     @cached_property
@@ -227,8 +235,14 @@ class Cycle:
 
         Args:
             order: numbers of the jobs, from 0 on.
+
+        Raises:
+            ProblemError: they are not all of the jobs, once each.
         """
         jobs = self.jobs
+        order = [whole(job, "order", least=0, most=len(jobs) - 1) for job in several(order, "order")]
+        if sorted(order) != list(range(len(jobs))):
+            raise ProblemError(f"order is {shown(order)}; it must have each of 0 to {len(jobs) - 1} once")
         first, last = jobs[0][0], jobs[-1][-1]
         steps = [self.steps[k - 1] for job in order for k in jobs[job]]
         steps = [*self.steps[: first - 1], *steps, *self.steps[last:]]

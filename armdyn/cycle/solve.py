@@ -51,8 +51,8 @@ def solve_cycle(
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
-    graph, bounded = CycleGraph.of(cycle), set[Edge]()
     with stopping(options.time_limit) as stop:
+        graph, bounded = CycleGraph.of(cycle), set[Edge]()
         while True:
             tour = graph.best(graph.lengths)
             edges = graph.open(tour)
@@ -116,17 +116,17 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop, report: Report) -> CycleS
     whole = len(legs) == len(cycle.moves)
     status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, stop.word)
     found = CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
-    report("a lower bound of the whole cycle")
-    return replace(found, lower_bound=_lower_bound(graph, found, stop))
+    return replace(found, lower_bound=_lower_bound(graph, found, stop, report))
 
 
-def _lower_bound(graph: CycleGraph, found: CycleSolution, stop: Stop) -> float | None:
+def _lower_bound(graph: CycleGraph, found: CycleSolution, stop: Stop, report: Report) -> float | None:
     """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
     cycle = found.cycle
     if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
         return graph.bound(graph.bounds) + cycle.dwell
     if graph.cycle.order == "free" or not found.usable:
         return None  # `graph.bounds` know sampled branches only
+    report("a lower bound of the whole cycle")
     problems = [leg.solution.problem for leg in found.legs]
     bound = chain_bound(problems, [place.target for place in cycle.stops], found.duration - cycle.dwell, stop.__bool__)
     return None if bound is None else bound.duration + cycle.dwell

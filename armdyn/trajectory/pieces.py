@@ -33,8 +33,7 @@ class Load:
         inertia: about the centre of mass, along the axes of `frame` [kg m²]: Ixx, Iyy, Izz, Ixy, Ixz, Iyz; may be given
             as three moments, or as the symmetric matrix.
         frame: name of the frame that the body is fixed to.
-        at_flange: all that the arm's flange carries, tool included, in the flange's frame: the values that a robot's
-            controller takes. None: not known.
+        at_flange: the same body in the frame of the arm's flange, as robots' controllers take it; None: not known.
 
     Raises:
         TrajectoryError: a number is not finite, the mass is negative, or a field has another shape.

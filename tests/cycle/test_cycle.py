@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from cycles import HERE, PART, planar
 
 import armdyn as ad
 from armdyn.errors import CycleError, ProblemError
+from cycles import HERE, PART, planar
 
 
 def test_a_cycle_rests_at_its_start_and_after_every_move():

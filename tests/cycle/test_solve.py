@@ -4,10 +4,10 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
-from cycles import HERE, THERE, planar, planar_solved
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
+from cycles import HERE, THERE, planar, planar_solved
 
 QUICK = ad.MinimumTimeOptions(search="quick")
 

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import yaml
 
@@ -17,7 +18,7 @@ from armdyn.trajectory.planned import read_planned
 from problems import pick_and_place
 from trajectory.test_programs import HOSTILE, Arm, Panda, motion, program, run_panda, run_ur, servoed
 
-EMPTY = ad.Load(0.0, frame="tip", at_flange=ad.Load(0.5, (0, 0, 0.05), frame="tool0"))
+EMPTY = ad.Load(0.0, frame="tip", at_flange=ad.Load(0.0, frame="tool0"))
 PART = ad.Load(
     1.0, (0, 0, 0.1), frame="tip", at_flange=ad.Load(1.5, (0, 0, 0.1), (1e-3, 2e-3, 3e-3, 1e-5, 0, 0), "tool0")
 )
@@ -100,38 +101,85 @@ def test_a_model_of_mujoco_has_one_payload():
     assert "<key" in (motion(6) + replace(motion(6), q=2 * motion(6).q[-1] - motion(6).q[::-1])).resample(100).to_mjcf()
 
 
-def test_urscript_sets_the_payload_at_the_grasp():
+def body(load):
+    """A payload's numbers as Pinocchio's inertia."""
+    mass, com, (xx, yy, zz, xy, xz, yz) = load
+    return pin.Inertia(mass, np.array(com), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+GRIPPER = (0.7, [0.01, -0.02, 0.05], [1e-3, 2e-3, 1.5e-3, 1e-4, -2e-4, 3e-4])
+"""Set on the robot before."""
+
+
+def same(found, expected):
+    np.testing.assert_allclose(body(found).toDynamicParameters(), expected.toDynamicParameters(), rtol=0, atol=1e-12)
+
+
+def test_urscript_adds_the_load_at_the_grasp():
     samples = UR.resample(500)
-    text = UrScript(lookahead=0.1, transition=0.2).text(samples)
+    text = UrScript(lookahead=0.1).text(samples)
     targets, _ = servoed(text)
     np.testing.assert_allclose(targets[: samples.t.size - 1], samples.q[1:], rtol=0, atol=5e-10)
     lines = text.partition("def armdyn_motion():")[2].splitlines()
-    first, grasp = [k for k, line in enumerate(lines) if "set_target_payload" in line]
-    assert lines[first] == (
-        "  set_target_payload(0.500000000, [0.000000000, 0.000000000, 0.050000000], "
-        + f"[{', '.join(['0.000000000'] * 6)}])"
-    )
-    assert lines[first + 1].startswith("  movej(")
-    assert lines[grasp].endswith(
-        "[0.001000000, 0.002000000, 0.003000000, 0.000010000, 0.000000000, 0.000000000], 0.200000000)"
-    )
+    (grasp,) = [k for k, line in enumerate(lines) if "armdyn_load(" in line and "def" not in line]
+    numbers = "[0.001000000, 0.002000000, 0.003000000, 0.000010000, 0.000000000, 0.000000000]"
+    assert lines[grasp] == f"  armdyn_load(1.500000000, [0.000000000, 0.000000000, 0.100000000], {numbers})"
     assert lines[grasp - 1] == '  armdyn_event("grasp", "part A")'
     before = sum(line.startswith("  servoj(") for line in lines[:grasp])
     assert before == samples.piece_rows[1] + 50  # a lookahead of 0.1 s later: the arm is there by then
-    assert "  def armdyn_event(kind, name):" in lines and lines.count("  end") == 1
-    assert "transition" not in text and "0.200000000)" not in UrScript().text(samples)
     assert "armdyn_event" not in UrScript().text(motion(6).resample(500))
 
 
-def test_ur_rtde_sets_the_payload_at_the_grasp(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("transition", [0.0, 0.2])
+def test_urscript_makes_one_body_of_gripper_and_part(transition):
+    """The function of the program, run as Python: the two languages write these lines alike."""
+    text = UrScript(transition=transition).text(UR.resample(500))
+    lines = text.partition("def armdyn_motion():\n")[2].partition("  movej(")[0].splitlines()
+    lines = [line[2:].replace("local ", "").replace("global ", "") for line in lines if line.strip() != "end"]
+    told = []
+    own = dict(
+        zip(("get_target_payload", "get_target_payload_cog", "get_target_payload_inertia"), GRIPPER, strict=True)
+    )
+    names = {name: lambda value=value: value for name, value in own.items()}
+    names |= {"set_target_payload": lambda *given: told.append(given), "textmsg": print}
+    exec("\n".join(lines), names)
+    names["armdyn_load"](*GRASP)
+    same(told[0][:3], body(GRIPPER) + body(GRASP))
+    assert told[0][3:] == ((transition,) if transition else ())
+    names["armdyn_load"](0.0, [0.0] * 3, [0.0] * 6)  # released
+    same(told[1][:3], body(GRIPPER))
+    names["armdyn_m"] = 0
+    names["armdyn_load"](0.0, [0.0] * 3, [0.0] * 6)
+    assert told[2] == (0, [0, 0, 0])
+
+
+def test_urscript_with_a_load_from_the_beginning():
+    text = UrScript(payload=0.5).text(cycle(6, PART, EMPTY, event="release").resample(500))
+    lines = [line for line in text.splitlines() if re.match(r"  (set_target_payload|global|armdyn_load|movej)", line)]
+    assert [re.match(r" *(\w+)", line)[1] for line in lines] == [
+        "set_target_payload", "global", "global", "global", "armdyn_load", "movej", "armdyn_load",
+    ]  # fmt: skip
+    assert lines[0].startswith("  set_target_payload(0.5") and lines[-1].startswith("  armdyn_load(0.000000000,")
+
+
+def test_ur_rtde_adds_the_load_at_the_grasp(tmp_path, monkeypatch, capsys):
     samples = UR.resample(500)
-    arm = Arm(samples.q[0])
+    own = dict(zip(("getPayload", "getPayloadCog", "getPayloadInertia"), GRIPPER, strict=True))
+    arm = Arm(samples.q[0], **own)
     run_ur(program(UrRtde(), samples, tmp_path), arm, monkeypatch)
-    assert arm.told("setTargetPayload") == [(0.5, [0, 0, 0.05], [0.0] * 6), GRASP]
+    (told,) = arm.told("setTargetPayload")
+    same(told, body(GRIPPER) + body(GRASP))
     order = [name for name, _, _ in arm.calls]
-    first, grasp = [k for k, name in enumerate(order) if name == "setTargetPayload"]
-    assert first < order.index("servoJ") and order[:grasp].count("servoJ") == samples.piece_rows[1] + 50
+    assert order[: order.index("setTargetPayload")].count("servoJ") == samples.piece_rows[1] + 50
     assert "grasp part A" in capsys.readouterr().out
+    arm = Arm(samples.q[0])
+    run_ur(
+        program(UrRtde(payload=0.5), cycle(6, PART, EMPTY, event="release").resample(500), tmp_path), arm, monkeypatch
+    )
+    assert arm.told("setPayload") == [(0.5, [0.0] * 3)] and not arm.told("getPayload")
+    held, released = arm.told("setTargetPayload")
+    same(held, body((0.5, [0.0] * 3, [0.0] * 6)) + body(GRASP))
+    assert released == (0.5, [0.0] * 3, [0.0] * 6)
     with pytest.raises(TrajectoryError, match="transition is of urscript"):
         UrRtde(transition=0.1).text(samples)
 
@@ -141,10 +189,10 @@ def test_panda_python_takes_a_load_at_rest_without_a_controller(tmp_path, monkey
     arm = Panda(samples.q[0])
     run_panda(program(PandaPython(), samples, tmp_path), arm, monkeypatch)
     matrix = [1e-3, 1e-5, 0.0, 1e-5, 2e-3, 0.0, 0.0, 0.0, 3e-3]
-    assert arm.told("set_load") == [(0.5, [0, 0, 0.05], [0.0] * 9), (1.5, [0, 0, 0.1], matrix)]
+    assert arm.told("set_load") == [(1.5, [0, 0, 0.1], matrix)]
     order = [name for name, _, _ in arm.calls if name not in ("set_control", "raise_error")]
     run = ["start_controller", "stop_controller"]
-    assert order == ["set_load", *run, "set_load", *run]
+    assert order == [*run, "set_load", *run]
     shown, row = arm.told("set_control"), samples.piece_rows[1]
     assert len(shown) == samples.t.size + 1 + 2 * 500
     np.testing.assert_array_equal([q for q, _ in shown[: row + 1]], samples.q[: row + 1])
@@ -169,7 +217,6 @@ def test_a_franka_arm_takes_no_load_in_motion():
 @pytest.mark.parametrize(
     ("made", "moved", "said"),
     [
-        (UrScript(payload=1.0), UR, "`payload` is of motions whose payload does not change"),
         (UrScript(transition=-1), UR, "transition is -1 s"),
         (UrScript(), cycle(6, part=ad.Load(1.0, frame="ee_link")), "a load of 1 kg is in the frame 'ee_link'; ur"),
         (UrRtde(), cycle(6, part=ad.Load(1.0, frame="ee_link")), "ur-rtde takes it in that of the flange, tool0"),

@@ -6,11 +6,10 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from armdyn.arguments import expect
 from armdyn.errors import ArmdynError, TrajectoryError
-from armdyn.models.robots.arm import Arm, payload_inertia
+from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.spec import Payload
 from armdyn.trajectory import Load, Trajectory
@@ -19,6 +18,8 @@ from armdyn.trajectory.joining import backwards
 _FLANGE = re.compile(r"(?:.*_)?(?:tool0|link8)")
 """Names of the flange in the descriptions of Universal Robots' and Franka's arms: its axes are their controllers'."""
 
+_DECIMALS = 9
+"""Of a load about the flange [m, kg m²]: rotations typed with seven digits leave 1e-13 where nothing is."""
 _BEYOND = 1e-6
 """Of half a joint's torque range: motions keep their limits to that."""
 
@@ -26,21 +27,23 @@ _BEYOND = 1e-6
 def load_of(robot: Robot) -> Load:
     """The payload of a robot as the load of a motion's piece; of a robot without a payload a mass of 0.
 
-    `Load.at_flange` has what `Tool` and `Payload` added to the robot's own bodies, if the model has its flange's frame.
+    `Load.at_flange` is there if the model has its flange's frame, "tool0" or "link8", on the same joint.
 
     Raises:
         ProblemError: no Robot.
     """
-    payload, flange = expect_robot(robot).payload, _flange(robot)
-    total = pin.Inertia.Zero()
-    if flange is not None:
-        for body in robot.attached:
-            frame = robot.frame_of(body)
-            total += (flange.placement.inverse() * frame.placement).act(payload_inertia(body))
-    at_flange = None if flange is None else Load(total.mass, total.lever, total.inertia, str(flange.name))
+    payload = expect_robot(robot).payload
+    frame = robot.frame(robot.tip) if payload is None else robot.frame_of(payload)
+    on_joint = (one for one in robot.model.frames if one.parentJoint == frame.parentJoint)
+    flange = next((one for one in on_joint if _FLANGE.fullmatch(one.name)), None)
     if payload is None:
-        return Load(0.0, frame=robot.tip, at_flange=at_flange)
-    return Load(payload.mass, payload.com, payload.inertia, str(robot.frame_of(payload).name), at_flange)
+        return Load(0.0, frame=robot.tip, at_flange=None if flange is None else Load(0.0, frame=str(flange.name)))
+    at_flange = None
+    if flange is not None:
+        moved = (flange.placement.inverse() * frame.placement).act(payload_inertia(payload))
+        com, inertia = (np.round(x, _DECIMALS) + 0.0 for x in (moved.lever, moved.inertia))
+        at_flange = Load(payload.mass, com, inertia, str(flange.name))
+    return Load(payload.mass, payload.com, payload.inertia, str(frame.name), at_flange)
 
 
 def robots_of(robot: Robot, motion: Trajectory) -> tuple[Robot, ...]:
@@ -117,13 +120,6 @@ def reversed_motion(robot: Robot, motion: Trajectory) -> Trajectory:
             "motor has at that speed"
         )
     return backwards(motion)
-
-
-def _flange(robot: Arm) -> pin.Frame | None:
-    """The frame of the flange, on the last joint that the arm moves; None: the model has none."""
-    joint = robot.frame(robot.tip).parentJoint
-    frames = (one for one in robot.model.frames if one.parentJoint == joint and _FLANGE.fullmatch(one.name))
-    return next(frames, None)
 
 
 def _payload(load: Load) -> Payload | None:

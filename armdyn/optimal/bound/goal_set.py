@@ -8,16 +8,18 @@ that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,
 or R_Aᵀ R e = R_B e where the frame may turn about its axis e. In a region around the goal, p is off by the length of
 its largest deviations at most, and a direction by the angle of its own: by so much the equations may be violated.
 No term has joints of both halves, which leaves affine forms a small part of the second-order terms that the whole
-chain has. Over a box every equation is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one
-joint, narrow the box or leave nothing of it (R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval
-Analysis, 2009, chapter 8). What is neither empty nor small is cut in two.
+chain has. Full poses have further equations, of a few joints each: squared distances between joints' origins. Over a
+box every equation is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one joint, narrow the
+box or leave nothing of it (R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, 2009,
+chapter 8). What is neither empty nor small is cut in two.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -43,6 +45,13 @@ TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
 
 _NEAR = 1e-9
 """Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
+
+_TRIALS = 20
+"""Random positions at which a polynomial of sines and cosines, of second degree in each joint's, is zero but by chance
+if it is not zero everywhere."""
+
+_IDLE = 1e-12
+"""Slope of a squared distance [m²/rad] below which a joint does not change it: an identity, but for rounding."""
 
 _BATCH = 500
 """Boxes that are evaluated at once: arrays of some 10 MB."""
@@ -178,12 +187,18 @@ class GoalSet:
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
-            now = narrowed(now, self._widened(closing(Affine.over(now.turned((1, 0))))), self.policy)
-            now = now[self.within.times(now, self.turning) < self.within.duration]
+            forms = self._widened(closing(Affine.over(now.turned((1, 0)))))
+            now, left = narrowed(now, forms, self.policy)
+            near = self.within.times(now, self.turning) < self.within.duration
+            now, left = now[near], left[near]
             reach = (now.upper - now.lower) * levers
-            wide = np.max(reach, axis=1, initial=0.0) > small
+            widest = np.max(reach, axis=1, initial=0.0)
+            wide = widest > small
+            # Cut is the joint with the largest part in what some equation leaves open, of those that are wide.
+            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + _TOLERANCE), axis=0).T
+            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + _TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
-            boxes = joined([later, *_halves(now[wide], np.argmax(reach[wide], axis=1))])
+            boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
 
     def shrunk(self, boxes: Interval, stop: Callable[[], bool]) -> Interval:
@@ -203,7 +218,8 @@ class GoalSet:
     def closure_over(self, box: Interval) -> Affine:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
         forms = self._widened(_closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
-        return Affine(forms.centre, forms.slopes, forms.rest + _TOLERANCE)
+        own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
+        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + _TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
         """Equations that hold everywhere in the region, by what they may be violated there."""
@@ -215,14 +231,16 @@ class GoalSet:
         return Affine(forms.centre, forms.slopes, forms.rest + by.reshape(-1, *(1,) * (forms.rest.ndim - 1)))
 
 
-def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> Interval:
-    """Boxes narrowed to where equations may hold; boxes without such a point are dropped.
+def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Interval, NDArray[np.intp]]:
+    """Boxes narrowed to where equations may hold, and their indices; boxes without such a point are dropped.
 
     Args:
         boxes: shape (boxes, nv).
         forms: of the equations, in ε of `Affine.over`: zero within `_TOLERANCE`.
         numbers: of the policy.
     """
+    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + _TOLERANCE) * (1 + 1e-12), axis=0))
+    boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
     centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
     rest, (m, nv) = forms.rest.T + _TOLERANCE, slopes.shape[1:]
     normal = slopes @ slopes.transpose(0, 2, 1)
@@ -256,7 +274,7 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> Interval:
     middle, radius = boxes.centre, boxes.radius
     beside = rounding(8, np.abs(middle) + radius)
     inner = Interval(middle + radius * lower - beside, middle + radius * upper + beside)
-    return boxes.meet(inner)[possible]
+    return boxes.meet(inner)[possible], left[possible]
 
 
 def clusters(boxes: Interval) -> list[Interval]:
@@ -306,7 +324,7 @@ def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
     if own:
         at = slice(4 * (own[-1] - 1), 4 * own[-1])
         inner = dynamics.placements(q)[:, at]
-        outer_q = ca.vertcat(*(0.0 if i + 1 in own else q[i] for i in range(dynamics.nv)))
+        outer_q = _behind(q, own)
         fixed = dynamics.placements(np.zeros(dynamics.nv))[:, at]
     else:
         inner, outer_q, fixed = ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), q, np.eye(3, 4)
@@ -319,4 +337,35 @@ def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
         rows.append(inner[:, :3].T @ (ca.SX(goal.pose.rotation.copy()) @ axis) - rotation @ axis)
     elif goal.oriented:
         rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
+    if goal.exact and goal.oriented:
+        rows += _distances(dynamics, goal, q)
     return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
+
+
+def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
+    """Equations of a few joints each: squared distances between two joints' origins [m²].
+
+    They follow from the joints between these two, and from those outside by way of the world and the goal. Joints that
+    turn about either origin change nothing.
+    """
+    n, chain, rng = dynamics.nv, _chain(dynamics.robot, goal), np.random.default_rng(0)
+    found = []
+    for i, j in combinations(range(len(chain)), 2):
+        first, last = 4 * (chain[i] - 1), 4 * (chain[j] - 1)
+        between = dynamics.placements(_behind(q, chain[: i + 1]))
+        inner = between[:, last + 3] - between[:, first + 3]
+        fixed = dynamics.placements(np.zeros(n))[:, last : last + 4]
+        rotation, origin = dynamics.frame_placement(_behind(q, chain[: j + 1]), goal.frame)
+        back = ca.SX(goal.pose.rotation.copy()) @ rotation.T
+        outer = goal.pose.translation - back @ (origin - fixed[:, 3]) - dynamics.placements(q)[:, first + 3]
+        row = ca.sumsqr(inner) - ca.sumsqr(outer)
+        slope = ca.Function("slope", [q], [ca.jacobian(row, q)])
+        slopes = [np.abs(slope(rng.uniform(-np.pi, np.pi, n)).full()[0]) for _ in range(_TRIALS)]
+        idle = [int(k) + 1 for k in np.flatnonzero(np.max(slopes, axis=0) < _IDLE)]
+        found.append((n - len(idle), ca.substitute(row, q, _behind(q, idle))))
+    return [row for count, row in found if 0 < count <= n - 2]
+
+
+def _behind(q: ca.SX, joints: Sequence[int]) -> ca.SX:
+    """Joint positions, with zeros for some joints."""
+    return ca.vertcat(*(0.0 if k + 1 in joints else q[k] for k in range(q.numel())))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.end_torques import end_torque_rows, end_torque_values
 from armdyn.optimal.flat.equations import POINTS, WINDOW, CurveInterval
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
@@ -100,9 +101,9 @@ def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
 
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
-    """Rows of the constraints that need rows of their own."""
+    """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return tuple(rows for each in asked for rows in each.rows(problem))
+    return (*end_torque_rows(problem), *(rows for each in asked for rows in each.rows(problem)))
 
 
 class _Numbers:
@@ -311,7 +312,7 @@ def constraint_values(
     breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
     knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return tuple(values for each in asked for values in each.values(problem, knots))
+    return (*end_torque_values(problem), *(values for each in asked for values in each.values(problem, knots)))
 
 
 def _powers(basis: Basis) -> Array:

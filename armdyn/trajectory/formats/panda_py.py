@@ -53,12 +53,12 @@ def run(panda, controller, first, last):
 
 
 def occur(panda, kind, name, load):
-    """Set the load of a piece, which the robot takes at rest without a controller only, and tell of its event."""
-    if load is not None:
-        mass, com, (xx, yy, zz, xy, xz, yz) = load
-        panda.get_robot().set_load(mass, com, [xx, xy, xz, xy, yy, yz, xz, yz, zz])
+    """Tell of an event, and set the load of its piece, which the robot takes at rest without a controller only."""
     if kind:
         on_event(kind, name)
+    if load is not None:
+        mass, com, (xx, yy, zz, xy, xz, yz) = joined((*PAYLOAD, [0.0] * 6), load) if PAYLOAD is not None else load
+        panda.get_robot().set_load(mass, com, [xx, xy, xz, xy, yy, yz, xz, yz, zz])
 
 
 def main():
@@ -100,8 +100,8 @@ class PandaPython(Stream):
     compensation. It refuses an arm with an error or not at the start, and targets outside the arm's joint limits.
 
     The robot takes a new load without a controller only: of a motion of several pieces the arm settles and pauses at
-    each event and each change of the load, where it must be at rest. A load is what is added to the end effector that
-    Franka's Desk knows.
+    each event and each change of the load, where it must be at rest. Loads are added to the end effector that Franka's
+    Desk knows.
 
     Attributes:
         tolerance: largest distance of a joint from the start [rad].

@@ -30,15 +30,15 @@ class Event(NamedTuple):
     name: str
     """`Piece.name`."""
     load: tuple[float, list[float], list[float]] | None
-    """Mass [kg], centre of mass [m] and Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg m²] about the flange; None: it stays."""
+    """Mass [kg], centre of mass [m] and Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg m²] in the flange's frame; None: it stays."""
 
 
 @dataclass(frozen=True)
 class Stream:
     """A program that sends one row of samples per tick. The last step is as long as the others.
 
-    Of a motion of several pieces the program also sets their loads, and calls a function at each event, into which the
-    user writes the gripper's commands.
+    Of a motion of several pieces the program adds their loads to the payload that is set on the robot, such as its
+    gripper's, and calls a function at each event, into which the user writes the gripper's commands.
 
     Attributes:
         payload: mass that the controller is to know [kg]; None: the one that is set on the robot stays.
@@ -70,20 +70,17 @@ class Stream:
         """The pieces at whose start something occurs: an event, or a change of the load.
 
         Raises:
-            TrajectoryError: a load is not known about the flange, or is given by `payload` too.
+            TrajectoryError: a load is not known in the flange's frame.
         """
         found, before = [], None
         for row, piece in zip(samples.piece_rows, samples.pieces, strict=True):
-            load = None if piece.load == before else piece.load
-            if load is not None and self.payload is not None:
-                raise TrajectoryError(
-                    "`payload` is of motions whose payload does not change; the pieces of this one have their loads"
-                )
-            if load is not None or piece.event:
+            load = piece.load
+            changes = load is not None and load != before and (load.mass > 0 or before is not None)
+            if changes or piece.event:
                 row = row if row or piece.event else -1
-                told = None if load is None else self._about_flange(load)
+                told = self._about_flange(load) if load is not None and changes else None
                 found.append(Event(row, piece.event, piece.name, told))
-            before = piece.load or before
+            before = load or before
         return found
 
     def _about_flange(self, load: Load) -> tuple[float, list[float], list[float]]:
@@ -116,7 +113,7 @@ class Stream:
         )
 
 
-EVENT_REMARK = "tick, kind, name; mass [kg], centre of mass from the flange [m], inertia [kg m^2] of a new load"
+EVENT_REMARK = "tick, kind, name; mass [kg], centre of mass from the flange [m], inertia [kg m^2] of the load"
 """Of `Event` in a program."""
 
 
@@ -132,8 +129,19 @@ def start_tolerance(value: object) -> float:
 _ON_EVENT = '''
 
 def on_event(kind, name):
-    """Events of the motion: write here what the gripper does, without waiting for it longer than the arm dwells."""
+    """Events of the motion: write here what the gripper does."""
     print(kind, name)
+
+
+def joined(base, load):
+    """Two bodies as one: mass, centre of mass, inertia about it."""
+    (m, c, i), (n, d, j) = base, load
+    if m + n <= 0:
+        return 0.0, [0.0] * 3, [0.0] * 6
+    x, y, z = (a - b for a, b in zip(c, d))
+    apart = [y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z]  # Steiner
+    inertia = [a + b + m * n / (m + n) * r for a, b, r in zip(i, j, apart)]
+    return m + n, [(m * a + n * b) / (m + n) for a, b in zip(c, d)], inertia
 '''
 
 _DISTANCE = '''

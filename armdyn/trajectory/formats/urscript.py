@@ -12,6 +12,8 @@ from armdyn.errors import TrajectoryError
 from armdyn.trajectory.formats.streams import EVENT_REMARK, Event, Stream, python_head, start_tolerance
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from armdyn.trajectory.samples import Samples
 
 UR_RATES = (500.0, 125.0)
@@ -21,6 +23,42 @@ UR_JOINTS = 6
 
 _RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
 """Ranges of servoj's lookahead_time [s] and gain, Script manual."""
+
+_ON_EVENT = """\
+  def armdyn_event(kind, name):
+    # Write here what the gripper does, without waiting, such as:
+    # set_standard_digital_out(0, True)
+    textmsg(kind, name)
+  end
+"""
+
+_LOAD = """\
+  global armdyn_m = get_target_payload()
+  global armdyn_c = get_target_payload_cog()
+  global armdyn_i = get_target_payload_inertia()
+  def armdyn_load(m, c, i):
+    # The robot's own payload and the load as one body: mass, centre of mass, inertia about it.
+    local t = armdyn_m + m
+    if t <= 0:
+      set_target_payload(0, [0, 0, 0])
+    else:
+      local w = armdyn_m * m / t
+      local x = armdyn_c[0] - c[0]
+      local y = armdyn_c[1] - c[1]
+      local z = armdyn_c[2] - c[2]
+      local cx = (armdyn_m * armdyn_c[0] + m * c[0]) / t
+      local cy = (armdyn_m * armdyn_c[1] + m * c[1]) / t
+      local cz = (armdyn_m * armdyn_c[2] + m * c[2]) / t
+      local xx = armdyn_i[0] + i[0] + w * (y * y + z * z)
+      local yy = armdyn_i[1] + i[1] + w * (x * x + z * z)
+      local zz = armdyn_i[2] + i[2] + w * (x * x + y * y)
+      local xy = armdyn_i[3] + i[3] - w * x * y
+      local xz = armdyn_i[4] + i[4] - w * x * z
+      local yz = armdyn_i[5] + i[5] - w * y * z
+      set_target_payload(t, [cx, cy, cz], [xx, yy, zz, xy, xz, yz]TRANSITION)
+    end
+  end
+"""
 
 _PLAIN = re.compile("[^A-Za-z0-9 _.-]")
 """Characters that a name in a program does not have."""
@@ -39,8 +77,8 @@ class UrScript(Stream):
     servoj(q, a, v, t, lookahead_time, gain) ignores a and v. The arm is behind the targets by about the lookahead time,
     so that the last target is kept until the arm is there, and events are so much later than the targets.
 
-    Loads of pieces are set by set_target_payload(m, cog, inertia, transition_time) at their events, in the axes of the
-    flange; armdyn_event(kind, name) is there for the gripper's commands.
+    Loads of pieces are added to the robot's payload by set_target_payload(m, cog, inertia, transition_time) at their
+    events, in the axes of the flange; armdyn_event(kind, name) is there for the gripper's commands.
 
     Attributes:
         lookahead: `lookahead_time` of servoj [s], 0.03 to 0.2: longer is smoother, and later.
@@ -85,10 +123,16 @@ class UrScript(Stream):
         lines = [f'  armdyn_event("{kind}", "{name}")'] if event.kind else []
         if event.load is not None:
             mass, com, inertia = event.load
-            over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
-            tail = f", {_number(over)}" if over and event.row >= 0 else ""
-            lines.append(f"  set_target_payload({_number(mass)}, {_vector(com)}, {_vector(inertia)}{tail})")
+            lines.append(f"  armdyn_load({_number(mass)}, {_vector(com)}, {_vector(inertia)})")
         return lines
+
+    def _functions(self, events: Sequence[Event]) -> list[str]:
+        """Script of the functions that events call."""
+        over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
+        told = _ON_EVENT if any(event.kind for event in events) else ""
+        if any(event.load is not None for event in events):
+            told += _LOAD.replace("TRANSITION", f", {_number(over)}" if over else "")
+        return told.splitlines()
 
     def text(self, samples: Samples) -> str:
         """The program: payload, way to the start, stream, stop.
@@ -100,8 +144,8 @@ class UrScript(Stream):
         rate, load = self.rate_of(samples, UR_JOINTS, UR_RATES), self.load()
         rows = [_vector(row) for row in samples.q.tolist()]
         kept = rows[-1:] * self.settling(rate)
-        events: dict[int, list[str]] = {}
-        for event in self.late_events(samples, rate):
+        late, events = self.late_events(samples, rate), dict[int, list[str]]()
+        for event in late:
             events.setdefault(event.row, []).extend(self._event_lines(event))
         tail = f"0, 0, {1 / rate:g}, {self.lookahead:g}, {self.gain:g})"
         lines = [
@@ -112,12 +156,9 @@ class UrScript(Stream):
             f"# First the arm moves slowly to {rows[0]}: that way is not planned, look at it.",
             "def armdyn_motion():",
         ]
-        if samples.pieces:
-            lines += ["  def armdyn_event(kind, name):", "    # Write here what the gripper does, such as:",
-                      "    # set_standard_digital_out(0, True)", "    textmsg(kind, name)", "  end"]  # fmt: skip
         if load is not None:
             lines.append(f"  set_target_payload({_number(load[0])}, {_vector(load[1])})")
-        lines += events.get(-1, [])
+        lines += [*self._functions(late), *events.get(-1, [])]
         lines.append(f"  movej({rows[0]}, a={APPROACH['a']}, v={APPROACH['v']})")
         for tick, row in enumerate((*rows[1:], *kept)):
             lines += [*events.get(tick, []), f"  servoj({row}, {tail}"]
@@ -154,21 +195,28 @@ def go_to_start(control, receive, moves):
         raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
 
 
-def occur(control, tick):
-    """Set the load of a piece that starts at a tick, and tell of its event."""
+def payload_of(receive):
+    """The payload that is set on the robot: mass, centre of mass, inertia."""
+    if PAYLOAD is not None:
+        return *PAYLOAD, [0.0] * 6
+    return receive.getPayload(), receive.getPayloadCog(), receive.getPayloadInertia()
+
+
+def occur(control, tick, base):
+    """Tell of the event of a piece that starts at a tick, and add its load to the robot's own payload."""
     for row, kind, name, load in EVENTS:
-        if row == tick and load is not None:
-            control.setTargetPayload(*load)
         if row == tick and kind:
             on_event(kind, name)
+        if row == tick and load is not None:
+            control.setTargetPayload(*joined(base, load))
 
 
-def run(control):
+def run(control, base):
     """Send one target per tick; the last one until the arm has caught up."""
     try:
         for tick, q in enumerate(Q[1:] + [Q[-1]] * SETTLING):
             begin = control.initPeriod()
-            occur(control, tick)
+            occur(control, tick, base)
             if not control.servoJ(q, 0.5, 0.5, 1 / RATE, LOOKAHEAD, GAIN):  # 0.5, 0.5: not used by the controller
                 raise SystemExit("stopped: the controller takes no more targets")
             control.waitPeriod(begin)
@@ -189,10 +237,11 @@ def main():
     try:
         if PAYLOAD is not None:
             control.setPayload(*PAYLOAD)
-        occur(control, -1)
+        base = payload_of(receive) if any(load for *_, load in EVENTS) else None
+        occur(control, -1, base)
         refuse_unless_ready(control, receive)
         go_to_start(control, receive, asked.to_start)
-        run(control)
+        run(control, base)
         print(f"done; a joint is {distance(receive.getActualQ(), Q[-1]):.4f} rad from the goal at most")
     finally:
         control.stopScript()

@@ -51,7 +51,7 @@ class Affine:
     @property
     def interval(self) -> Interval:
         """Interval hull."""
-        far = self._far
+        far = self.far
         beside = far + rounding(2, far + np.abs(self.centre))
         return Interval(self.centre - beside, self.centre + beside)
 
@@ -69,7 +69,7 @@ class Affine:
         slopes = a[:, None] * other.slopes + b[:, None] * self.slopes
         squares = self.slopes * other.slopes  # of ε_k², which is ½ ± ½
         middle, half = np.sum(squares, axis=1) / 2, np.sum(np.abs(squares), axis=1) / 2
-        far, own = self._far, other._far
+        far, own = self.far, other.far
         size_a, size_b = np.abs(a), np.abs(b)
         rest = size_a * other.rest + size_b * self.rest + (far * own - half)
         beside = rounding(2 * self.slopes.shape[1] + 8, (size_a + far) * (size_b + own))
@@ -88,7 +88,7 @@ class Affine:
         return self._wave(np.pi / 2)
 
     @property
-    def _far(self) -> Array:
+    def far(self) -> Array:
         """How far from the centre, at most, but for rounding."""
         return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
 
@@ -97,7 +97,7 @@ class Affine:
 
         What is left, sin(x + phase) − s d, is greatest and least at an end or where cos(x + phase) = s.
         """
-        middle, far = self.centre + phase, self._far
+        middle, far = self.centre + phase, self.far
         small = far < 1e-2  # where differences of nearly equal numbers would say nothing
         safe = np.where(small, 1.0, far)
         share = np.where(small, 1 - far**2 / 10, 3 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)

@@ -58,5 +58,6 @@ class BoundPolicy:
     most_boxes: int = tuned(
         60_000, "boxes", "of one enclosure, 3 to 6 s: positions need up to 12,000, full poses mostly 25,000", POSES
     )
+    cut: float = tuned(0.1, "of the widest joint's", "width in m or rad of a box's joints that may be cut", POSES)
     narrowings: int = tuned(2, "rounds", "over all equations, each of which profits from the others", POSES)
     damping: float = tuned(1e-6, "of the equations' size", "keeps dependent combinations of them solvable", POSES)
