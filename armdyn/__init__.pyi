@@ -40,6 +40,11 @@ from armdyn.errors import ArmdynError as ArmdynError
 from armdyn.errors import ArmdynWarning as ArmdynWarning
 from armdyn.errors import ContactError as ContactError
 from armdyn.errors import CycleError as CycleError
+from armdyn.errors import LogError as LogError
+from armdyn.identification import Estimate as Estimate
+from armdyn.identification import IdentifyOptions as IdentifyOptions
+from armdyn.identification import Log as Log
+from armdyn.identification import identify as identify
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box
 from armdyn.models import Capsule as Capsule

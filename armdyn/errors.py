@@ -133,6 +133,18 @@ class TrajectoryError(ArmdynError, ValueError):
     """The arrays of a trajectory do not fit each other, or its file cannot be read."""
 
 
+class LogError(ArmdynError, ValueError):
+    """A log cannot be read, or is none of the arm: units, order of the joints, currents, gaps, dead channels.
+
+    Attributes:
+        joint: at fault; None: not one alone.
+    """
+
+    def __init__(self, message: str, joint: str | None = None):
+        self.joint = joint
+        super().__init__(message)
+
+
 class ResultError(ArmdynError, ValueError):
     """A result file cannot be read, or is of a version or in units that are not known."""
 

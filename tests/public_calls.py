@@ -14,6 +14,7 @@ from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.linear import Rest
 from armdyn.studies.executors.local import local_executor
 from oracles import two_links
+from simulated_logs import simulated_log
 from toys import squares
 
 Right = dict[str, Any]
@@ -42,6 +43,7 @@ START, GOAL, PATH = [0.0, 0.0], [1.0, -0.5], np.zeros((4, 2))
 PROBLEM = ad.MinimumTimeProblem(RR, q_start=START, q_goal=GOAL)
 MOTION = ad.ramp(RR, START, GOAL, 0.2)
 OPTIONS = ad.MinimumTimeOptions(search="quick", time_limit=1e-3)
+LOG = simulated_log(RR, duration=2.0, rate=200.0)
 LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
 TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
@@ -152,6 +154,8 @@ def values() -> dict[Callable[..., object], Right]:
         ad.Load: {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": "", "at_flange": None},
         ad.Piece: {"start": 0.0, "name": "", "model_hash": "", "load": None, "event": ""},
         ad.RobotOptions: defaults(ad.RobotOptions),
+        ad.Log: {"t": LOG.t, "q": LOG.q, "tau": LOG.tau, "v": None, "joint_names": ("a", "b"), "name": "log"},
+        ad.IdentifyOptions: defaults(ad.IdentifyOptions),
         ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
         ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
         ad.MinimumTimeOptions: defaults(ad.MinimumTimeOptions),
@@ -178,6 +182,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
+        ad.identify: {"robot": RR, "logs": LOG, "what": "friction", "options": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"factors": (0.9, 1.1)},
         ad.likely_plants: {"robot": RR},
@@ -249,6 +254,8 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
     (folder / "preset.toml").write_text(PRESET)
     preset = ad.ControllerPreset.read(folder / "preset.toml")
     dynamics = ad.Dynamics(RR)
+    np.savez(folder / "log.npz", t=LOG.t, q=LOG.q, tau=LOG.tau)
+    estimate = ad.identify(RR, LOG, "friction")
     ticks, region, study = (
         Ticks.of(RR, MOTION, 1000.0),
         ad.GainRegion(1.0, 1.0),
@@ -273,6 +280,11 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.Robot.from_spec: {"spec": SPEC, "options": None} | READING | FRICTION,
         ad.Robot.from_source: {"source": RR.origin, "options": RR.options},
         RR.with_payload: {"payload": None},
+        RR.with_inertias: {"inertias": {"joint1": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}},
+        ad.Log.load: {"path": folder / "log.npz", "robot": RR},
+        LOG.in_order: {"robot": RR},
+        estimate.torques: {"q": START, "v": START, "a": START},
+        estimate.torque_deviation: {"q": START, "v": START, "a": START},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},
         RR.with_friction: {"damping": 1.0, "friction": 1.0, "width": 1.0},
         RR.marked: {"name": "motion"},

@@ -52,6 +52,7 @@ RESULTS = {
         ad.CycleCost,
         ad.CycleSolution,
         ad.GainPlane,
+        ad.Estimate,
         ad.LowerBound,
         ad.Margins,
         ad.MonteCarlo,
@@ -59,6 +60,7 @@ RESULTS = {
     ),
     *(ad.RouthTable, ad.Run, ad.Sample, ad.SampledLoop, ad.SampledStability, ad.Samples, ad.Scene, ad.Sensitivities),
     *(
+        ad.LogError,
         ad.Solution,
         ad.TimeOptimality,
         ad.Tuned,

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from armdyn.cycle.cycle import Cycle, Leg, Stop
 from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.errors import TrajectoryError
-from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
-from armdyn.trajectory import Load, Trajectory
+from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -62,11 +62,3 @@ def _rests(cycle: Cycle, stop: Stop, q: Array) -> Iterator[tuple[str, Trajectory
             yield event, still.as_piece(name=cycle.name_of(k), load=load_of(arm), event=event)
             event = ""
     yield event if event != "wait" else "", None
-
-
-def load_of(robot: Robot) -> Load:
-    """What a robot carries, as a motion's pieces have it."""
-    part = robot.payload
-    if part is None:
-        return Load(0.0, frame=robot.tip)
-    return Load(part.mass, part.com, part.inertia, robot.frame_of(part).name)

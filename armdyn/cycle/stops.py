@@ -44,8 +44,11 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
     limits, first = limits_of(cycle), cycle.stops[0].target
     near = np.clip(np.zeros(cycle.robot.nv), limits.position_lower, limits.position_upper)
     known: list[tuple[GoalPose, tuple[Array, ...]]] = []
-    found = []
+    found = list[tuple[Array, ...]]()
     for stop in cycle.stops:
+        if cycle.closed and stop is cycle.stops[-1]:
+            found.append(found[0])
+            continue
         if isinstance(stop.target, GoalPose):
             positions = next((own for pose, own in known if pose == stop.target), None)
             if positions is None:
@@ -56,7 +59,8 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
         else:
             positions = (stop.target,)
         held = _held(cycle, stop, positions, limits)
-        if isinstance(stop.target, GoalPose) and cycle.order == "given":  # else there are too many
+        # Whole turns of the start would give every tour again; with a free order they would be too many.
+        if isinstance(stop.target, GoalPose) and stop.step and cycle.order == "given":
             held = tuple(q for branch in held for q in _turned(cycle.robot, branch, limits))
         found.append(held)
     return tuple(found)
@@ -75,6 +79,7 @@ def _turned(robot: Robot, branch: Array, limits: JointLimits) -> list[Array]:
 def redundant(cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> list[GoalPose | None]:
     """The goal pose of every stop that a continuum of joint positions reaches; None of the others."""
     targets = [stop.target for stop in cycle.stops]
+    targets[-1] = targets[0] if cycle.closed else targets[-1]  # one object, as `slid_chain` wants it
     return [
         target if isinstance(target, GoalPose) and free_directions(cycle.robot, target, own[0]).size else None
         for target, own in zip(targets, positions, strict=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import expect, several, shown, text
+from armdyn.arguments import expect, numbers, several, shown, text
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
@@ -285,6 +285,27 @@ class Arm:
                 at, tip = frame.placement * pin.SE3(np.array(body.tip)), body.name
                 model.addFrame(pin.Frame(tip, frame.parentJoint, 0, at, pin.FrameType.OP_FRAME))
         return replace(self, model=model, tip=tip, payload=self.payload if isinstance(body, Tool) else body)
+
+    def _moving(self, inertias: Mapping[str, ArrayLike] | None) -> Self:
+        """This robot with other inertias, see `RobotOptions.inertias`; the model is copied before it is changed.
+
+        Raises:
+            SpecError: there is no such joint, or no body has such an inertia.
+        """
+        if inertias is None:
+            return self
+        model = self.model.copy()
+        for joint, given in inertias.items():
+            if joint not in self.joint_names:
+                raise SpecError(f"inertias: no joint {shown(joint)}{did_you_mean(str(joint), self.joint_names)}")
+            own = numbers(given, f"inertias of {joint}", "ten finite numbers", error=SpecError)
+            if own.shape != (10,) or not np.all(np.isfinite(own)) or np.max(np.abs(own)) > LARGEST:
+                raise SpecError(f"inertias of {joint} are {shown(given)}; they must be ten finite numbers")
+            spread = np.linalg.eigvalsh(pin.PseudoInertia.FromDynamicParameters(own).toMatrix())
+            if own[0] <= 0 or spread[0] < -1e-9 * spread[-1]:
+                raise SpecError(f"inertias of {joint} are {shown(given)}: no body has such an inertia")
+            model.inertias[model.getJointId(joint)] = pin.Inertia.FromDynamicParameters(own)
+        return replace(self, model=model)
 
     def _read(self, value: ArrayLike, what: str, unit: str = "", *, finite: bool = True) -> Array:
         """One number, or one per joint, that is not negative, as an array of shape (nv,)."""

@@ -34,6 +34,7 @@ class RobotKeywords(TypedDict, total=False):
     friction: FrictionValue | None
     friction_width: float | None
     passive: Sequence[str]
+    inertias: Mapping[str, ArrayLike] | None
     package_dirs: Sequence[str | os.PathLike[str]]
 
 
@@ -65,6 +66,9 @@ class RobotOptions:
         friction: Coulomb friction [N m or N], likewise; in a URDF `<dynamics friction=…>`.
         friction_width: speed over which Coulomb friction changes its sign, see `JointFriction` [rad/s or m/s].
         passive: names of joints without a motor; their torque limits are zero.
+        inertias: inertia of all bodies on a joint instead of the file's, tool included, payload not: joint name to
+            m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's origin along its axes [kg, kg m, kg m²], which
+            are Pinocchio's dynamic parameters; see `armdyn.identify`.
         package_dirs: folders of `package://` meshes, besides the file's own folder and ROS package. Dynamics need no
             mesh.
 
@@ -86,6 +90,7 @@ class RobotOptions:
     friction: FrictionValue | None = None
     friction_width: float | None = None
     passive: Sequence[str] = ()
+    inertias: Mapping[str, ArrayLike] | None = None
     package_dirs: Sequence[str | os.PathLike[str]] = ()
 
     def __post_init__(self) -> None:
@@ -94,6 +99,9 @@ class RobotOptions:
         if self.lock is not None:
             right = "joint name to position [rad or m]"
             expect(self.lock, Mapping, "lock", right, error=SpecError)  # type: ignore[type-abstract]
+        if self.inertias is not None:
+            right = "joint name to ten inertial parameters"
+            expect(self.inertias, Mapping, "inertias", right, error=SpecError)  # type: ignore[type-abstract]
         if self.arm is not None:
             ends = several(self.arm, "arm", error=SpecError)
             if len(ends) != 2 or not all(isinstance(end, str) for end in ends):

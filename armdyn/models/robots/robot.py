@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, Self, Unpack
 
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, several, text
 from armdyn.errors import SpecError
@@ -80,10 +82,10 @@ class Robot(Arm):
             options=given,
         )
         robot = replace(robot, name=robot.marked(robot.name))
-        if source.spec and given.tool is None:  # the payload is one of its links
+        if _payload_is_link(source, given):
             robot = replace(robot, payload=given.payload)
         else:
-            robot = robot._carrying(given.tool)._carrying(given.payload)
+            robot = robot._carrying(given.tool)._moving(given.inertias)._carrying(given.payload)
         idle = BENCHMARKS.get(source.name, ()) if source.format == "library" else ()
         robot = robot.with_passive([joint for joint in idle if joint in robot.joint_names])
         robot = robot.with_limits(given.effort_limit, given.velocity_limit).with_torque_speed(given.torque_speed)
@@ -102,10 +104,24 @@ class Robot(Arm):
             SpecError: the payload does not fit, or the robot was put together by hand.
             ArmdynError: its file is not there any more.
         """
+        return self._again(replace(self.options, payload=payload))
+
+    def with_inertias(self, inertias: Mapping[str, ArrayLike] | None) -> Self:
+        """This robot with other inertias of its bodies, see `RobotOptions.inertias`; None: the file's.
+
+        It is read again; payload, limits, friction and rotors stay.
+
+        Raises:
+            SpecError: there is no such joint, no body has such an inertia, or the robot was put together by hand.
+            ArmdynError: its file is not there any more.
+        """
+        return self._again(replace(self.options, payload=self.payload, inertias=inertias))
+
+    def _again(self, options: RobotOptions) -> Self:
+        """This robot read again with other options; its name, limits, rotors, friction and tip stay."""
         if self.origin is None:
-            raise SpecError(f"{self.source} was put together by hand: it cannot be read again with another payload")
-        read = type(self).from_source(self.origin, replace(self.options, payload=payload))
-        read = read.with_armature(self.model.armature)
+            raise SpecError(f"{self.source} was put together by hand: it cannot be read again with another load")
+        read = type(self).from_source(self.origin, options).with_armature(self.model.armature)
         return replace(read, name=self.name, limits=self.limits, friction=self.friction, tip=self.tip)
 
     @classmethod
@@ -124,8 +140,8 @@ class Robot(Arm):
             path: the file.
             payload: fixed to `payload.frame`, by default the tip.
             keywords: the other fields of `RobotOptions`: tool, lock, arm, effort_limit, velocity_limit, torque_speed,
-                armature, rotor_inertia, gear_ratio, damping, friction, friction_width, passive, package_dirs; or
-                `options`, a whole `RobotOptions`.
+                armature, rotor_inertia, gear_ratio, damping, friction, friction_width, passive, inertias,
+                package_dirs; or `options`, a whole `RobotOptions`.
 
         Raises:
             UrdfError: the file cannot be read or is not physical.
@@ -266,6 +282,11 @@ class Robot(Arm):
         )
 
 
+def _payload_is_link(source: RobotSource, options: RobotOptions) -> bool:
+    """Whether the payload is a link of the generated URDF, and so in the model that is read."""
+    return source.spec is not None and options.tool is None and options.inertias is None
+
+
 def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
     """Pinocchio's model of a source, whatever its format."""
     lock, arm, folders, name = options.lock or {}, options.arm, tuple(map(str, options.package_dirs)), source.name
@@ -276,7 +297,7 @@ def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
         root = read_mjcf(Path(name)) if source.text is None else parse_mjcf(source.text, name)
         return _Parsed(read_mjcf_arm(root, name, lock, arm), source=name)
     if source.spec is not None:
-        urdf = urdf_from_spec(source.spec, options.payload if options.tool is None else None)
+        urdf = urdf_from_spec(source.spec, options.payload if _payload_is_link(source, options) else None)
         return _Parsed(read_arm(urdf, name, lock, arm), urdf, name)
     file, folders = source.file, (*source.package_dirs, *folders)
     if source.format == "library":

@@ -315,7 +315,10 @@ class Sequential:
     def _smoothing(self) -> sp.csr_matrix:
         """Weight of the squared second derivatives over their scales, which makes the step unique."""
         problem, size = self.problem, self.problem.shape.size
-        velocity = problem.speeds
+        velocity, times = problem.speeds, np.array([leg.duration for leg in problem.guess.legs])
+        smooth = self.policy.smooth * np.ones(times.size)
+        if problem.shape.joined:  # of accelerations in time: those of short legs are large
+            smooth = self.policy.smooth_short * (np.max(times) / times) ** 3
         out = sp.csr_matrix((size, size))
         for k, leg in enumerate(problem.guess.legs):
             s, weights = leg.basis.gauss(2)
@@ -327,7 +330,7 @@ class Sequential:
                 matrix = sp.csr_matrix(
                     (second.ravel(), (rows.ravel(), points[window, joint].ravel())), (rows.shape[0], size)
                 )
-                out = out + matrix.T @ sp.diags(self.policy.smooth * weights.ravel() / velocity[joint] ** 2) @ matrix
+                out = out + matrix.T @ sp.diags(smooth[k] * weights.ravel() / velocity[joint] ** 2) @ matrix
         return out.tocsr()
 
     def _outcome(self, at: _Iterate, step: QpSolution | None, status: Status, word: str, iterations: int) -> NlpResult:

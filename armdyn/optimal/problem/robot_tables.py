@@ -29,7 +29,7 @@ _NUMBERS = (
     "effort_limit", "velocity_limit", "armature", "rotor_inertia", "gear_ratio", "damping", "friction",
     "friction_width", "passive",
 )  # fmt: skip
-KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "limits")
+KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits")
 """The keys of [robot]."""
 
 _WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name"}
@@ -60,8 +60,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         if "arm" in given and not (isinstance(ends, list) and len(ends) == 2 and all(isinstance(e, str) for e in ends)):
             raise table.error("arm", f"arm is {shown(ends)}; it is two joints or links: ['first', 'last']")
         numbers: Any = {key: given[key] for key in _NUMBERS if key in given}
-        if "torque_speed" in given:
-            numbers["torque_speed"] = _inner(table, "torque_speed")
+        numbers |= {key: _inner(table, key) for key in ("torque_speed", "inertias") if key in given}
         payload = payload_from(carried, folder) if carried else None
         options = RobotOptions(payload=payload, tool=tool, lock=lock, arm=ends, **numbers)
         robot = Robot.from_source(_source(table), options)
@@ -75,7 +74,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     """The table [robot] that describes a robot.
 
     Args:
-        robot: read by one of its readers, and changed at most in payload, limits, rotors and friction.
+        robot: read by one of its readers, and changed at most in payload, inertias, limits, rotors and friction.
         folder: in which the table will be written: a robot's file inside it is named. Else its text is in the table.
 
     Raises:
@@ -91,10 +90,12 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
         written["arm"] = list(options.arm)
     if robot.payload is not None:
         written["payload"] = payload_entry(robot.payload)
+    if options.inertias is not None:
+        written["inertias"] = {joint: np.asarray(own, dtype=float).tolist() for joint, own in options.inertias.items()}
     if options.tool is not None:
         written["tool"] = payload_entry(options.tool)
-    read = RobotOptions(payload=robot.payload, tool=options.tool, lock=options.lock, arm=options.arm)
-    plain = Robot.from_source(origin, read)
+    read = {name: getattr(options, name) for name in ("tool", "lock", "arm", "inertias")}
+    plain = Robot.from_source(origin, RobotOptions(payload=robot.payload, **read))
     if robot.joint_names != plain.joint_names or robot.tip != plain.tip:
         raise SpecError(f"{robot.source}: joints or tip were changed after it was read: no problem file describes it")
     rows = {name: (own, plain.limits.rows[name]) for name, own in robot.limits.rows.items()}

@@ -107,7 +107,7 @@ def _line(problem: MinimumTimeProblem, leg: int) -> Array:
         half = replace(region, tolerance=tuple(0.5 * most for most in region.tolerance))
         near = [slid(problem.robot, half, q, np.zeros_like(q), problem.limits) for q in path[1:-1]]
         path[1:-1] = [q if moved is None else moved for q, moved in zip(path[1:-1], near, strict=True)]
-    return path
+    return np.asarray(path)
 
 
 def _seconds(way: Way, speed: Array) -> float:

@@ -68,8 +68,13 @@ def test_what_has_only_a_name_is_refused():
         def on(self, robot, start, goal):
             return self
 
+        def fits(self, problem):
+            pass
+
         def option_text(self):
             return "names"
+
+        entry = option_text
 
     with pytest.raises(ProblemError, match="no rows and no check"):
         path_constraints_of(rr(Named()))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -127,6 +127,13 @@ class FrameRegion(PartialLimit):
             reasons.append(f"frame {self.region.frame!r} leaves its region: {said}")
         worst = Violation("frame region", self.region.frame, float(times[k]), share - 1) if reasons else None
         return ConstraintReport(name, said, share, tuple(reasons), worst)
+
+    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+        """Ask for less of the tolerances by what was used beyond them, and a little more."""
+        if not kept.reasons:
+            return self
+        part = (1 - self.policy.region_spare) * self.part / max(float(kept.share or 1), 1.0)
+        return replace(self, part=max(part, self.policy.least_region))
 
 
 def _looked(

@@ -36,6 +36,10 @@ class PathConstraintPolicy:
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")
     beside_region: float = tuned(1e-6, "m or rad", "outside a region that is passed: as of all other limits")
+    region_spare: float = tuned(
+        5e-3, "of a tolerance", "asked for besides, where a frame leaves its region", "Panda, UR5"
+    )
+    least_region: float = tuned(0.5, "of a tolerance", "that a program is asked for", "Panda, UR5")
     far: float = tuned(0.1, "rad or m", "of the goal: the mesh was too coarse for what the arm does", "RR, Panda")
     settled: float = tuned(
         5e-4, "of the duration", "that a mesh twice as fine changes no more is the answer", "RR, RRR"

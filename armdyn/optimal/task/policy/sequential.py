@@ -57,3 +57,4 @@ class SequentialPolicy:
     end_margin: float = tuned(0.15, "of half the range", "of torques in the first and last interval, at first", TRAINED)
     kept: float = tuned(2e-5, "of the duration", "slower than velocity limits allow, for following the curve", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %", TRAINED)
+    smooth_short: float = tuned(3e-4, "s", "the same between regions, for the longest leg", "25/300/25 mm: Panda, UR5")

@@ -1,0 +1,132 @@
+"""Whether a log is one of an arm: units, order of the joints, torques rather than currents, channels that are dead."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from armdyn.errors import LogError
+from armdyn.identification.log import Log, Signals
+from armdyn.identification.model import rigid_torques
+from armdyn.models.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+MOVED = 0.02
+"""Way of a joint from which on its velocities and torques say something [rad or m]."""
+_BEYOND = 0.1
+"""Excess over a position limit that no encoder's offset explains [rad or m]."""
+_ALIKE, _UNLIKE = 0.9, 0.5
+"""Correlations of channels that are the same, and of those that are not."""
+_SCALES = 0.2, 5.0
+"""Measured torque as a multiple of the model's: outside it is in another unit. A guessed inertia or an unknown payload
+changes the torque of the joint with most load by less."""
+
+
+def check_log(robot: Robot, log: Log, signals: Signals) -> None:
+    """Refuse what is no log of this arm.
+
+    Args:
+        robot: the arm.
+        log: its columns in the robot's order.
+        signals: of the log.
+
+    Raises:
+        LogError: names the joint and the likely cause.
+    """
+    for j, joint in enumerate(robot.joint_names):
+        if np.ptp(log.tau[:, j]) == 0 and not robot.limits.passive[j]:
+            raise LogError(
+                f"{log.name}: the torque of {joint} is constant, {log.tau[0, j]:g}: its channel is dead", joint
+            )
+    if not np.any(np.ptp(log.q, axis=0) > MOVED):
+        raise LogError(f"{log.name}: no joint moves by more than {MOVED:g} rad or m: nothing can be identified")
+    _check_positions(robot, log)
+    if log.v is not None:
+        _check_velocities(robot, log)
+    _check_torques(robot, log, signals)
+
+
+def _check_positions(robot: Robot, log: Log) -> None:
+    limits = robot.limits
+    for j, joint in enumerate(robot.joint_names):
+        low, high = float(log.q[:, j].min()), float(log.q[:, j].max())
+        bounds = float(limits.position_lower[j]), float(limits.position_upper[j])
+        most = max(abs(low), abs(high))
+        endless = not np.all(np.isfinite(bounds))
+        if (endless and most < 8 * np.pi) or (bounds[0] - _BEYOND <= low and high <= bounds[1] + _BEYOND):
+            continue
+        said = f"{log.name}: {joint} is logged from {low:.4g} to {high:.4g}"
+        if not robot.slides[j] and most > 2 * np.pi:
+            raise LogError(f"{said}: these are degrees; positions are radians: np.deg2rad(q)", joint)
+        unit = "m" if robot.slides[j] else "rad"
+        raise LogError(
+            f"{said} {unit}, outside its limits [{bounds[0]:.4g}, {bounds[1]:.4g}] {unit}: the joints are in another "
+            f"order than {', '.join(robot.joint_names)}, or their zeros differ",
+            joint,
+        )
+
+
+def _check_velocities(robot: Robot, log: Log) -> None:
+    assert log.v is not None  # noqa: S101  # for mypy
+    # Means over a twentieth of a second: differences of encoder steps are noise.
+    every = max(1, int(0.05 / np.median(np.diff(log.t))))
+    way = np.diff(log.q[::every], axis=0)
+    reach = np.concatenate(
+        [[np.zeros(log.v.shape[1])], np.cumsum((log.v[1:] + log.v[:-1]) / 2 * np.diff(log.t)[:, None], axis=0)]
+    )
+    summed = np.diff(reach[::every], axis=0)
+    for j, joint in enumerate(robot.joint_names):
+        if np.ptp(log.q[:, j]) < MOVED:
+            continue
+        if np.ptp(log.v[:, j]) == 0:
+            raise LogError(
+                f"{log.name}: the velocity of {joint} is constant, but the joint moves: its channel is dead", joint
+            )
+        like = [_correlation(summed[:, j], way[:, k]) for k in range(way.shape[1])]
+        if like[j] < _UNLIKE:
+            other = int(np.argmax(like))
+            why = (
+                f"it is that of {robot.joint_names[other]}: q and v have different orders of joints"
+                if like[other] > _ALIKE
+                else "it is not the derivative of q"
+            )
+            raise LogError(f"{log.name}: the velocity of {joint} does not fit its positions: {why}", joint)
+        scale = float(summed[:, j] @ way[:, j] / (way[:, j] @ way[:, j]))
+        if not 0.5 < scale < 2:
+            why = ": degrees per second, where positions are radians" if 40 < scale < 80 else ""
+            raise LogError(f"{log.name}: the velocity of {joint} is {scale:.3g} times the derivative of q{why}", joint)
+
+
+def _check_torques(robot: Robot, log: Log, signals: Signals) -> None:
+    model = rigid_torques(robot, signals.q, signals.v, signals.a)
+    # Torque per rigid torque beside friction: both without their parts along friction and offset.
+    rest, expected = (np.empty_like(model) for _ in range(2))
+    for j in range(robot.nv):
+        v = signals.v[:, j]
+        friction = np.column_stack([np.ones_like(v), v, np.tanh(v / robot.friction.width)])
+        for given, out in ((signals.tau, rest), (model, expected)):
+            out[:, j] = given[:, j] - friction @ np.linalg.lstsq(friction, given[:, j], rcond=1e-9)[0]
+    like = np.array([[_correlation(signals.tau[:, i], model[:, k]) for k in range(robot.nv)] for i in range(robot.nv)])
+    rows, columns = linear_sum_assignment(-like)
+    for i, k in zip(rows, columns, strict=True):
+        if i != k and like[i, k] > _ALIKE and like[i, i] < _UNLIKE:
+            raise LogError(
+                f"{log.name}: the torque of {robot.joint_names[i]} is that of {robot.joint_names[k]}: the torques' "
+                f"joints are in another order than {', '.join(robot.joint_names)}",
+                robot.joint_names[i],
+            )
+    strongest = int(np.argmax(np.std(expected, axis=0)))
+    own = expected[:, strongest]
+    scale, joint = float(rest[:, strongest] @ own / (own @ own)), robot.joint_names[strongest]
+    said = f"{log.name}: the torque of {joint} is {scale:.3g} times that of the arm's weight and inertia"
+    if _correlation(rest[:, strongest], own) < -_UNLIKE:
+        raise LogError(f"{said}: its sign is opposite", joint)
+    if not _SCALES[0] < scale < _SCALES[1]:
+        raise LogError(f"{said}: these are currents, or torques at the motor, not at the joint [N m]", joint)
+
+
+def _correlation(one: Array, other: Array) -> float:
+    one, other = one - np.mean(one), other - np.mean(other)
+    return float(one @ other / np.maximum(np.linalg.norm(one) * np.linalg.norm(other), 1e-300))

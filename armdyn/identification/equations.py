@@ -1,0 +1,115 @@
+"""The equations of an identification: from a robot and what is unknown of it to columns and torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.identification.log import Signals
+from armdyn.identification.model import mean_regressor, means_of, rigid_torques
+from armdyn.identification.unknowns import Unknowns, parameters_of, prior_factor
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.spec import Payload
+
+Array = NDArray[np.float64]
+What = Literal["all", "payload", "friction"]
+
+_PRIOR_PART = 0.1
+"""Scale of what the robot does not know, as a part of what it does: friction and offset of the torques, armature of the
+joints' inertia, a payload's mass of the arm's, and its radius of gyration of the arm's length."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equations:
+    """Torque = known + columns · unknowns, of a robot.
+
+    Attributes:
+        robot: the prior; of a payload, the arm without it.
+        what: is unknown.
+        unknowns: their layout.
+        width: of the smoothed jump of Coulomb friction [rad/s or m/s].
+        replaced: dynamic parameters that the robot has where the unknown bodies are to be, shape (bodies, 10).
+    """
+
+    robot: Robot
+    what: What
+    unknowns: Unknowns
+    width: float
+    replaced: Array
+
+    @classmethod
+    def of(cls, robot: Robot, what: What, signals: list[Signals], width: float) -> Equations:
+        """The equations of a robot; the scales of unknown friction are those of the logs' torques."""
+        torque = np.sqrt(np.mean(np.concatenate([one.tau for one in signals]) ** 2, axis=0)) + 1e-9
+        speed = np.sqrt(np.mean(np.concatenate([one.v for one in signals]) ** 2, axis=0)) + 1e-3
+        damping, coulomb = robot.friction.per_joint(robot.nv)
+        joints: tuple[int, ...] = ()
+        factors, armature, replaced = np.zeros((0, 4, 4)), np.zeros(0), np.zeros((1, 10))
+        if what == "payload":
+            at, mass = robot.frame_of(Payload(mass=0)), robot.payload.mass if robot.payload is not None else 0.0
+            robot = robot.with_payload(None)
+            mass = mass or _PRIOR_PART * sum(body.mass for body in list(robot.model.inertias)[1:])
+            reach = sum(np.linalg.norm(place.translation) for place in list(robot.model.jointPlacements)[2:])
+            radius = _PRIOR_PART * float(reach + np.linalg.norm(at.placement.translation))
+            body = np.sqrt(mass) * np.diag([radius, radius, radius, 1.0])
+            joints, factors = (at.parentJoint - 1,), (at.placement.homogeneous @ body)[None]
+        elif what == "all":
+            bare = robot.with_payload(None) if robot.payload is not None else robot
+            joints = tuple(range(robot.nv))
+            bodies = list(bare.model.inertias)[1:]
+            factors, replaced = (
+                np.array([of(body) for body in bodies]) for of in (prior_factor, pin.Inertia.toDynamicParameters)
+            )
+            moved = np.diag(pin.crba(robot.model, robot.model.createData(), robot.configuration(signals[0].q[0])))
+            armature = np.where(robot.model.armature > 0, robot.model.armature, _PRIOR_PART * moved)
+        return cls(
+            robot=robot,
+            what=what,
+            unknowns=Unknowns(
+                joints=joints,
+                factors=factors,
+                armature=armature,
+                damping=np.where(damping > 0, damping, _PRIOR_PART * torque / speed),
+                coulomb=np.where(coulomb > 0, coulomb, _PRIOR_PART * torque),
+                offset=_PRIOR_PART * torque,
+            ),
+            width=width,
+            replaced=replaced,
+        )
+
+    def at(self, q: Array, v: Array, a: Array, every: int) -> tuple[Array, Array]:
+        """Columns, shape (m, nv, p), and known torques [N m or N], shape (m, nv): means over `every` samples."""
+        return self.with_coulomb(means_of(np.tanh(v / self.width), every), *self.without_coulomb(q, v, a, every))
+
+    def with_coulomb(self, sign: Array, columns: Array, known: Array) -> tuple[Array, Array]:
+        """Columns and known torques with Coulomb friction, of those without, and the smoothed sign, shape (m, nv)."""
+        joint = np.arange(self.robot.nv)
+        columns, own = columns.copy(), self.unknowns.coulomb * sign
+        columns[:, joint, self.unknowns.size - 2 * self.robot.nv + joint] = own
+        return columns, known + own
+
+    def without_coulomb(self, q: Array, v: Array, a: Array, every: int) -> tuple[Array, Array]:
+        """Columns and known torques as of `at`, those of Coulomb friction zero: they alone depend on its width."""
+        own, nv, joint = self.unknowns, self.robot.nv, np.arange(self.robot.nv)
+        columns = np.zeros((len(q) // every, nv, own.size))
+        known = means_of(rigid_torques(self.robot, q, v, a) + self.unknowns.damping * v, every)
+        if own.joints:
+            regressor = mean_regressor(self.robot, q, v, a, every)
+            prior = parameters_of(own.bodies(np.zeros(own.size)))
+            for b, (j, basis) in enumerate(zip(own.joints, own.basis(), strict=True)):
+                part = regressor[:, :, 10 * j : 10 * j + 10]
+                columns[:, :, 10 * b : 10 * b + 10] = part @ basis
+                known += part @ (prior[b] - self.replaced[b])
+        start = 10 * len(own.joints)
+        if own.armature.size:
+            mean = means_of(a, every)
+            known += (own.armature - self.robot.model.armature) * mean
+            columns[:, joint, start + joint] = own.armature * mean
+            start += nv
+        columns[:, joint, start + joint] = own.damping * means_of(v, every)
+        columns[:, joint, start + 2 * nv + joint] = own.offset
+        return columns, known

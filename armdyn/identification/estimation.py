@@ -1,0 +1,171 @@
+"""Identification of an arm: from logs to the robot that moved in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect, number, one_of, several
+from armdyn.errors import LogError, ProblemError
+from armdyn.identification.assembly import assembled
+from armdyn.identification.checks import MOVED, check_log
+from armdyn.identification.equations import Equations, What
+from armdyn.identification.estimate import Estimate, Judged
+from armdyn.identification.fitting import Fit, FitOptions, fit
+from armdyn.identification.log import Log, Signals
+from armdyn.identification.model import means_of, rigid_torques
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.reprs import brief
+
+Array = NDArray[np.float64]
+
+WHAT: tuple[What, ...] = ("all", "payload", "friction")
+
+
+@brief
+@dataclass(frozen=True, kw_only=True)
+class IdentifyOptions:
+    """Options of `identify`.
+
+    Attributes:
+        smoothing: standard deviation of the Gaussian filter of all signals and their derivatives [s]: 8 ms pass 17 Hz.
+        step: torques and regressors are averaged over so long [s]: the same filter on both sides of the equations.
+        held_out: part of each log, its end, on which a fit of its beginning is judged; the estimate itself is of all
+            the data. 0: no judgement.
+        widths: of the smoothed jump of Coulomb friction that are tried [rad/s or m/s], where the robot has none.
+        fit: numbers of the robust fit.
+
+    Raises:
+        ProblemError: one is out of range.
+    """
+
+    smoothing: float = 0.008
+    step: float = 0.02
+    held_out: float = 0.25
+    widths: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1)
+    fit: FitOptions = field(default_factory=FitOptions)
+
+    def __post_init__(self) -> None:
+        for name in ("smoothing", "step"):
+            number(getattr(self, name), name, unit="s", sign="positive")
+        for width in several(self.widths, "widths"):
+            number(width, "widths: one", unit="rad/s or m/s", sign="positive")
+        expect(self.fit, FitOptions, "fit")
+        if not self.widths:
+            raise ProblemError("widths is empty; give one width at least")
+        if not 0 <= number(self.held_out, "held_out") <= 0.9:
+            raise ProblemError(f"held_out is {self.held_out}; it is a part of the log, 0 to 0.9")
+
+
+def identify(
+    robot: Robot, logs: Log | Iterable[Log], what: What = "all", options: IdentifyOptions | None = None
+) -> Estimate:
+    """Identify inertias, friction or payload of an arm from logs of its motions.
+
+    The joint torques are linear in the inertial parameters, the armatures, viscous and Coulomb friction and the
+    sensors' offsets. Their robust least squares, weighted by each joint's noise, is regularised by the entropic
+    divergence of the pseudo-inertias from the robot's: every estimate is a physical arm, and what the logs do not tell
+    stays as it was. See docs/identify.md.
+
+    Args:
+        robot: the arm as its file describes it: the prior.
+        logs: one or several, of the same arm with the same payload.
+        what: "all": inertias and armatures of all joints, friction; "payload": ten parameters of a body at the tip, and
+            friction; "friction" alone.
+        options: of the filter and the fit.
+
+    Raises:
+        LogError: a log is none of this arm.
+        ProblemError: an argument is wrong.
+    """
+    expect_robot(robot)
+    one_of(what, WHAT, "what")
+    options = expect(IdentifyOptions() if options is None else options, IdentifyOptions, "options")
+    given = (logs,) if isinstance(logs, Log) else several(logs, "logs")
+    if not given:
+        raise LogError("logs is empty: no log is given")
+    ordered = [expect(log, Log, "logs", "use Log(t=…, q=…, tau=…)").in_order(robot) for log in given]
+    signals = [Signals.of(log, options.smoothing) for log in ordered]
+    for log, own in zip(ordered, signals, strict=True):
+        check_log(robot, log, own)
+    kept = 1 - options.held_out
+    first = [one.part(0, int(kept * one.t.size)) for one in signals]
+    systems = _systems(robot, what, first, signals, options)
+    unmoved = tuple(
+        joint for j, joint in enumerate(robot.joint_names) if all(np.ptp(one.q[:, j]) < MOVED for one in signals)
+    )
+    judged = None
+    if options.held_out:
+        begun = _fitted([one.part(0.0, kept) for one in systems], options)
+        rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
+        judged = _judged(robot, assembled(robot, *begun, None, unmoved), rest)
+    return assembled(robot, *_fitted(systems, options), judged, unmoved)
+
+
+def _judged(robot: Robot, estimate: Estimate, signals: list[Signals]) -> Judged:
+    """Torque errors at every sample of parts of the logs."""
+
+    def rms(values: list[Array]) -> Array:
+        return np.asarray(np.sqrt(np.mean(np.concatenate(values) ** 2, axis=0)))
+
+    before = [
+        one.measured - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v) for one in signals
+    ]
+    after = [one.measured - estimate.torques(one.q, one.v, one.a) for one in signals]
+    return Judged(measured=rms([one.measured for one in signals]), before=rms(before), after=rms(after))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _System:
+    """The equations at the samples of the logs, for one width of Coulomb friction.
+
+    Attributes:
+        equations: with their width.
+        columns: of each log, shape (m, nv, p).
+        torque: measured minus known [N m or N], likewise, shape (m, nv).
+    """
+
+    equations: Equations
+    columns: tuple[Array, ...]
+    torque: tuple[Array, ...]
+
+    def part(self, start: float, end: float) -> _System:
+        """The equations of a part of each log."""
+        at = [slice(int(start * len(one)), int(end * len(one))) for one in self.torque]
+        return _System(
+            equations=self.equations,
+            columns=tuple(one[own] for one, own in zip(self.columns, at, strict=True)),
+            torque=tuple(one[own] for one, own in zip(self.torque, at, strict=True)),
+        )
+
+    def fit(self, options: FitOptions) -> Fit:
+        """The fit to the torques of all logs."""
+        return fit(self.equations.unknowns, np.concatenate(self.columns), np.concatenate(self.torque), options)
+
+
+def _systems(
+    robot: Robot, what: What, first: list[Signals], signals: list[Signals], options: IdentifyOptions
+) -> list[_System]:
+    """One system per width that is tried; scales of unknown friction are of the first parts of the logs."""
+    widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
+    plain = Equations.of(robot, what, first, widths[0])
+    every = [max(1, round(options.step * (one.t.size - 1) / (one.t[-1] - one.t[0]))) for one in signals]
+    parts = [plain.without_coulomb(one.q, one.v, one.a, k) for one, k in zip(signals, every, strict=True)]
+    systems = []
+    for width in widths:
+        own = replace(plain, width=width)
+        signs = [means_of(one.smoothed(np.tanh(one.v / width)), k) for one, k in zip(signals, every, strict=True)]
+        whole = [own.with_coulomb(sign, *part) for sign, part in zip(signs, parts, strict=True)]
+        rest = [means_of(one.tau, k) - known for one, k, (_, known) in zip(signals, every, whole, strict=True)]
+        systems.append(_System(equations=own, columns=tuple(columns for columns, _ in whole), torque=tuple(rest)))
+    return systems
+
+
+def _fitted(systems: list[_System], options: IdentifyOptions) -> tuple[Equations, Fit]:
+    """The equations whose width of Coulomb friction leaves the least residuals, and its fit."""
+    trial = FitOptions(weights=(1.0,), rounds=2)
+    best = min(systems, key=lambda one: np.sum(np.log(one.fit(trial).noise))) if len(systems) > 1 else systems[0]
+    return best.equations, best.fit(options.fit)

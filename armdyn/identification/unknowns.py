@@ -1,0 +1,137 @@
+"""Unknowns of an identification: torque = known + regressor · unknowns, and the divergence from the prior.
+
+All unknowns are relative to a prior value and zero there. The pseudo-inertia of a body is L (1 + S) Lᵀ with L Lᵀ the
+prior's (Wensing, Kim, Slotine, IEEE RA-L 3(1), 2018), S symmetric with ten entries; armature, viscous and Coulomb
+friction are scale · (1 + x); an offset is scale · x. The divergence is the entropic one, tr S − log det(1 + S) of a
+body (Lee, Wensing, Park, IEEE T-RO 36(1), 2020), x − log(1 + x) of a positive number, x²/2 of an offset: infinite where
+an inertia stops being one, and the same in every unit and frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LEAST_RADIUS = 2e-3
+"""Least radius of gyration of a prior's body [m]: a point mass could not be fitted by any other body."""
+
+
+def _symmetric_basis() -> Array:
+    """An orthonormal basis of the symmetric 4 × 4 matrices, shape (10, 4, 4)."""
+    basis = []
+    for i in range(4):
+        for j in range(i + 1):
+            one = np.zeros((4, 4))
+            one[i, j] = one[j, i] = 1.0 if i == j else np.sqrt(0.5)
+            basis.append(one)
+    return np.array(basis)
+
+
+BASIS = _symmetric_basis()
+
+
+def parameters_of(pseudo: Array) -> Array:
+    """Pinocchio's dynamic parameters, shape (…, 10), of pseudo-inertias, shape (…, 4, 4)."""
+    spread, first, mass = pseudo[..., :3, :3], pseudo[..., :3, 3], pseudo[..., 3, 3]
+    tensor = np.trace(spread, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - spread
+    rows, columns = (0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)
+    return np.concatenate([mass[..., None], first, tensor[..., rows, columns]], axis=-1)
+
+
+def pseudo_inertia(parameters: Array) -> Array:
+    """The pseudo-inertia, shape (4, 4), of Pinocchio's dynamic parameters, shape (10,)."""
+    return np.array(pin.PseudoInertia.FromDynamicParameters(parameters).toMatrix())
+
+
+def prior_factor(inertia: pin.Inertia) -> Array:
+    """L of the prior L Lᵀ of a body, shape (4, 4); a body without extent gets some, see `LEAST_RADIUS`."""
+    mass, at = max(float(inertia.mass), 1e-3), np.eye(4)
+    at[:3, 3] = inertia.lever
+    tensor = np.array(inertia.inertia)
+    values, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
+    spread = np.zeros((4, 4))
+    spread[:3, :3] = axes @ np.diag(np.sqrt(np.maximum(values, mass * LEAST_RADIUS**2)))
+    spread[3, 3] = np.sqrt(mass)
+    return at @ spread
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """Layout of the unknowns: bodies, then positive numbers, then offsets.
+
+    Attributes:
+        joints: of each body: the index of the joint that moves it, from 0.
+        factors: L of each body in the frame of its joint, shape (bodies, 4, 4).
+        armature: scales of the joints' reflected rotor inertias [kg m² or kg], shape (nv,) or (0,).
+        damping: likewise of viscous friction [N m s/rad or N s/m], shape (nv,).
+        coulomb: of Coulomb friction [N m or N], shape (nv,).
+        offset: of the torque sensors' offsets [N m or N], shape (nv,).
+    """
+
+    joints: tuple[int, ...]
+    factors: Array
+    armature: Array
+    damping: Array
+    coulomb: Array
+    offset: Array
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return 10 * len(self.joints) + self.positive + self.offset.size
+
+    @property
+    def positive(self) -> int:
+        """Number of the positive numbers."""
+        return self.armature.size + self.damping.size + self.coulomb.size
+
+    def basis(self) -> Array:
+        """Change of each body's dynamic parameters with its unknowns, shape (bodies, 10, 10)."""
+        moved = np.einsum("bij,kjl,bml->bkim", self.factors, BASIS, self.factors)
+        return np.swapaxes(parameters_of(moved), 1, 2)
+
+    def bodies(self, x: Array) -> Array:
+        """Pseudo-inertias of the bodies, shape (bodies, 4, 4)."""
+        return np.asarray(self.factors @ self._relative(x) @ np.swapaxes(self.factors, 1, 2))
+
+    def numbers(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Armature (or nothing), damping, Coulomb friction and offset at the unknowns x."""
+        start = 10 * len(self.joints)
+        values = x[start:].copy()
+        values[: self.positive] += 1
+        values *= np.concatenate([self.armature, self.damping, self.coulomb, self.offset])
+        ends = np.cumsum([self.armature.size, self.damping.size, self.coulomb.size])
+        armature, damping, coulomb, offset = np.split(values, ends)
+        return armature, damping, coulomb, offset
+
+    def _relative(self, x: Array) -> Array:
+        own = x[: 10 * len(self.joints)].reshape(-1, 10)
+        return np.asarray(np.eye(4) + np.einsum("bk,kij->bij", own, BASIS))
+
+    def divergence(self, x: Array) -> float:
+        """Divergence from the prior; infinite where a body is none or a positive number is not."""
+        relative, split = self._relative(x), 10 * len(self.joints)
+        positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
+        if (relative.size and np.min(np.linalg.eigvalsh(relative)) <= 0) or np.any(positive <= 0):
+            return float(np.inf)
+        own = np.trace(relative, axis1=1, axis2=2).sum() - 4 * len(relative) - np.linalg.slogdet(relative)[1].sum()
+        return float(own + np.sum(positive - 1 - np.log(positive)) + free @ free / 2)
+
+    def derivatives(self, x: Array) -> tuple[Array, Array]:
+        """Gradient, shape (p,), and Hessian, shape (p, p), of the divergence."""
+        relative, split = self._relative(x), 10 * len(self.joints)
+        gradient, hessian = np.zeros(self.size), np.zeros((self.size, self.size))
+        for b, inverse in enumerate(np.linalg.inv(relative)):
+            at = slice(10 * b, 10 * b + 10)
+            turned = inverse @ BASIS
+            gradient[at] = np.trace(BASIS - turned, axis1=1, axis2=2)
+            hessian[at, at] = np.einsum("kij,lji->kl", turned, turned)
+        positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
+        gradient[split:] = np.concatenate([1 - 1 / positive, free])
+        hessian[range(split, self.size), range(split, self.size)] = np.concatenate([positive**-2, np.ones(free.size)])
+        return gradient, hessian

@@ -1,0 +1,129 @@
+"""Identification against simulated logs of known arms."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import armdyn as ad
+from armdyn.errors import LogError, ProblemError
+from armdyn.identification import FitOptions, IdentifyOptions, identify
+from armdyn.identification.model import mean_regressor, rigid_torques
+from oracles import random_states, robot_named
+from simulated_logs import fourier_states, simulated_log
+
+QUICK = IdentifyOptions(held_out=0)
+
+
+def stirred(robot, seed=0):
+    """The robot with other, physical inertias, and friction."""
+    rng, own = np.random.default_rng(seed), {}
+    for joint, body in zip(robot.joint_names, list(robot.model.inertias)[1:], strict=True):
+        other = pin.Inertia(
+            body.mass * rng.uniform(0.7, 1.3), body.lever + rng.normal(size=3) * 0.01, body.inertia * 1.2
+        )
+        own[joint] = other.toDynamicParameters()
+    friction = rng.uniform(0.002, 0.02, robot.nv) * robot.limits.effort_upper
+    return robot.with_inertias(own).with_friction(friction / 2, friction)
+
+
+@pytest.mark.parametrize("name", ["rrr", "ur5", "panda"])
+def test_the_regressor_is_that_of_the_inverse_dynamics(name):
+    robot = robot_named(name)
+    q, v, a = (np.array(each) for each in zip(*random_states(robot.nv, count=4), strict=True))
+    parameters = np.concatenate([body.toDynamicParameters() for body in list(robot.model.inertias)[1:]])
+    columns = mean_regressor(robot, q, v, a, 1)
+    free = rigid_torques(robot, q, v, a) - robot.model.armature * a
+    np.testing.assert_allclose(columns @ parameters, free, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["rrr", "ur5"])
+def test_noise_free_logs_give_the_arm_back(name):
+    prior = robot_named(name)
+    true = stirred(prior)
+    log = simulated_log(true, noise=0.0, step=0.0, velocities=True)
+    # A log without noise: the prior counts for nothing.
+    options = IdentifyOptions(held_out=0, fit=FitOptions(weights=(1e-2,)))
+    estimate = identify(prior, log, options=options)
+    _, q, v, a = fourier_states(prior, seed=7)
+    expected = rigid_torques(true, q, v, a) + true.friction.torque(v)
+    error = np.sqrt(np.mean((estimate.torques(q, v, a) - expected) ** 2, axis=0))
+    # What the filter of the accelerations leaves: 1e-3 of the torques.
+    assert np.all(error < 2e-3 * np.sqrt(np.mean(expected**2, axis=0)) + 1e-3 * np.abs(expected).max(axis=0))
+    np.testing.assert_allclose(estimate.robot.friction.coulomb, true.friction.coulomb, rtol=0.03)
+    np.testing.assert_allclose(estimate.robot.friction.damping, true.friction.damping, rtol=0.05)
+
+
+def test_all_bodies_are_physical_and_errors_fall_on_data_held_out():
+    prior = robot_named("panda")
+    estimate = identify(prior, simulated_log(stirred(prior, 1), noise=0.01, duration=6.0))
+    for body in list(estimate.robot.model.inertias)[1:]:
+        pseudo = pin.PseudoInertia.FromDynamicParameters(body.toDynamicParameters()).toMatrix()
+        assert np.linalg.eigvalsh(pseudo)[0] > 0
+    assert np.all(estimate.judged.after < 1.2 * 0.01 * prior.limits.effort_upper)
+    assert np.all(estimate.judged.after <= estimate.judged.before)
+    assert estimate.measured_combinations <= estimate.combinations
+    assert estimate.torque_deviation(np.zeros(7), np.ones(7), np.ones(7)).shape == (7,)
+
+
+@pytest.mark.parametrize("name", ["rrr", "ur5", "panda"])
+def test_payload(name):
+    prior = robot_named(name)
+    size = 0.1 if name == "rrr" else 1.0
+    payload = ad.Payload(mass=1.3 * size, com=(0.02, 0, 0.04 * size), inertia=np.array([2e-3, 3e-3, 2e-3]) * size)
+    true = stirred(prior).friction
+    loaded = prior.with_payload(payload).with_friction(true.damping, true.coulomb)
+    found = identify(prior, simulated_log(loaded), "payload", QUICK).robot.payload
+    assert found.mass == pytest.approx(payload.mass, rel=0.01)
+    seen = [0, 2] if name == "rrr" else [0, 1, 2]  # a planar arm feels nothing of y
+    np.testing.assert_allclose(np.take(found.com, seen), np.take(payload.com, seen), atol=5e-3)
+
+
+def test_confidence_covers_the_truth():
+    prior, hits = robot_named("rrr"), []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        payload = ad.Payload(mass=rng.uniform(0.05, 0.3), com=(rng.uniform(-0.02, 0.05), 0, 0), inertia=[1e-4] * 3)
+        friction = rng.uniform(0.01, 0.06, 3)
+        loaded = prior.with_payload(payload).with_friction(friction / 2, friction)
+        estimate = identify(prior, simulated_log(loaded, seed, duration=5.0), "payload", QUICK)
+        truth = [payload.mass, *payload.com, *payload.inertia, 0, 0, 0, *(friction / 2), *friction, 0, 0, 0]
+        for own, value in zip(estimate.parameters, truth, strict=True):
+            low, high = own.interval
+            hits += [low <= value <= high] if own.measured else []
+    assert len(hits) > 200
+    assert 0.92 <= np.mean(hits) <= 0.98  # some 300 numbers: two standard deviations are 0.025
+
+
+def test_several_logs_friction_alone_and_a_joint_that_stands_still():
+    prior = robot_named("rrr")
+    true = prior.with_friction([0.02, 0.03, 0.01], [0.05, 0.02, 0.04])
+    first, second = (simulated_log(true, seed, duration=4.0) for seed in (3, 4))
+    estimate = identify(prior, [first, second], "friction")
+    np.testing.assert_allclose(estimate.robot.friction.coulomb, true.friction.coulomb, atol=0.01)
+    assert estimate.robot.with_friction(0, 0).model_hash == prior.with_friction(0, 0).model_hash
+    t, q, v, a = fourier_states(prior, 5)
+    q, v, a = (one * [1, 1, 0] for one in (q, v, a))
+    still = ad.Log(t=t, q=q, v=v, tau=rigid_torques(true, q, v, a) + true.friction.torque(v))
+    assert identify(prior, still, "payload", QUICK).unmoved == ("joint3",)
+
+
+def test_an_identified_arm_goes_through_a_problem_file(tmp_path):
+    prior = robot_named("rrr")
+    robot = identify(prior, simulated_log(stirred(prior), duration=4.0), options=QUICK).robot
+    file = tmp_path / "identified.toml"
+    file.write_text(ad.MinimumTimeProblem(robot, q_start=[0, 0, 0], q_goal=[1, 0, 0]).to_toml())
+    assert ad.read_problem(file).robot.model_hash == robot.model_hash
+    assert robot.with_payload(ad.Payload(mass=0.1)).with_payload(None).model_hash == robot.model_hash
+
+
+def test_bad_arguments():
+    robot = robot_named("rrr")
+    log = simulated_log(robot, duration=1.0)
+    with pytest.raises(ProblemError, match="what is 'mass'"):
+        identify(robot, log, "mass")
+    with pytest.raises(LogError, match="no log"):
+        identify(robot, [])
+    with pytest.raises(ProblemError, match="held_out is 1"):
+        IdentifyOptions(held_out=1)
+    with pytest.raises(LogError, match=r"smoothing by 0.0001 s needs 1e\+04 per second"):
+        identify(robot, log, options=IdentifyOptions(smoothing=1e-4))
