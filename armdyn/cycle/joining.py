@@ -18,8 +18,8 @@ from armdyn.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _LANDING = 1e-4
-"""Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred times
-the tolerance of a replay's positions, as velocities at the end of a curve are that much coarser."""
+"""Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred
+times the tolerance of a replay's positions, as velocities at the end of a curve are that much coarser."""
 
 
 def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:

@@ -66,7 +66,7 @@ def cycle_summary(
 
 def _numbers(asked: Cycle, cycle: Cycle) -> list[int]:
     """Numbers in the asked cycle of the steps of one that is in order."""
-    left = {k: step for k, step in enumerate(asked.steps, start=1)}
+    left = dict(enumerate(asked.steps, start=1))
     found = []
     for step in cycle.steps:
         found.append(next(k for k, one in left.items() if one is step))
@@ -184,7 +184,11 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
         yield "clear of obstacles", sure, said + ("" if sure else "; not proven between samples")
     if solution.gap is not None and solution.lower_bound is not None:
         said = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"
-        yield "near the fastest possible", True if solution.gap <= NEAR else None, f"{said}: no cycle is faster than {solution.lower_bound:.4f} s"
+        yield (
+            "near the fastest possible",
+            True if solution.gap <= NEAR else None,
+            f"{said}: no cycle is faster than {solution.lower_bound:.4f} s",
+        )
 
 
 def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:

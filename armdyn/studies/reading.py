@@ -47,7 +47,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     table = read_toml(path)
     sections = {task.section: name for name, task in TASKS.items()}
     table.only(("task", "arms", "fixed", "vary", "sample", *sections))
-    kind = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
+    kind: Any = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
     for section, name in sections.items():
         if section in table.values and section != kind.section:
             raise table.error(section, f"[{section}] is for task = {name!r}; this study's is {kind.name!r}")

@@ -27,8 +27,8 @@ UNITS = {
 }  # fmt: skip
 """Units of settings."""
 CYCLE_UNITS = {
-    "mass": "kg", "com": "m", "position": "m", "size": "m", "center": "m", "radius": "m", "clearance": "m", "dwell": "s",
-    "wait": "s", "speed": "m/s", "approach": "m", "retreat": "m", "length": "m", "rpy": "rad",
+    "mass": "kg", "com": "m", "position": "m", "size": "m", "center": "m", "radius": "m", "clearance": "m",
+    "dwell": "s", "wait": "s", "speed": "m/s", "approach": "m", "retreat": "m", "length": "m", "rpy": "rad",
 }  # fmt: skip
 """Units of a cycle's settings, by the last word of their names."""
 OUTCOMES = {

@@ -77,7 +77,9 @@ def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved
 
 def test_the_table_is_for_people(solved):
     folder, _ = solved
-    done = run_here("cycle", "bolt.toml", "--no-figure", "--no-report", "--out", "out", "--require", "gap:1e-9", cwd=folder)
+    done = run_here(
+        "cycle", "bolt.toml", "--no-figure", "--no-report", "--out", "out", "--require", "gap:1e-9", cwd=folder
+    )
     assert done.returncode == 4
     for words in ("to the bolt", "a rest of", "cycles an hour", "at most", "is missing: gap", "lower bound"):
         assert words in " ".join(done.stdout.split()), words

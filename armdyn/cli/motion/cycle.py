@@ -213,9 +213,7 @@ def _write(
 
         return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
     motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
-    written = results.write(
-        folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress
-    )
+    written = results.write(folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress)
     files = [write_whole(folder / _STEPS, _steps_csv(summary["steps"]).encode())]
     suffixes = [FORMATS[each].suffix for each in formats]
     for kind in (FORMATS[each] for each in formats):
@@ -294,4 +292,3 @@ def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
 def _checked(summary: dict[str, Any]) -> list[tuple[str, Any, str]]:
     known = ("clear of obstacles",)
     return [(one["name"], one["holds"], one["said"]) for one in summary["checks"] if one["name"] in known]
-

@@ -1,4 +1,4 @@
-"""What an arm carries on a page: where each part is before it is grasped, while it is carried, and after its release."""
+"""What an arm carries on a page: where each part is before its grasp, in the hand, and after its release."""
 
 from __future__ import annotations
 
@@ -91,9 +91,7 @@ def shown_parts(robot: Robot, motion: Trajectory, parts: Sequence[CarriedPart]) 
     yield from resting.values()
 
 
-def _in_world(
-    robot: Robot, motion: Trajectory, shapes: Sequence[VisualShape], time: float
-) -> tuple[VisualShape, ...]:
+def _in_world(robot: Robot, motion: Trajectory, shapes: Sequence[VisualShape], time: float) -> tuple[VisualShape, ...]:
     """Shapes where the arm has them at a time [s from the motion's start]."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.configuration(motion(motion.t[0] + time).q))

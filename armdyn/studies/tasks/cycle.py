@@ -74,7 +74,7 @@ class CycleTask:
         if name.partition(".")[0] not in self.tables:
             raise ProblemError(f"{name} is no setting of a cycle: its way begins with {', '.join(self.tables)}")
         place_of(copy.deepcopy(dict(self.tables)), name, ())
-        return value  # type: ignore[no-any-return]
+        return value
 
     def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
         """Solve the cycle of a case."""

@@ -15,7 +15,12 @@ from show.browser import open_page
 from show.motions import quintic
 from show.page.test_report_page import EVIL
 
-PART = {"mass": 0.1, "name": "bolt", "frame": "tip", "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 0.02}]}
+PART = {
+    "mass": 0.1,
+    "name": "bolt",
+    "frame": "tip",
+    "shapes": [{"type": "sphere", "center": [0, 0, 0], "radius": 0.02}],
+}
 
 
 def cycle(first="to the bolt"):
@@ -28,9 +33,10 @@ def cycle(first="to the bolt"):
     steps = [
         {"number": 1, "name": first, "begin": 0.0, "duration": 0.3, "share": 1 / 3, "carries": None,
          "decided_by": "torque of joint1, 45 %", "would_help": "10 % more of it saves 5 ms"},
-        {"number": 2, "name": "grasp bolt", "begin": 0.3, "duration": 0.2, "share": 2 / 9, "carries": {"name": "bolt", "mass": 0.1},
-         "decided_by": "a rest of 0.2 s", "would_help": ""},
-        {"number": 3, "name": "back", "begin": 0.5, "duration": 0.4, "share": 4 / 9, "carries": {"name": "bolt", "mass": 0.1}},
+        {"number": 2, "name": "grasp bolt", "begin": 0.3, "duration": 0.2, "share": 2 / 9,
+         "carries": {"name": "bolt", "mass": 0.1}, "decided_by": "a rest of 0.2 s", "would_help": ""},
+        {"number": 3, "name": "back", "begin": 0.5, "duration": 0.4, "share": 4 / 9,
+         "carries": {"name": "bolt", "mass": 0.1}},
     ]  # fmt: skip
     facts = {"steps": steps, "usable": True, "gap": 0.01, "dwell": 0.2, "order": [1, 2, 3], "checks": [],
              "assessment": "The fastest cycle.", "parts": [{"part": PART, "begin": 0.3, "end": None}]}  # fmt: skip
@@ -66,7 +72,8 @@ def test_a_part_waits_is_carried_and_rests():
 def test_parts_of_a_stranger_s_result_are_left_out():
     good = {"part": PART, "begin": 0.3, "end": None}
     bad = [
-        {"part": {"mass": "x"}, "begin": 0.0}, {"part": PART}, {"part": {"shapes": [{"type": "mesh", "file": "/etc"}]}, "begin": 0},
+        {"part": {"mass": "x"}, "begin": 0.0}, {"part": PART},
+        {"part": {"shapes": [{"type": "mesh", "file": "/etc"}]}, "begin": 0},
         {"part": {"weight": 1}, "begin": 0.0},
     ]  # fmt: skip
     assert [part.payload.name for part in parts_in(Facts({"parts": [*bad, good]}))] == ["bolt"]
@@ -76,7 +83,9 @@ def test_the_page_has_tiles_table_and_verdict():
     robot, move = cycle(EVIL)
     report = report_of(Subject.of(robot), [move], "cell")
     assert report.verdict.level == "good" and "1 %" in report.headline and "3 steps" in report.lead
-    assert {"an hour": "4000 cycles", "longest step": "0.4000 s"}.items() <= {t.label: t.value for t in report.tiles}.items()
+    assert {"an hour": "4000 cycles", "longest step": "0.4000 s"}.items() <= {
+        t.label: t.value for t in report.tiles
+    }.items()
     section = steps_section(move.facts)
     assert "10 % more of it saves 5 ms" in section.body and EVIL not in report_html(report)
     assert steps_section(Facts()) is None
@@ -89,7 +98,11 @@ def test_the_step_of_the_moment_is_seen(tmp_path):
     path.write_text(report_html(report_of(Subject.of(robot), [move], "cell")))
     with open_page(path) as (page, _, errors):
         page.evaluate("armdyn.pause()")
-        for time, name, drawn in ((0.1, "to the bolt", [True, False]), (0.4, "grasp bolt", [False, True]), (0.9, "back", [False, True])):
+        for time, name, drawn in (
+            (0.1, "to the bolt", [True, False]),
+            (0.4, "grasp bolt", [False, True]),
+            (0.9, "back", [False, True]),
+        ):
             page.evaluate(f"armdyn.seek({time})")
             assert page.locator("#bands .current").inner_text() == name
             assert page.locator("#step").inner_text().startswith(name)
