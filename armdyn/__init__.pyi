@@ -42,8 +42,10 @@ from armdyn.errors import ContactError as ContactError
 from armdyn.errors import CycleError as CycleError
 from armdyn.errors import LogError as LogError
 from armdyn.identification import Estimate as Estimate
+from armdyn.identification import ExcitingOptions as ExcitingOptions
 from armdyn.identification import IdentifyOptions as IdentifyOptions
 from armdyn.identification import Log as Log
+from armdyn.identification import exciting_motion as exciting_motion
 from armdyn.identification import identify as identify
 from armdyn.models import ArmSpec as ArmSpec
 from armdyn.models import Box as Box

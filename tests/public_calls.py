@@ -156,6 +156,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.RobotOptions: defaults(ad.RobotOptions),
         ad.Log: {"t": LOG.t, "q": LOG.q, "tau": LOG.tau, "v": None, "joint_names": ("a", "b"), "name": "log"},
         ad.IdentifyOptions: defaults(ad.IdentifyOptions),
+        ad.ExcitingOptions: defaults(ad.ExcitingOptions),
         ad.Robot: {name: getattr(RR, name) for name in inspect.signature(ad.Robot).parameters},
         ad.Dynamics: {"robot": RR, "payload_frame": None, "free_last_body": False},
         ad.MinimumTimeOptions: defaults(ad.MinimumTimeOptions),
@@ -182,6 +183,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
+        ad.exciting_motion: {"robot": RR, "duration": 2.0, "options": ad.ExcitingOptions(candidates=1, generations=0)},
         ad.identify: {"robot": RR, "logs": LOG, "what": "friction", "options": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"factors": (0.9, 1.1)},

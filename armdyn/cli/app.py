@@ -13,6 +13,7 @@ from armdyn import __version__
 from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
 from armdyn.cli.export import export
+from armdyn.cli.identify import identify
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.check import check
 from armdyn.cli.motion.cycle import cycle
@@ -60,7 +61,7 @@ _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Motions": (mintime, cycle, bound, optimality, check, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "Results": (report, compare, replay, export),
-    "Robots": (robots, presets, doctor),
+    "Robots": (robots, presets, doctor, identify),
     "The paper": (reproduce, urdf),
 }
 

@@ -23,9 +23,6 @@ BODY = (
 )
 """Numbers of a body, its inertia about its centre of mass."""
 
-_STRUCTURAL = 1e-7
-"""Singular value of the regressor's scaled columns at random states, as a part of the largest, below which no motion
-tells a combination."""
 _DIFFERENCE = 1e-5
 """Step of the derivatives of a body's numbers by its relative unknowns."""
 
@@ -43,7 +40,7 @@ def assembled(
         unmoved: joints that hardly move.
     """
     *_, offset = equations.unknowns.numbers(fit.x)
-    combinations = _structural_rank(equations)
+    combinations = equations.structural_rank
     values = np.linalg.eigvalsh(fit.normal.matrix)[::-1][:combinations]
     return Estimate(
         robot=_identified(robot, equations, fit.x),
@@ -138,16 +135,3 @@ def _slopes(function: Callable[[Array], Array], x: Array, count: int) -> Array:
         step[i] = _DIFFERENCE
         slopes[..., i] = (function(x + step) - function(x - step)) / (2 * _DIFFERENCE)
     return slopes
-
-
-def _structural_rank(equations: Equations) -> int:
-    """Number of combinations of the unknowns that motions tell, from the regressor at random states."""
-    rng, robot = np.random.default_rng(0), equations.robot
-    count = 3 * equations.unknowns.size // robot.nv + 10
-    lower, upper = (np.clip(one, -np.pi, np.pi) for one in (robot.limits.position_lower, robot.limits.position_upper))
-    q = rng.uniform(lower, upper, (count, robot.nv))
-    v, a = (rng.normal(size=q.shape) * size for size in (1.0, 5.0))
-    columns = equations.at(q, v, a, every=1)[0].reshape(count * robot.nv, -1)
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
-    values = np.linalg.svd(columns, compute_uv=False)
-    return int(np.sum(values > _STRUCTURAL * values[0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,11 @@ from armdyn.models.values.spec import Payload
 
 Array = NDArray[np.float64]
 What = Literal["all", "payload", "friction"]
+WHAT: tuple[What, ...] = ("all", "payload", "friction")
 
+_STRUCTURAL = 1e-7
+"""Singular value of the regressor's scaled columns at random states, as a part of the largest, below which no motion
+tells a combination."""
 _PRIOR_PART = 0.1
 """Scale of what the robot does not know, as a part of what it does: friction and offset of the torques, armature of the
 joints' inertia, a payload's mass of the arm's, and its radius of gyration of the arm's length."""
@@ -113,3 +118,16 @@ class Equations:
         columns[:, joint, start + joint] = own.damping * means_of(v, every)
         columns[:, joint, start + 2 * nv + joint] = own.offset
         return columns, known
+
+    @cached_property
+    def structural_rank(self) -> int:
+        """Number of combinations of the unknowns that motions tell, from the regressor at random states."""
+        rng, limits = np.random.default_rng(0), self.robot.limits
+        count = 3 * self.unknowns.size // self.robot.nv + 10
+        lower, upper = (np.clip(one, -np.pi, np.pi) for one in (limits.position_lower, limits.position_upper))
+        q = rng.uniform(lower, upper, (count, self.robot.nv))
+        v, a = (rng.normal(size=q.shape) * size for size in (1.0, 5.0))
+        columns = self.at(q, v, a, every=1)[0].reshape(count * self.robot.nv, -1)
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+        values = np.linalg.svd(columns, compute_uv=False)
+        return int(np.sum(values > _STRUCTURAL * values[0]))

@@ -12,7 +12,7 @@ from armdyn.arguments import expect, number, one_of, several
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification.assembly import assembled
 from armdyn.identification.checks import MOVED, check_log
-from armdyn.identification.equations import Equations, What
+from armdyn.identification.equations import WHAT, Equations, What
 from armdyn.identification.estimate import Estimate, Judged
 from armdyn.identification.fitting import Fit, FitOptions, fit
 from armdyn.identification.log import Log, Signals
@@ -21,8 +21,6 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
-
-WHAT: tuple[What, ...] = ("all", "payload", "friction")
 
 
 @brief

@@ -31,6 +31,8 @@ _GAP = 20.0
 """Time without samples, in median steps, that is a gap: logs of a busy machine miss ten samples now and then."""
 _ENDS = 5.0
 """Half a Gaussian filter, in standard deviations."""
+_LEAST_WIDTH = 0.4
+"""Samples in a standard deviation of the filter below which a log is too coarse: by default below 50 Hz."""
 _JITTER = 0.01
 """Part of a step by which steps may differ before samples are interpolated at even times."""
 
@@ -241,7 +243,7 @@ class Signals:
 
         Args:
             log: times may differ from even ones.
-            smoothing: standard deviation of the filter [s].
+            smoothing: standard deviation of the filter [s], of one sample at least.
 
         Raises:
             LogError: too few samples per second, or the log is too short.
@@ -249,11 +251,12 @@ class Signals:
         step = (log.t[-1] - log.t[0]) / (log.t.size - 1)
         even = bool(np.max(np.abs(np.diff(log.t) - step)) < _JITTER * step)
         times = np.linspace(log.t[0], log.t[-1], log.t.size)
-        width, cut = smoothing / step, int(_ENDS * smoothing / step)
-        if width < 1 or cut > log.t.size // 4:
+        width = max(1.0, smoothing / step)
+        cut = int(_ENDS * width)
+        if smoothing / step < _LEAST_WIDTH or cut > log.t.size // 4:
             raise LogError(
                 f"{log.name}: {log.t.size} samples, {1 / step:.3g} per second; smoothing by {smoothing:g} s needs "
-                f"{1 / smoothing:.3g} per second and {4 * _ENDS * smoothing:.3g} s at least"
+                f"{_LEAST_WIDTH / smoothing:.3g} per second and {4 * _ENDS * smoothing:.3g} s at least"
             )
 
         def at_even_times(values: Array) -> Array:

@@ -203,7 +203,7 @@ def time_optimality(
     if len(set(map(id, robots_of(robot, trajectory)))) > 1:
         raise TrajectoryError(
             f"the payload changes along the motion of {len(trajectory.pieces)} pieces, and the fastest motion has one: "
-            "compare each of trajectory.split() with the robot that carries its load"
+            "compare each piece by itself (trajectory.split(), armdyn export --piece), and the robot with its load"
         )
     if not np.any(trajectory.tau):  # in truly free fall inverse dynamics gives zero again
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)

@@ -259,6 +259,7 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
         "export",
         "urdf",
         "robots",
+        "identify",
         "doctor",
     ],
 )

@@ -26,6 +26,7 @@ SHORT = {
     "doctor": ["rr", "--policy"],
     "robots": ["panda"],
     "presets": [],
+    "identify": ["rrr", "--exciting", "1", "--out", "here"],
     "check": ["motion.npz", "--preset", "one.toml"],
     "cycle": ["cycle.toml", "--no-figure", "--no-report"],
 }

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from cycles import down
 
 import armdyn as ad
 from armdyn.cycle.posing import problem_of
 from armdyn.models.scene.reaching import frame_placement
+from cycles import down
 
 
 @pytest.mark.parametrize(("axis", "sign"), [("z", 1.0), ("-z", -1.0)])

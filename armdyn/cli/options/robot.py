@@ -20,6 +20,17 @@ TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
 
 
+def is_robot_file(name: str) -> bool:
+    """Whether the name of a robot is that of a file with the table [robot] alone, as `armdyn identify` writes it.
+
+    Raises:
+        ArmdynError: it is a TOML file and cannot be read.
+    """
+    from armdyn.parsing.toml import read_toml
+
+    return name.lower().endswith(".toml") and read_toml(name).values.keys() == {"robot"}
+
+
 def known_names(incomplete: str) -> list[str]:
     """Names of robots with a beginning, for shell completion."""
     from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
@@ -89,6 +100,8 @@ class PartOptions:
 
     def _read(self, name: str, payload: ad.Payload | None, tool: ad.Tool | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
+        if is_robot_file(name):
+            return self._of_file(name, payload)
         if name.lower().endswith(".toml"):
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         from armdyn.models.robots.source import RobotSource
@@ -96,6 +109,17 @@ class PartOptions:
         folders = tuple(self.package_dir or ())
         options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.ends(), package_dirs=folders)
         return ad.Robot.from_source(RobotSource.named(name), options)
+
+    def _of_file(self, name: str, payload: ad.Payload | None) -> ad.Robot:
+        """The robot of a file with the table [robot] alone."""
+        from armdyn.optimal.problem.robot_tables import robot_from
+        from armdyn.parsing.toml import read_toml
+
+        for given, value in (("lock", self.lock), ("arm", self.part), ("tool", self.tool)):
+            if value:
+                raise ProblemError(f"--{given}: {name} says this itself; write it there")
+        robot = robot_from(read_toml(name).table("robot"))
+        return robot if payload is None else robot.with_payload(payload)
 
     def locks(self) -> dict[str, float] | None:
         """Joints to fix, and where [rad or m]."""

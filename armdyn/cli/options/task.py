@@ -12,7 +12,7 @@ from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument, is_robot_file
 from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.errors import ProblemError
 
@@ -22,8 +22,12 @@ if TYPE_CHECKING:
 
 
 def is_problem_file(name: str) -> bool:
-    """Whether the name of a robot is that of a problem file."""
-    return name.lower().endswith(".toml")
+    """Whether the name of a robot is that of a problem file.
+
+    Raises:
+        ArmdynError: it is a TOML file and cannot be read.
+    """
+    return name.lower().endswith(".toml") and not is_robot_file(name)
 
 
 def is_study_file(name: str) -> bool:

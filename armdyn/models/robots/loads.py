@@ -57,8 +57,7 @@ def robots_of(robot: Robot, motion: Trajectory) -> tuple[Robot, ...]:
         TrajectoryError: pieces are of different models, and one that is not the robot's has no load.
         SpecError: a load does not fit the robot.
     """
-    own = load_of(robot)
-    found: dict[Load | None, Robot] = {None: robot, own: robot, replace(own, at_flange=None): robot}
+    found: dict[Load | None, Robot] = {None: robot, _bare(load_of(robot)): robot}
     robots = []
     for i, piece in enumerate(motion.own_pieces, 1):
         if piece.load is None and len(motion.model_hashes) > 1 and piece.model_hash != robot.model_hash:
@@ -67,9 +66,10 @@ def robots_of(robot: Robot, motion: Trajectory) -> tuple[Robot, ...]:
                 f"piece {i}{name} of the motion has no load, and its model is not that of {robot.name}: give pieces "
                 "their loads, load_of(robot)"
             )
-        if piece.load not in found:
-            found[piece.load] = robot.with_payload(None if piece.load is None else _payload(piece.load))
-        robots.append(found[piece.load])
+        load = _bare(piece.load)
+        if load not in found:
+            found[load] = robot.with_payload(_payload(load))
+        robots.append(found[load])
     return tuple(robots)
 
 
@@ -122,5 +122,12 @@ def reversed_motion(robot: Robot, motion: Trajectory) -> Trajectory:
     return backwards(motion)
 
 
-def _payload(load: Load) -> Payload | None:
-    return Payload(mass=load.mass, com=load.com, inertia=load.inertia, frame=load.frame or None) if load.mass else None
+def _bare(load: Load | None) -> Load | None:
+    """The load as it changes the equations of motion."""
+    return load if load is None else replace(load, at_flange=None) if load.mass else Load(0.0)
+
+
+def _payload(load: Load | None) -> Payload | None:
+    if load is None or not load.mass:
+        return None
+    return Payload(mass=load.mass, com=load.com, inertia=load.inertia, frame=load.frame or None)

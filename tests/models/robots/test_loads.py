@@ -60,6 +60,15 @@ def test_pieces_without_a_load_are_of_the_robot_or_refused():
     assert not is_motion_of(arm, replace(there, model_hash=""))  # nobody knows
 
 
+def test_one_arm_for_all_pieces_with_the_same_load():
+    arm, part = pendulum(), ad.Load(0.2, (0.01, 0, 0), frame="tip")
+    there, back = ad.ramp(arm, [0, 0], [1, 0.5], 0.4), ad.ramp(arm, [1, 0.5], [0, 0], 0.5)
+    other = replace(part, at_flange=ad.Load(0.2, frame="tool0"))
+    first, second = robots_of(arm, there.as_piece(load=part) + back.as_piece(load=other))
+    assert first is second and first.payload.mass == 0.2
+    assert robots_of(arm, there.as_piece(load=ad.Load(0.0, frame="link1"))) == (arm,)  # nothing is carried there
+
+
 def test_a_motion_of_loaded_pieces_is_one_of_the_bare_arm():
     arm, part = pendulum(), ad.Payload(mass=0.2)
     loaded = arm.with_payload(part)

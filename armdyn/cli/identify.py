@@ -1,0 +1,162 @@
+"""The command `armdyn identify`: the arm from a log of it, and motions to log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+import armdyn as ad
+from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
+from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.results import OutputOptions
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.errors import ProblemError
+
+if TYPE_CHECKING:
+    from armdyn.identification.equations import What
+
+_FILE, _MOTION = "identified.toml", "exciting.npz"
+_MOST_ROWS = 40
+"""Rows of the table of numbers on the terminal; --json has all."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyCommandOptions:
+    """What is identified, or the motion to log."""
+
+    payload_only: bool = flag("Identify what the arm carries, and friction; the links are as the robot's file says.")
+    friction_only: bool = flag("Identify friction alone.")
+    held_out: float = option(
+        "PART", "End of each log on which a fit of its beginning is judged; the result is of all.", default=0.25
+    )
+    exciting: float | None = option(
+        "SECONDS", "Read no log: write a motion whose log identifies the arm well, exciting.npz."
+    )
+
+    @property
+    def what(self) -> What:
+        """Unknowns of the identification.
+
+        Raises:
+            ProblemError: two of them are requested.
+        """
+        if self.payload_only and self.friction_only:
+            raise ProblemError("--payload-only and --friction-only: give one of them; a payload comes with friction")
+        return "payload" if self.payload_only else "friction" if self.friction_only else "all"
+
+
+def identify(
+    robot: RobotArgument,
+    logs: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[LOG]...",
+            help="Tables .csv with columns t, q1, …, tau1, … and perhaps v1, …; .npz of arrays t, q, v, tau; ROS bags.",
+            show_default=False,
+        ),
+    ] = None,
+    *,
+    options: IdentifyCommandOptions,
+    payload: PayloadOptions,
+    output: OutputOptions,
+) -> None:
+    """Inertias, friction or payload of an arm from logs of its motions.
+
+    The result is always physical, and stays with the robot's file where the logs say nothing. It is written as
+    identified.toml, which mintime, track and the other commands take as ROBOT.
+
+    A log that is none of this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
+
+    [dim]armdyn identify panda --exciting 10 --out log
+    armdyn export log/exciting.npz --format ros2
+    armdyn identify panda log.csv --payload-only
+    armdyn mintime results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
+    """
+    with answering(output.json) as answer:
+        what, arm = options.what, robot.read(payload.carried())
+        if (options.exciting is None) == (not logs):
+            raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
+        if options.exciting is not None:
+            _write_motion(answer, arm, options.exciting, what, output.folder("identify", robot.robot, [_MOTION]))
+            return
+        folder = output.folder("identify", robot.robot, [_FILE])
+        settings = ad.IdentifyOptions(held_out=options.held_out)
+        with working(f"identification of {arm.name}"):
+            estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs or ()], what, settings)
+        file = _written(estimate, folder)
+        answer.done("identified", _facts(estimate), [file])
+        _show(estimate, file)
+
+
+def _write_motion(answer: Answer, arm: ad.Robot, duration: float, what: What, folder: Path) -> None:
+    with working(f"exciting motion of {arm.name}"):
+        motion = ad.exciting_motion(arm, duration, ad.ExcitingOptions(what=what))
+    folder.mkdir(parents=True, exist_ok=True)
+    file = motion.save(folder / _MOTION)
+    answer.done("written", {"robot": arm.name, "duration": motion.duration}, [file])
+    console.print(f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)")
+
+
+def _written(estimate: ad.Estimate, folder: Path) -> Path:
+    """The file of the identified robot."""
+    from armdyn.files import write_whole
+    from armdyn.optimal.problem.robot_tables import robot_table
+    from armdyn.parsing.toml import to_toml
+
+    folder.mkdir(parents=True, exist_ok=True)
+    return write_whole(folder / _FILE, to_toml({"robot": robot_table(estimate.robot, folder)}).encode())
+
+
+def _facts(estimate: ad.Estimate) -> dict[str, object]:
+    judged = estimate.judged
+    errors = (
+        {} if judged is None else {name: getattr(judged, name).tolist() for name in ("measured", "before", "after")}
+    )
+    numbers = [
+        {name: getattr(one, name) for name in ("name", "unit", "prior", "value", "deviation", "measured")}
+        for one in estimate.parameters
+    ]
+    return {
+        "robot": estimate.robot.name,
+        "joints": list(estimate.robot.joint_names),
+        "torque_errors": errors,
+        "noise": estimate.noise.tolist(),
+        "offset": estimate.offset.tolist(),
+        "parameters": numbers,
+        "combinations": estimate.combinations,
+        "measured_combinations": estimate.measured_combinations,
+        "condition": estimate.condition,
+        "weight": estimate.weight,
+        "unmoved": list(estimate.unmoved),
+    }
+
+
+def _show(estimate: ad.Estimate, file: Path) -> None:
+    words = {
+        "combinations measured": f"{estimate.measured_combinations} of {estimate.combinations}",
+        "condition number": f"{estimate.condition:.3g}",
+        "results": escape(str(file)),
+    }
+    if estimate.unmoved:
+        words["not moved"] = ", ".join(map(escape, estimate.unmoved))
+    console.print(facts_table(f"{escape(estimate.robot.name)}: identified", words))
+    if estimate.judged is not None:
+        table = Table("joint", "torque", "error before", "after", title="root mean square on the end of the logs")
+        judged = np.column_stack([estimate.judged.measured, estimate.judged.before, estimate.judged.after])
+        for joint, row in zip(estimate.robot.joint_names, judged, strict=True):
+            table.add_row(escape(joint), *(f"{value:.3g}" for value in row))
+        console.print(table)
+    measured = [one for one in estimate.parameters if one.measured]
+    table = Table("measured", "before", "value", "± (95 %)", "unit")
+    for one in measured[:_MOST_ROWS]:
+        table.add_row(
+            escape(one.name), f"{one.prior:.4g}", f"{one.value:.4g}", f"{one.interval[1] - one.value:.2g}", one.unit
+        )
+    console.print(table)
+    left = len(estimate.parameters) - len(measured)
+    console.print(f"{left} numbers are the robot's rather than the logs'; --json lists all {len(estimate.parameters)}")

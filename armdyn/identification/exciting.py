@@ -1,0 +1,235 @@
+"""Exciting motions: what a log of them tells of the arm is as well conditioned as limits allow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from armdyn.arguments import expect, number, one_of, several, whole
+from armdyn.errors import ProblemError
+from armdyn.identification.equations import WHAT, Equations, What
+from armdyn.identification.log import Signals
+from armdyn.identification.model import rigid_torques
+from armdyn.models.presets.preset import ControllerPreset
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.reprs import brief
+from armdyn.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_DEGREE = 5
+_CHECKED = 0.01
+"""Step at which limits and clearance are checked [s]."""
+_SMALLER = 0.85
+"""Factor of a motion's size from one trial to the next until it is within torque limits and clear."""
+_TRIALS = 25
+_SPEED = 2.0
+"""Speed in motions of joints without a velocity limit [rad/s or m/s]."""
+
+
+@brief
+@dataclass(frozen=True, kw_only=True)
+class ExcitingOptions:
+    """Options of `exciting_motion`.
+
+    Attributes:
+        what: is to be identified, as of `identify`: the condition number is that of these unknowns.
+        margin: part of position, velocity and torque limits that the motion uses.
+        knots: coefficients of each joint's spline per second [1/s].
+        candidates: random motions, the best of which is improved.
+        generations: changes of the best one that are tried.
+        seed: of both.
+        obstacles: in the world, of which the arm is kept clear.
+        self_collision: whether links are kept clear of each other.
+        clearance: least distance [m].
+        preset: of the robot's controller, which must accept the motion; None: any.
+
+    Raises:
+        ProblemError: one is wrong.
+    """
+
+    what: What = "all"
+    margin: float = 0.8
+    knots: float = 1.5
+    candidates: int = 10
+    generations: int = 150
+    seed: int = 0
+    obstacles: tuple[Obstacle, ...] = ()
+    self_collision: bool = False
+    clearance: float = 0.01
+    preset: ControllerPreset | None = None
+
+    def __post_init__(self) -> None:
+        one_of(self.what, WHAT, "what")
+        if not 0 < number(self.margin, "margin") <= 1:
+            raise ProblemError(f"margin is {self.margin}; it is a part of the limits, above 0 and at most 1")
+        number(self.knots, "knots", unit="1/s", sign="positive")
+        number(self.clearance, "clearance", unit="m", sign="not negative")
+        whole(self.candidates, "candidates", 1, 10_000)
+        whole(self.generations, "generations", 0, 100_000)
+        whole(self.seed, "seed", 0)
+        bodies = several(self.obstacles, "obstacles")
+        object.__setattr__(self, "obstacles", tuple(expect(one, Obstacle, "obstacles: one") for one in bodies))
+        if self.preset is not None:
+            expect(self.preset, ControllerPreset, "preset", 'ControllerPreset.named("ur5e")')
+
+
+def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptions | None = None) -> Trajectory:
+    """A motion from rest to rest, within limits, whose log identifies the arm well.
+
+    Quintic B-splines, whose first and last coefficients are equal: the arm rests at both ends. The best conditioned of
+    random ones is improved by an evolution strategy (Rechenberg's rule of one fifth).
+
+    Args:
+        robot: the arm, as far as it is known.
+        duration: of the motion [s], 1 to 600.
+        options: what is to be identified, margins and obstacles.
+
+    Raises:
+        ProblemError: an argument is wrong, or no candidate is within the limits and clear.
+    """
+    expect_robot(robot)
+    options = ExcitingOptions() if options is None else expect(options, ExcitingOptions, "options")
+    if not 1 <= number(duration, "duration", unit="s") <= 600:
+        raise ProblemError(f"duration is {duration} s; it is 1 to 600 s")
+    search = _Search.of(robot, float(duration), options)
+    rng = np.random.default_rng(options.seed)
+    found = [one for _ in range(options.candidates) if (one := search.fitted(search.random(rng))) is not None]
+    if not found:
+        raise ProblemError(
+            f"none of {options.candidates} motions of {robot.name} in {duration:g} s is within margin × limits and "
+            "clear of obstacles: give more time, or a larger margin"
+        )
+    best = min(found, key=search.condition)
+    least, size = search.condition(best), 0.3
+    for _ in range(options.generations):
+        trial = search.fitted(best + size * np.std(best, axis=0) * rng.normal(size=best.shape))
+        better = trial is not None and (value := search.condition(trial)) < least
+        if better and trial is not None:
+            best, least = trial, value
+        size *= 1.5 if better else 1.5**-0.25
+    return search.motion(best)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Search:
+    """Motions of an arm as coefficients of splines, shape (k, nv).
+
+    Attributes:
+        robot: the arm.
+        options: of the search.
+        equations: of what is to be identified.
+        t: checked times [s], shape (n,).
+        spline: the spline's values and two derivatives at these times for unit coefficients, each of shape (n, k).
+        lower: least positions [rad or m], shape (nv,).
+        upper: largest, likewise.
+        collision: distances; None: nothing is to be kept clear of.
+    """
+
+    robot: Robot
+    options: ExcitingOptions
+    equations: Equations
+    t: Array
+    spline: tuple[Array, Array, Array] = field(repr=False)
+    lower: Array
+    upper: Array
+    collision: CollisionModel | None
+
+    @classmethod
+    def of(cls, robot: Robot, duration: float, options: ExcitingOptions) -> _Search:
+        free = max(4, round(options.knots * duration))
+        t = np.linspace(0, duration, round(duration / _CHECKED) + 1)
+        limits = robot.limits
+        endless = ~(np.isfinite(limits.position_lower) & np.isfinite(limits.position_upper))
+        lower = np.where(endless, -np.pi, limits.position_lower)
+        upper = np.where(endless, np.pi, limits.position_upper)
+        idle = (1 - options.margin) / 2 * (upper - lower)
+        states = [np.zeros((2, robot.nv)) for _ in range(4)]
+        torque = np.where(limits.effort_upper < np.inf, limits.effort_upper, 1.0) * np.ones((2, 1))
+        unit = Signals(
+            t=np.arange(2.0), q=states[0], v=states[1] + 1, a=states[2], tau=torque, measured=torque, width=1
+        )
+        kept = options.obstacles or options.self_collision
+        return cls(
+            robot=robot,
+            options=options,
+            equations=Equations.of(robot, options.what, [unit], robot.friction.width),
+            t=t,
+            spline=_spline(free, t),
+            lower=lower + idle,
+            upper=upper - idle,
+            collision=CollisionModel(robot, options.obstacles, options.self_collision) if kept else None,
+        )
+
+    def random(self, rng: np.random.Generator) -> Array:
+        """Coefficients of a random motion."""
+        return rng.uniform(self.lower, self.upper, (self.spline[0].shape[1], self.robot.nv))
+
+    def states(self, coefficients: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at the checked times, each of shape (n, nv)."""
+        q, v, a = (one @ coefficients for one in self.spline)
+        return q, v, a
+
+    def fitted(self, coefficients: Array) -> Array | None:
+        """Coefficients scaled about the first pose into the limits; None: they cannot be."""
+        coefficients = np.clip(coefficients, self.lower, self.upper)
+        start, margin = coefficients[:1], self.options.margin
+        speed = np.where(np.isfinite(self.robot.limits.velocity), margin * self.robot.limits.velocity, _SPEED)
+        fast = np.max(np.abs(self.spline[1] @ coefficients), axis=0) / speed
+        coefficients = start + (coefficients - start) / np.maximum(1.0, fast)
+        for _ in range(_TRIALS):
+            if self._accepted(coefficients):
+                return coefficients
+            coefficients = start + _SMALLER * (coefficients - start)
+        return None
+
+    def _accepted(self, coefficients: Array) -> bool:
+        q, v, a = self.states(coefficients)
+        tau = rigid_torques(self.robot, q, v, a) + self.robot.friction.torque(v)
+        limits, margin = self.robot.limits, self.options.margin
+        free = ~limits.passive
+        if np.any((tau > margin * limits.effort_upper)[:, free]) or np.any(
+            (tau < margin * limits.effort_lower)[:, free]
+        ):
+            return False
+        if self.collision is not None and not all(self.collision.is_free(x, self.options.clearance) for x in q):
+            return False
+        return self.options.preset is None or self.options.preset.check(self.motion(coefficients)).ok
+
+    def condition(self, coefficients: Array) -> float:
+        """Condition number of the scaled regressor on the combinations that motions tell."""
+        every = max(1, self.t.size // 150)
+        q, v, a = (one[::every] for one in self.states(coefficients))
+        columns, _ = self.equations.at(q, v, a, every=1)
+        columns = columns / self.equations.unknowns.offset[:, None]
+        values = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
+        rank = self.equations.structural_rank
+        return float(values[0] / max(values[rank - 1], 1e-300))
+
+    def motion(self, coefficients: Array) -> Trajectory:
+        """The motion, with torques by inverse dynamics."""
+        q, v, a = self.states(coefficients)
+        tau = rigid_torques(self.robot, q, v, a) + self.robot.friction.torque(v)
+        return Trajectory(
+            t=self.t,
+            q=q,
+            v=v,
+            tau=tau,
+            joint_names=self.robot.joint_names,
+            name=f"exciting motion of {self.robot.name}",
+            model_hash=self.robot.model_hash,
+        )
+
+
+def _spline(free: int, t: Array) -> tuple[Array, Array, Array]:
+    """Values and two derivatives of a clamped spline, shape (n, free): three equal coefficients at each end."""
+    inner = np.linspace(0, t[-1], free + 4 - _DEGREE + 1)
+    knots = np.concatenate([np.zeros(_DEGREE), inner, np.full(_DEGREE, t[-1])])
+    merged = np.repeat(np.eye(free), [3, *(1 for _ in range(free - 2)), 3], axis=0)
+    basis = BSpline(knots, merged, _DEGREE)
+    return basis(t), basis(t, nu=1), basis(t, nu=2)

@@ -1,0 +1,51 @@
+"""Exciting motions: within limits, clear, and better conditioned than random ones."""
+
+import numpy as np
+import pytest
+
+from armdyn.errors import ProblemError
+from armdyn.identification import ExcitingOptions, Log, exciting_motion, identify
+from armdyn.models import Box, ControllerPreset, Payload, Plane
+from armdyn.models.scene.collision import CollisionModel
+from oracles import robot_named
+
+
+def test_it_rests_at_both_ends_and_keeps_margin_and_limits():
+    robot = robot_named("ur5")
+    motion = exciting_motion(robot, 6.0, ExcitingOptions(generations=10, margin=0.7))
+    assert not np.any(motion.v[[0, -1]]) and motion.duration == pytest.approx(6.0)
+    assert np.all(np.abs(motion.v) <= 0.7 * robot.limits.velocity + 1e-9)
+    assert np.all(np.abs(motion.tau) <= 0.7 * robot.limits.effort_upper + 1e-9)
+    assert ControllerPreset.named("ur5").check(motion).ok
+
+
+def test_it_is_better_conditioned_than_random_motions():
+    robot = robot_named("rrr")
+    random, best = (
+        exciting_motion(robot, 5.0, ExcitingOptions(candidates=count, generations=generations, what="payload"))
+        for count, generations in ((1, 0), (10, 100))
+    )
+    conditions = [identify(robot, Log.of(one), "payload").condition for one in (random, best)]
+    assert conditions[1] < 0.7 * conditions[0]
+
+
+def test_it_is_clear_of_obstacles():
+    robot, table = robot_named("ur5"), Plane((0, 0, -0.05), (0, 0, 1))
+    motion = exciting_motion(
+        robot, 4.0, ExcitingOptions(generations=3, candidates=20, obstacles=[table], self_collision=True)
+    )
+    model = CollisionModel(robot, [table], True)
+    assert all(model.is_free(q, 0.01) for q in motion.q)
+
+
+def test_what_cannot_be_is_refused():
+    robot = robot_named("rrr")
+    with pytest.raises(ProblemError, match="margin is 2"):
+        ExcitingOptions(margin=2)
+    with pytest.raises(ProblemError, match=r"duration is 0\.5"):
+        exciting_motion(robot, 0.5)
+    with pytest.raises(ProblemError, match="none of 2 motions"):
+        exciting_motion(robot.with_payload(Payload(mass=100)), 2.0, ExcitingOptions(candidates=2))
+    with pytest.raises(ProblemError, match="obstacles"):
+        ExcitingOptions(obstacles=["box"])
+    assert ExcitingOptions(obstacles=[Box((1, 1, 1), (0, 0, 0))]).obstacles
