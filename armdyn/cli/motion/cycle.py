@@ -226,7 +226,7 @@ def _write(
 def _obstacles(solution: CycleSolution) -> list[Any]:
     """Obstacles of the cycle and of its moves, each once."""
     cycle, moves = solution.cycle, (leg.leg.move for leg in solution.legs)
-    every = [*cycle.conditions.get("obstacles", ()), *(one for move in moves for one in move.obstacles)]
+    every = [*cycle.path_constraints.get("obstacles", ()), *(one for move in moves for one in move.obstacles)]
     return [one for k, one in enumerate(every) if all(one is not other for other in every[:k])]
 
 
