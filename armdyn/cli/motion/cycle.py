@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from armdyn.cycle import CycleSolution
+    from armdyn.models.scene.obstacles import Obstacle
 
 _EXAMPLE = "cell.toml"
 _STEPS = "steps.csv"
@@ -223,11 +224,12 @@ def _write(
     return written.with_files(files)
 
 
-def _obstacles(solution: CycleSolution) -> list[Any]:
-    """Obstacles of the cycle and of its moves, each once."""
-    cycle, moves = solution.cycle, (leg.leg.move for leg in solution.legs)
-    every = [*cycle.path_constraints.get("obstacles", ()), *(one for move in moves for one in move.obstacles)]
-    return [one for k, one in enumerate(every) if all(one is not other for other in every[:k])]
+def _obstacles(solution: CycleSolution) -> list[Obstacle]:
+    """Obstacles of all moves, each once."""
+    from armdyn.models.scene.obstacles import obstacle_entry
+
+    every = (one for leg in solution.legs for one in leg.solution.problem.obstacles)
+    return list({str(obstacle_entry(one)): one for one in every}.values())
 
 
 def _cells(step: dict[str, Any]) -> list[str]:
