@@ -116,6 +116,19 @@ class ContactError(ProblemError):
         super().__init__(message)
 
 
+class CycleError(ProblemError):
+    """A step of a cycle is wrong, or cannot be done.
+
+    Attributes:
+        step: its number, from 1 on; 0: the start.
+        name: of the step.
+    """
+
+    def __init__(self, step: int, name: str, why: str):
+        self.step, self.name = step, name
+        super().__init__(f"step {step} ({name}): {why}" if step else f"start of the cycle: {why}")
+
+
 class TrajectoryError(ArmdynError, ValueError):
     """The arrays of a trajectory do not fit each other, or its file cannot be read."""
 

@@ -78,6 +78,22 @@ AT_REST = {"robot": RR, "q_goal": GOAL, "controller": PID, "loop": LOOP, "plant"
 PASSED = {"problem": PROBLEM, "motion": MOTION, "passing": np.zeros((0, 2))}
 
 
+CYCLE = ad.Cycle(RR, start=START, steps=[ad.Move(GOAL), ad.Wait(0.1)])
+
+
+@cache
+def solved_cycle() -> ad.CycleSolution:
+    """A small one."""
+    return ad.solve_cycle(CYCLE, ad.MinimumTimeOptions(starts=2))
+
+
+def cycle_file(folder: Path) -> Path:
+    """A file with a small cycle."""
+    path = folder / "cycle.toml"
+    path.write_text('[robot]\nname = "rr"\n[cycle]\nstart = [0, 0]\n[[steps]]\nmove = "there"\nto = [1, 1]\n')
+    return path
+
+
 @cache
 def solution() -> ad.Solution:
     """A small one."""
@@ -100,6 +116,13 @@ def values() -> dict[Callable[..., object], Right]:
         | {"effort_limit": 3.0},
         ad.Payload: BODY | {"offset": None},
         ad.Tool: BODY | {"tip": (0, 0, 0)},
+        ad.Cycle: {"robot": RR, "start": START, "steps": [ad.Move(GOAL)], "closed": False, "order": "given"},
+        ad.Grasp: {"part": ad.Payload(mass=0.1), "dwell": 0.1, "name": "take"},
+        ad.Move: {"to": GOAL, "via": (), "retreat": None, "approach": 0.1, "obstacles": (), "speed": None}
+        | {"path_constraints": (), "name": "there"},
+        ad.Release: {"part": None, "dwell": 0.1, "name": "let go"},
+        ad.Straight: {"length": 0.1, "axis": "z", "frame": None, "deviation": 1e-3, "angle": 0.01},
+        ad.Wait: {"seconds": 0.1, "name": "cool"},
         ad.Sphere: {"center": (0, 0, 0), "radius": 1.0, "name": "ball"},
         ad.Cylinder: {"a": (0, 0, 0), "b": (0, 0, 1), "radius": 1.0, "name": "drum"},
         ad.Plane: {"point": (0, 0, 0), "normal": (0, 0, 1), "name": "floor"},
@@ -204,6 +227,9 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
             "loop": None,
         }
         | {"rates": (900.0, 1000.0)},
+        ad.solve_cycle: {"cycle": CYCLE, "options": OPTIONS, "progress": None},
+        ad.cycle_costs: {"solution": solved_cycle(), "options": OPTIONS, "progress": None},
+        ad.read_cycle: {"path": cycle_file(folder)},
         ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
         ad.study_table: {"file": folder / "done.sqlite"},
         ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}
@@ -243,6 +269,9 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         ad.Mesh.from_file: {"path": folder / "part.obj", "placement": (0, 0, 0), "scale": 1.0, "name": None},
         ad.Mesh.from_triangles: {"vertices": CORNERS, "triangles": TRIANGLES, "placement": (0, 0, 0), "name": "part"},
         ad.PointCloud.from_file: {"path": folder / "seen.npy", "size": 0.1, "placement": (0, 0, 0), "name": None},
+        CYCLE.name_of: {"step": 1},
+        CYCLE.rest: {"stop": CYCLE.stops[1]},
+        CYCLE.reordered: {"order": [0]},
         ad.Payload.at_last_com: {"spec": SPEC, "mass": 1.0},
         ad.Robot.from_urdf_string: {"text": two_links(), "package_dirs": (), "source": "it"} | READING | FRICTION,
         ad.Robot.from_urdf: {"path": arm, "package_dirs": ()} | READING | FRICTION,

@@ -49,6 +49,8 @@ RESULTS = {
         ad.ControllerPreset,
         ad.Arc,
         ad.Certificate,
+        ad.CycleCost,
+        ad.CycleSolution,
         ad.GainPlane,
         ad.Estimate,
         ad.LowerBound,
@@ -66,6 +68,7 @@ RESULTS = {
         ad.ArmdynError,
         ad.ArmdynWarning,
         ad.ContactError,
+        ad.CycleError,
     ),
 }
 """Made by armdyn alone, of numbers that it has checked."""
@@ -158,6 +161,8 @@ def test_every_public_call_is_tried(calls):
         own = inspect.isclass(made) and not issubclass(made, str | tuple | Exception)
         for within, method in inspect.getmembers(made, inspect.isroutine) if own else ():
             function = getattr(method, "__func__", method)
+            if not callable(function):  # a cached property
+                continue
             if not (within.startswith("_") or within in INNER or len(inspect.signature(function).parameters) < 2):
                 assert function in there, f"{name}.{within}"
 

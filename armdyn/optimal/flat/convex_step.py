@@ -15,10 +15,6 @@ _ACCURATE = 1e-8
 """Of the quadratic program: rows are kept better than the 1e-6 to which limits are; two iterations more."""
 
 
-_ITERATIONS = 60
-"""Of PIQP: 20 to 30 are usual; where rounding stalls it, refined solutions of its equations lead on."""
-
-
 @dataclass(frozen=True, eq=False)
 class SoftRows:
     """Inequalities that may be violated at a price: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
@@ -105,7 +101,9 @@ def solve_step(problem: ConvexStep) -> QpSolution:
     if equal is None:
         solver.settings.preconditioner_iter = 0  # rows and unknowns have scales near 1: without it a fifth less time
     else:
-        solver.settings.preconditioner_scale_cost = True  # short legs have large torque rows
+        # Short legs have large torque rows: without both, rounding stalls a third of the programs.
+        solver.settings.preconditioner_scale_cost = True
+        solver.settings.iterative_refinement_always_enabled = True
     solver.setup(
         sp.block_diag([problem.curvature, sp.csc_matrix((slacks, slacks))], format="csc"),
         np.concatenate([problem.gradient, prices]),
@@ -117,12 +115,7 @@ def solve_step(problem: ConvexStep) -> QpSolution:
         np.concatenate([problem.lower, np.zeros(slacks)]),
         np.concatenate([problem.upper, np.full(slacks, np.inf)]),
     )
-    solver.settings.max_iter = _ITERATIONS
-    status = solver.solve()
-    if status == piqp.PIQP_MAX_ITER_REACHED:
-        solver.settings.iterative_refinement_always_enabled = True
-        status = solver.solve()
-    result = solver.result
+    status, result = solver.solve(), solver.result
     x, ends = np.array(result.x), np.cumsum([block.shape[0] for block in blocks])[:-1]
     step, slack = x[:n], np.split(prices * x[n:], np.cumsum(counts))[: len(counts)]
     cost = float(problem.gradient @ step + step @ (problem.curvature @ step) / 2 + prices @ x[n:])

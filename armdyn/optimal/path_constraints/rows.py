@@ -5,7 +5,7 @@ without such rows has the program of `build_nlp` itself.
 """
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import casadi as ca
@@ -69,7 +69,7 @@ class StageRows:
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
-        return _stage_functions(self, place)
+        return _stage_functions(replace(self, where="every", leg=None), place)  # the same wherever they are
 
 
 @dataclass(frozen=True, eq=False)

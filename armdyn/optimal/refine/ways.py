@@ -153,7 +153,8 @@ def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
     yield from (_guess(task, way) for way in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
-    yield from (_guess(task, way) for way in others[: numbers.ways - 1])
+    most = numbers.ways_in_regions if task.problem.regional else numbers.ways
+    yield from (_guess(task, way) for way in others[: most - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])
         yield from (Curve.near(guess, basis) for guess in task.options.guesses)

@@ -57,6 +57,21 @@ def test_a_straight_retreat_and_approach_are_straight():
     assert solution.duration > solve(free).duration  # 2 % or so
 
 
+def test_a_part_is_lifted_from_its_table_over_a_wall():
+    """The part stands 1 mm over its table at both ends, which is allowed there, and the arm keeps clear on its way."""
+    box = ad.Box((0.05, 0.05, 0.05), (0.0, 0.0, 0.03), name="part")
+    free, load = pick_and_place(), ad.Payload(mass=1.0, frame="tool0", shapes=[box], name="part")
+    table = ad.Box((0.4, 0.8, 0.05), (0.45, 0.0, 0.2 - 0.03 - 0.025 - 0.001 - 0.025), name="table")
+    wall = ad.Box((0.1, 0.02, 0.1), (0.5, 0.0, 0.19), name="wall")
+    problem = free.variant(
+        robot=free.robot.with_payload(load), obstacles=[table, wall], end_contacts=[("part", "table")], clearance=2e-3
+    )
+    solution = solve(problem)
+    assert solution.clearance.sure and solution.clearance.distance > 1e-3 - 2e-4
+    assert all(report.share <= 1 + 1e-6 for report in solution.constraint_reports if report.share)
+    assert solution.duration < 1.05 * solve(free).duration
+
+
 def test_files_keep_frame_regions(tmp_path):
     problem, file = pick_and_place(), tmp_path / "problem.toml"
     file.write_text(problem.to_toml())

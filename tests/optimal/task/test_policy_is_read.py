@@ -169,7 +169,8 @@ def guesses_round_a_ball():
 
 def constraints_that_are_tightened():
     """Each asked for more strictly, and at more points, than a straight and hasty motion keeps it."""
-    problem = between("rr", obstacles=[BALL], acceleration_limit=1.0)
+    strip = ad.FrameRegion(ad.GoalPose("tip", (0.24, 0, 0), ("z",), (0.24, 0, 0, 0, 0, 0)))
+    problem = between("rr", obstacles=[BALL], acceleration_limit=1.0, path_constraints=[strip])
     constraints = TightenedConstraints.of(noted(problem))
     constraints.values(problem, Knots(np.array([0.0, 0.5, 1.0]), (0, 2)))
     hasty = spline(problem, [], 0.1)

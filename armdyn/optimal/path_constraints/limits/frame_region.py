@@ -107,7 +107,8 @@ class FrameRegion(PartialLimit):
         return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,)))
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        return tuple(region_values(problem.robot, self.region, self.part, count) for count in (len(_STAGES), 1))
+        part = self.part * self.policy.region_part
+        return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """By Pinocchio, at the samples and so many times between them that second derivatives prove the rest."""

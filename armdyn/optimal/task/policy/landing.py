@@ -36,6 +36,9 @@ class PathConstraintPolicy:
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: no further round is worth its seconds", "RR, Panda")
     beside_region: float = tuned(1e-6, "m or rad", "outside a region that is passed: as of all other limits")
+    region_part: float = tuned(
+        0.97, "of a tolerance", "that is asked for at first: the rest is for what lies between", "Panda, UR5"
+    )
     region_spare: float = tuned(
         5e-3, "of a tolerance", "asked for besides, where a frame leaves its region", "Panda, UR5"
     )

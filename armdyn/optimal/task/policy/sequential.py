@@ -26,6 +26,7 @@ class SequentialPolicy:
     beside: float = tuned(0.2, "steps between poses", "and so long before and after", TRAINED)
     spare: float = tuned(5e-4, "m", "asked beyond the clearance, so that it is kept between the poses", TRAINED)
     ways: int = tuned(3, "ways", "compared on the coarse mesh, the shortest first", TRAINED)
+    ways_in_regions: int = tuned(2, "ways", "the same between regions: three differed by 0.2 %", "Panda, bins and wall")
     near_bound: float = tuned(1.02, "of the time at the velocity limits", "a way so fast needs no other", TRAINED)
     hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)

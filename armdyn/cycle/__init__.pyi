@@ -1,0 +1,12 @@
+from armdyn.cycle.costs import CycleCost as CycleCost
+from armdyn.cycle.costs import cycle_costs as cycle_costs
+from armdyn.cycle.cycle import Cycle as Cycle
+from armdyn.cycle.cycle_files import read_cycle as read_cycle
+from armdyn.cycle.solution import CycleLeg as CycleLeg
+from armdyn.cycle.solution import CycleSolution as CycleSolution
+from armdyn.cycle.solve import solve_cycle as solve_cycle
+from armdyn.cycle.steps import Grasp as Grasp
+from armdyn.cycle.steps import Move as Move
+from armdyn.cycle.steps import Release as Release
+from armdyn.cycle.steps import Straight as Straight
+from armdyn.cycle.steps import Wait as Wait

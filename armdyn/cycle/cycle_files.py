@@ -1,0 +1,156 @@
+"""Cycle files: a cycle in TOML, by the names that it has in Python. docs/cycles.md says how."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from armdyn.arguments import shown
+from armdyn.cycle.cycle import PATH_CONSTRAINTS, Cycle
+from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
+from armdyn.errors import ProblemError, did_you_mean
+from armdyn.models.robots.poses import positions_of
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.attached import PAYLOAD_KEYS, payload_from
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.values.spec import Payload
+from armdyn.optimal.problem.robot_tables import robot_from
+from armdyn.optimal.problem_files import OPTIONS, conditions_from, goal_pose_from
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.parsing.toml import Table, read_toml
+
+TABLES = ("robot", "cycle", "parts", "steps", "options")
+_KINDS = ("move", "grasp", "release", "wait")
+_STRAIGHT = ("length", "axis", "frame", "deviation", "angle")
+_CONDITIONS = ("obstacles", "path_constraints")
+_MOVE = ("move", "to", "via", "retreat", "approach", "speed", *_CONDITIONS)
+_KEYS = {
+    "move": _MOVE,
+    "grasp": ("grasp", "dwell", "name"),
+    "release": ("release", "dwell", "name"),
+    "wait": ("wait", "name"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class CycleFile:
+    """A cycle from a file, and the solver's options there.
+
+    Attributes:
+        cycle: what is to be done.
+        options: of the solves.
+    """
+
+    cycle: Cycle
+    options: MinimumTimeOptions
+
+
+def read_cycle(path: str | os.PathLike[str]) -> Cycle:
+    """The cycle that a file describes; docs/cycles.md says how.
+
+    The file may come from a stranger: it is read up to a size, files that it names are inside its own folder, and
+    nothing is downloaded.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it describes no cycle; the message says in which line, and what would be right.
+    """
+    return read_cycle_file(path).cycle
+
+
+def read_cycle_file(path: str | os.PathLike[str]) -> CycleFile:
+    """The cycle that a file describes, and the options of the solver.
+
+    Raises:
+        FileError: the file cannot be read, or is too large.
+        ProblemError: it describes no cycle; the message says in which line.
+    """
+    file = read_toml(path)
+    file.only(TABLES)
+    given = file.table("options")
+    given.only(OPTIONS)
+    with given.telling():
+        options = MinimumTimeOptions(**given.values)
+    return CycleFile(cycle_from(file, robot_from(file.table("robot"))), options)
+
+
+def cycle_from(file: Table, robot: Robot) -> Cycle:
+    """The cycle of a file's tables, of a robot.
+
+    Raises:
+        ProblemError: a key is unknown or wrong; the message says in which line.
+    """
+    table = file.table("cycle")
+    table.only(("start", "closed", "order", "scene", *PATH_CONSTRAINTS))
+    parts = {name: _part(file.table("parts"), name) for name in file.table("parts").values}
+    steps = [_step(each, robot, parts) for each in file.tables("steps")]
+    with table.telling({"start of the cycle": "start"}):
+        if "start" not in table.values:
+            raise ProblemError("[cycle] has no start: joint positions, a pose's name, or a goal pose")
+        given = conditions_from(table, robot)
+        return Cycle(robot, **{**given, "start": _place(table, "start", robot), "steps": steps})
+
+
+def _part(table: Table, name: str) -> Payload:
+    part = table.table(name)
+    part.only(PAYLOAD_KEYS)
+    with part.telling({"payload": name}):
+        return payload_from({"name": name, **part.values}, Path(table.path).parent)
+
+
+def _step(table: Table, robot: Robot, parts: dict[str, Payload]) -> Step:
+    """The step of a table: a move, grasp, release or wait."""
+    kinds = [kind for kind in _KINDS if kind in table.values]
+    if len(kinds) != 1:
+        raise table.error("", f"a step has one of {', '.join(_KINDS)}; this one has {' and '.join(kinds) or 'none'}")
+    (kind,) = kinds
+    table.only(_KEYS[kind])
+    with table.telling():
+        if kind == "move":
+            return _move(table, robot)
+        rest = {key: value for key, value in table.values.items() if key != kind}
+        if kind == "wait":
+            return Wait(table.values["wait"], **rest)
+        name = table.values[kind]
+        if not isinstance(name, str) or name not in parts:
+            meant = did_you_mean(str(name), parts) or f"; known: {', '.join(parts)}"
+            raise ProblemError(f"{kind} is {shown(name)}; it is a part of [parts]{meant}")
+        return Grasp(parts[name], **rest) if kind == "grasp" else Release(parts[name], **rest)
+
+
+def _move(table: Table, robot: Robot) -> Move:
+    given = conditions_from(table, robot)
+    if "to" not in given:
+        raise table.error("move", "a move has no key 'to': joint positions, a pose's name, or a goal pose")
+    via = given.get("via", [])
+    if not isinstance(via, list):
+        raise ProblemError(f"via is {shown(via)}; it must be a list of places")
+    return Move(
+        _place(table, "to", robot),
+        name=given["move"],
+        via=[_place(Table(table.path, {"via": one}, table.lines, table.within), "via", robot) for one in via],
+        retreat=_straight(table, "retreat"),
+        approach=_straight(table, "approach"),
+        **{key: given[key] for key in ("speed", *_CONDITIONS) if key in given},
+    )
+
+
+def _place(table: Table, key: str, robot: Robot) -> list[float] | GoalPose:
+    """Joint positions or a goal pose."""
+    if isinstance(table.values[key], dict):
+        return goal_pose_from(table.table(key), robot)
+    return positions_of(robot, table.values[key], key)
+
+
+def _straight(table: Table, key: str) -> Straight | None:
+    """A straight segment: a table, or its length [m]; None: there is none."""
+    value = table.values.get(key)
+    if not isinstance(value, dict):
+        return None if value is None else Straight(value)
+    inner = table.table(key)
+    inner.only(_STRAIGHT)
+    if "length" not in value:
+        raise table.error(key, f"{key} has no length [m]")
+    with inner.telling():
+        return Straight(**value)

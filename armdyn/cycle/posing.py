@@ -1,0 +1,86 @@
+"""From a leg of a cycle and joint positions at its ends to a minimum-time problem."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from armdyn.cycle.cycle import Cycle, Leg, told
+from armdyn.cycle.steps import Straight
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose, frame_placement
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
+from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+
+Array = NDArray[np.float64]
+
+
+def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> MinimumTimeProblem:
+    """The problem of a leg between joint positions.
+
+    A straight segment is a leg of the same motion: its other end is passed in flight, in a region as wide as the line's
+    tolerances, and between both ends the frame stays on the line.
+
+    Args:
+        cycle: of which it is a leg.
+        leg: the motion.
+        q_start: joint positions at its beginning [rad or m], shape (nv,).
+        q_goal: likewise at its end.
+
+    Raises:
+        CycleError: the problem is ill-posed, with the step's number and name.
+    """
+    move, robot = leg.move, leg.robot
+    via: list[Any] = list(move.via)
+    lines = list[FrameRegion]()
+    if isinstance(move.retreat, Straight):
+        passed, line = _on_line(robot, move.retreat, move.to, q_start)
+        via.insert(0, passed)
+        lines.append(FrameRegion(line, leg=0))
+    if isinstance(move.approach, Straight):
+        passed, line = _on_line(robot, move.approach, move.to, q_goal)
+        via.append(passed)
+        lines.append(FrameRegion(line, leg=len(via)))
+    speed = [] if move.speed is None else [FrameSpeedLimit(move.speed)]
+    given = dict(cycle.conditions)
+    constraints = [*given.pop("path_constraints", ()), *move.path_constraints, *speed, *lines]
+    obstacles = [*given.pop("obstacles", ()), *move.obstacles]
+    for name in ("allowed_contacts", "end_contacts"):
+        given[name] = _present(given.get(name, ()), cycle, robot, obstacles)
+    with told(leg.step, leg.name):
+        return MinimumTimeProblem(
+            robot, q_start=q_start, q_goal=q_goal, via=via, obstacles=obstacles, path_constraints=constraints, **given
+        )
+
+
+def _on_line(robot: Robot, straight: Straight, to: object, q: Array) -> tuple[GoalPose, GoalPose]:
+    """The region at the other end of a straight segment that ends at q, and that of the line between."""
+    frame = straight.frame or (to.frame if isinstance(to, GoalPose) else robot.tip)
+    at, letter = frame_placement(robot, frame, q), straight.axis[-1]
+    axis = "xyz".index(letter)
+    away = np.zeros(3)
+    away[axis] = straight.length if straight.axis.startswith("-") else -straight.length
+    # So that two deviations across, and three turns, together stay within what is allowed.
+    across, turn = straight.deviation / np.sqrt(2), straight.angle / np.sqrt(3)
+    most = [across, across, across, turn, turn, turn]
+    most[axis] = 0.0
+    far = at * pin.SE3(np.eye(3), away)
+    passed = GoalPose(frame, far.homogeneous, tolerance=tuple(most))
+    return passed, GoalPose(frame, at.homogeneous, free=(letter,), tolerance=tuple(most))
+
+
+def _present(pairs: Any, cycle: Cycle, robot: Robot, obstacles: Sequence[Any]) -> Any:
+    """Pairs of names without those of parts that are not carried and of obstacles of other moves."""
+    if not isinstance(pairs, list | tuple):
+        return pairs
+    here = {*(body.name for body in robot.attached), *(getattr(one, "name", "") for one in obstacles)}
+    elsewhere = {
+        *(body.name for arm in cycle.arms for body in arm.attached),
+        *(getattr(one, "name", "") for leg in cycle.moves for one in leg.move.obstacles),
+    } - here
+    return [pair for pair in pairs if not (isinstance(pair, list | tuple) and elsewhere.intersection(map(str, pair)))]

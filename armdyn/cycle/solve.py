@@ -1,0 +1,144 @@
+"""`solve_cycle`: the order and the branches of the stops that are fastest together, and the motions between them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.arguments import expect, listener
+from armdyn.cycle.cycle import Cycle
+from armdyn.cycle.graph import CycleGraph, Edge, Tour
+from armdyn.cycle.solution import CycleLeg, CycleSolution
+from armdyn.errors import CycleError
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.parallel import in_processes
+
+Report = Callable[[str], None]
+
+
+def solve_cycle(
+    cycle: Cycle, options: MinimumTimeOptions | None = None, progress: Report | None = None
+) -> CycleSolution:
+    """The fastest cycle, over all branches of the inverse kinematics at its stops, and over the orders that it allows.
+
+    The moves between the branches of neighbouring stops are the edges of a graph. Their lengths are bounded, by the
+    velocity limits and then by `lower_bound`, and solved only on the tour that is the shortest so far; so the result
+    is the shortest of all tours, as if every edge had been solved.
+
+    Args:
+        cycle: what is to be done.
+        options: of every move's solve; the time limit is that of the whole cycle.
+        progress: called with a line of text on what is being tried.
+
+    Returns:
+        A `CycleSolution`; look at `usable` and `gap`. Ctrl-C returns what there is, with status "interrupted".
+
+    Raises:
+        CycleError: a step cannot be done, with its number and name.
+        ProblemError: cycle, options or progress is something else.
+    """
+    expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
+    options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
+    started, report = time.perf_counter(), listener(progress)
+    with stopping(options.time_limit) as stop:
+        graph, bounded = CycleGraph.of(cycle), set[Edge]()
+        while True:
+            tour = graph.best(graph.lengths)
+            edges = graph.open(tour)
+            if not edges or not np.isfinite(tour.length) or stop:
+                break
+            chosen = [edge for edge in edges if edge not in bounded and np.sum(~graph.exact[edge[:2]]) > 1]
+            if chosen:
+                bounded.update(chosen)
+                _bound(graph, chosen, options, stop)
+            else:
+                _solve(graph, edges, options, stop, report)
+        answer = _answer(graph, tour, stop, report)
+    return replace(answer, solve_time=time.perf_counter() - started)
+
+
+def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> None:
+    """Bound the durations of edges, in parallel."""
+    posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
+    jobs = [partial(_bound_of, problem, stop) for _, problem in posed]
+    for (edge, _), bound in zip(posed, in_processes(jobs, options.workers), strict=True):
+        graph.learn_bound(edge, bound)
+        graph.learn(edge, max(bound, graph.lengths[edge[:2]][edge[2:]]), exact=False)
+
+
+def _bound_of(problem: MinimumTimeProblem, stop: Stop) -> float:
+    bound = lower_bound(problem, stop.__bool__)
+    return 0.0 if bound is None else bound.duration
+
+
+def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop, report: Report) -> None:
+    """Solve edges, in parallel where there are several."""
+    posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
+    options = replace(options, time_limit=max(stop.deadline - time.perf_counter(), 1e-3))
+    alone = report if len(posed) == 1 else None
+    jobs = [partial(solve_minimum_time, problem, options, alone) for _, problem in posed]
+    for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
+        leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge
+        graph.solutions[edge] = solution
+        if solution.lower_bound is not None:
+            graph.learn_bound(edge, solution.lower_bound)
+        said = f"{solution.duration:.6f} s" if solution.usable else solution.message
+        report(f"step {leg.step} ({leg.name}), branch {i + 1} to {j + 1}: {said}")
+        graph.learn(edge, solution.duration if solution.usable else np.inf, exact=True)
+        if solution.status is Status.INTERRUPTED:
+            stop.interrupt()
+
+
+def _answer(graph: CycleGraph, tour: Tour, stop: Stop, report: Report) -> CycleSolution:
+    """The cycle along a tour, as far as its moves are solved."""
+    if not np.isfinite(tour.length):
+        status = stop.status if stop else Status.INFEASIBLE
+        return CycleSolution(graph.cycle, status, _why(graph), branches=len(graph.solutions))
+    cycle = graph.cycle.reordered(tour.order) if graph.cycle.order == "free" else graph.cycle
+    legs, begin = list[CycleLeg](), 0.0
+    for edge, leg, place in zip(tour.edges, cycle.moves, cycle.stops, strict=False):
+        begin += cycle.rest(place)
+        if edge not in graph.solutions:
+            break
+        legs.append(CycleLeg(leg, graph.solutions[edge], begin))
+        begin += legs[-1].duration
+    whole = len(legs) == len(cycle.moves)
+    status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, stop.word)
+    found = CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
+    return replace(found, lower_bound=_lower_bound(graph, found, stop, report))
+
+
+def _lower_bound(graph: CycleGraph, found: CycleSolution, stop: Stop, report: Report) -> float | None:
+    """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
+    cycle = found.cycle
+    if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
+        return graph.bound(graph.bounds) + cycle.dwell
+    if graph.cycle.order == "free" or not found.usable:
+        return None  # `graph.bounds` know sampled branches only
+    report("a lower bound of the whole cycle")
+    problems = [leg.solution.problem for leg in found.legs]
+    bound = chain_bound(problems, [place.target for place in cycle.stops], found.duration - cycle.dwell, stop.__bool__)
+    return None if bound is None else bound.duration + cycle.dwell
+
+
+def _why(graph: CycleGraph) -> str:
+    """Why there is no tour: the first move that cannot be done says so."""
+    moves = graph.cycle.moves
+    said: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
+    for edge, one in graph.solutions.items():
+        if not one.usable:
+            said[edge] = str(CycleError(moves[edge[1]].step, moves[edge[1]].name, one.message))
+    dead = [arc for arc, lengths in graph.lengths.items() if not np.any(np.isfinite(lengths))]
+    edges = [edge for edge in said if edge[:2] in dead] or list(said)
+    return said[min(edges, key=lambda edge: edge[1])]

@@ -1,0 +1,162 @@
+"""Steps of a cycle: values that say what the arm does, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from armdyn.arguments import expect, number, one_of, several, text
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.values.spec import Payload
+from armdyn.optimal.problem.checks import check_path_constraints
+from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
+from armdyn.reprs import brief
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+AXES: tuple[Axis, ...] = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@brief
+@dataclass(frozen=True)
+class Straight:
+    """A straight segment of the tool at the end of a move, or at its beginning.
+
+    Attributes:
+        length: of the segment [m].
+        axis: of the frame, at the pose where the segment ends or begins: an approach goes along it, a retreat against
+            it.
+        frame: that moves on the line; None: the frame of the pose, or the robot's tip.
+        deviation: largest distance of the frame from the line [m].
+        angle: largest turn of the frame from its orientation at the pose [rad].
+    """
+
+    length: float
+    _: KW_ONLY
+    axis: Axis = "z"
+    frame: str | None = None
+    deviation: float = 0.5e-3
+    angle: float = 0.0087
+
+    def __post_init__(self) -> None:
+        for name, unit in (("length", "m"), ("deviation", "m"), ("angle", "rad")):
+            number(getattr(self, name), f"{name} of a straight segment", unit=unit, sign="positive")
+        one_of(self.axis, AXES, "axis of a straight segment")
+        if self.frame is not None:
+            text(self.frame, "frame of a straight segment")
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A motion that ends at rest, as fast as the limits allow.
+
+    Attributes:
+        to: joint positions [rad or m], shape (nv,), a pose's name, or a goal pose, of which a branch of the inverse
+            kinematics is chosen.
+        via: passed on the way at any velocity, in this order: like `to`; a `GoalPose` with tolerances is a blend, of
+            which any point will do.
+        retreat: straight segment at the beginning, or its length [m]; None: none.
+        approach: likewise at the end.
+        obstacles: of this move, besides the cycle's.
+        speed: largest speed of the tip [m/s]; None: no such limit.
+        path_constraints: of this move, besides the cycle's.
+        name: in tables and messages; empty: the step's number.
+    """
+
+    to: ArrayLike | str | GoalPose
+    _: KW_ONLY
+    via: Sequence[ArrayLike | str | GoalPose] = ()
+    retreat: Straight | float | None = None
+    approach: Straight | float | None = None
+    obstacles: Sequence[Obstacle] = ()
+    speed: float | None = None
+    path_constraints: Sequence[PathConstraintSpec] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("retreat", "approach"):
+            given = getattr(self, name)
+            if given is not None and not isinstance(given, Straight):
+                object.__setattr__(self, name, Straight(number(given, name, unit="m", sign="positive")))
+        for name in ("via", "obstacles"):
+            object.__setattr__(self, name, several(getattr(self, name), name))
+        object.__setattr__(self, "path_constraints", check_path_constraints(self.path_constraints))
+        if self.speed is not None:
+            number(self.speed, "speed", unit="m/s", sign="positive")
+        text(self.name, "name of a step")
+
+
+@brief
+@dataclass(frozen=True)
+class Grasp:
+    """The arm, at rest, takes a part: from then on it carries the part.
+
+    Attributes:
+        part: its mass, centre, inertia and shapes.
+        dwell: how long the arm rests [s].
+        name: in tables and messages; empty: "grasp" and the part's name.
+    """
+
+    part: Payload
+    _: KW_ONLY
+    dwell: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        expect(self.part, Payload, "part of a grasp", "such as Payload(mass=1.0)")
+        number(self.dwell, "dwell", unit="s", sign="not negative")
+        text(self.name, "name of a step")
+
+
+@brief
+@dataclass(frozen=True)
+class Release:
+    """The arm, at rest, lets go of the part that it carries.
+
+    Attributes:
+        part: what is let go; None: whatever the arm carries.
+        dwell: how long the arm rests [s].
+        name: in tables and messages; empty: "release" and the part's name.
+    """
+
+    part: Payload | None = None
+    _: KW_ONLY
+    dwell: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.part is not None:
+            expect(self.part, Payload, "part of a release", "the part that was grasped")
+        number(self.dwell, "dwell", unit="s", sign="not negative")
+        text(self.name, "name of a step")
+
+
+@brief
+@dataclass(frozen=True)
+class Wait:
+    """The arm rests.
+
+    Attributes:
+        seconds: how long [s].
+        name: in tables and messages; empty: "wait".
+    """
+
+    seconds: float
+    _: KW_ONLY
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        number(self.seconds, "seconds of a wait", unit="s", sign="not negative")
+        text(self.name, "name of a step")
+
+    @property
+    def dwell(self) -> float:
+        """How long the arm rests [s]."""
+        return self.seconds
+
+
+Step = Move | Grasp | Release | Wait

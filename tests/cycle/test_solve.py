@@ -1,0 +1,92 @@
+"""Solved cycles against all branches and all orders, one by one."""
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+import armdyn as ad
+from armdyn.dynamics.numeric import inverse_dynamics
+from cycles import HERE, THERE, planar, planar_solved
+
+QUICK = ad.MinimumTimeOptions(search="quick")
+
+
+def test_the_cycle_of_rr_is_the_best_of_its_four_ways():
+    cycle, solved = planar(), planar_solved()
+    assert solved.usable
+    assert solved.success
+    robots = [leg.robot for leg in cycle.moves]
+    here, there = (
+        ad.MinimumTimeProblem(cycle.robot, q_start=[0.1, 0.2], goal_pose=ad.GoalPose(cycle.robot.tip, place)).goals
+        for place in (HERE, THERE)
+    )
+    assert len(here) == len(there) == 2
+
+    def time(robot, a, b):
+        return ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=a, q_goal=b), QUICK).duration
+
+    start = np.array([0.1, 0.2])
+    ways = [
+        time(robots[0], start, a) + time(robots[1], a, b) + time(robots[2], b, start) for a, b in product(here, there)
+    ]
+    assert solved.duration == pytest.approx(min(ways) + 0.3, abs=1e-6)
+    assert max(ways) > min(ways) + 0.01  # the choice matters
+
+
+def test_the_whole_cycle_is_one_motion_that_each_piece_s_own_arm_repeats():
+    solved = planar_solved()
+    motion = solved.trajectory
+    assert motion.duration == pytest.approx(solved.duration, abs=1e-9)
+    assert [piece.name for piece in motion.pieces] == [
+        "to the bolt",
+        "grasp bolt",
+        "to the hole",
+        "release bolt",
+        "return",
+    ]
+    assert [piece.load.mass for piece in motion.pieces] == [0, 0.1, 0.1, 0, 0]
+    assert [piece.event for piece in motion.pieces] == ["", "grasp", "", "release", ""]
+    arms = {leg.robot.model_hash: leg.robot for leg in solved.cycle.moves}
+    for part in motion.split():
+        arm = arms[part.own_pieces[0].model_hash]
+        start, end = part.q[0], part.q[-1]
+        if np.array_equal(part.q, np.broadcast_to(start, part.q.shape)):  # a rest
+            np.testing.assert_allclose(part.tau[0], inverse_dynamics(arm)(start, 0 * start, 0 * start), atol=1e-9)
+        else:
+            again = ad.replay_torques(arm, part)
+            np.testing.assert_allclose(again.q[-1], end, atol=1e-6)
+    np.testing.assert_allclose(motion.q[-1], motion.q[0], atol=1e-5)
+
+
+def test_a_cycle_says_its_verdict():
+    said = str(planar_solved())
+    assert "3 moves" in said
+    assert "rests of 0.3 s" in said
+    assert "rr" in repr(planar_solved())
+
+
+def test_a_free_order_is_the_best_of_all_orders():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    places = [(1.0, 0.3), (-0.5, 0.4), (0.4, -0.8)]
+    steps = [step for k, q in enumerate(places) for step in (ad.Move(q, name=f"hole {k}"), ad.Wait(0.05))]
+    solved = ad.solve_cycle(ad.Cycle(robot, start=[0.1, 0.2], steps=steps, closed=True, order="free"), QUICK)
+    given = [
+        ad.solve_cycle(
+            ad.Cycle(robot, start=[0.1, 0.2], steps=[s for k in order for s in steps[2 * k : 2 * k + 2]], closed=True),
+            QUICK,
+        ).duration
+        for order in permutations(range(3))
+    ]
+    assert solved.duration == pytest.approx(min(given), abs=1e-6)
+    assert max(given) > min(given) + 0.01
+    assert solved.legs[-1].leg.name == "return"
+
+
+def test_a_cycle_in_which_every_branch_touches_something_says_where():
+    cycle = planar(obstacles=[ad.Sphere((0.06, 0.0, 0.05), 0.02)])
+    solved = ad.solve_cycle(cycle, QUICK)
+    assert not solved.usable
+    assert solved.status == "infeasible"
+    assert solved.message.startswith("step 1 (to the bolt): at the goal, ")
+    assert np.isnan(solved.duration)
