@@ -126,7 +126,8 @@ def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, st
 def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
     """The cycle along a tour, as far as its moves are solved."""
     if not np.isfinite(tour.length):
-        return CycleSolution(graph.cycle, Status.INFEASIBLE, _why(graph), branches=len(graph.solutions))
+        status = stop.status if stop else Status.INFEASIBLE
+        return CycleSolution(graph.cycle, status, _why(graph), branches=len(graph.solutions))
     cycle = graph.cycle.reordered(tour.order) if graph.cycle.order == "free" else graph.cycle
     legs, begin = list[CycleLeg](), 0.0
     for edge, leg, place in zip(tour.edges, cycle.moves, cycle.stops, strict=False):

@@ -133,8 +133,8 @@ class GoalSet:
 
     @property
     def closed(self) -> bool:
-        """Whether equations enclose the set: not where the position is free along an axis."""
-        return bool(np.all(np.isfinite(self.goal.deviations[:3])))
+        """Whether equations enclose the set."""
+        return is_closed(self.goal)
 
     @property
     def continuous(self) -> bool:
@@ -151,6 +151,8 @@ class GoalSet:
     def whole(self) -> Interval | None:
         """One box, shape (1, nv), of the set but for whole turns; None: it is not bounded."""
         box, ends = self.within.box, self.within.ends
+        if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
+            return None  # after any number of turns
         middle = ends[0] if ends else np.zeros(self.dynamics.nv)
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
@@ -289,6 +291,11 @@ def clusters(boxes: Interval) -> list[Interval]:
                 apart.append((first, last, others))
         groups = [*apart, (lower, upper, members)]
     return [boxes[np.array(members)] for _, _, members in groups]
+
+
+def is_closed(goal: GoalPose) -> bool:
+    """Whether equations enclose the joint positions that reach a goal: not where it is free along an axis."""
+    return bool(np.all(np.isfinite(goal.deviations[:3])))
 
 
 def _hull(boxes: Interval) -> Interval:
