@@ -137,6 +137,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.FrameSpeedLimit: {"limit": 1.0, "frame": None, "part": 1.0},
         ad.RmsTorque: {"limit": 1.0, "dwell": 0.5},
         ad.TorqueRateLimit: {"limit": 1.0},
+        ad.FrameRegion: {"region": ad.GoalPose("tip", (0, 0, 0)), "leg": 0},
         ad.PidGains: {"kp": 1.0, "ki": 1.0, "kd": 1.0},
         ad.Pid: defaults(ad.Pid),
         ad.Lqr: defaults(ad.Lqr),

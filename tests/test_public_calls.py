@@ -81,6 +81,7 @@ INNER = {
         "check",
         "asked_distances",
         "derivative_limit",
+        "fits",
         "from_table",
         "least_duration",
         "of",

@@ -16,6 +16,7 @@ from armdyn.cli.export import export
 from armdyn.cli.identify import identify
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.check import check
+from armdyn.cli.motion.cycle import cycle
 from armdyn.cli.motion.mintime import mintime
 from armdyn.cli.motion.optimality import optimality
 from armdyn.cli.motion.pid import pid
@@ -38,6 +39,9 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 [dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
+[dim]A pick-and-place cycle from a file, and a file to begin with:[/]
+    armdyn cycle --example
+    armdyn cycle cell.toml
 [dim]A controller along the motion, sampled, on an arm with another payload than its model:[/]
     armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
 [dim]How much time any planner's motion leaves:[/]
@@ -54,7 +58,7 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 armdyn COMMAND --help says more, with examples."""
 
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Motions": (mintime, bound, optimality, check, sweep),
+    "Motions": (mintime, cycle, bound, optimality, check, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "Results": (report, compare, replay, export),
     "Robots": (robots, presets, doctor, identify),

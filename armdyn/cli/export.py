@@ -182,8 +182,8 @@ def export(
         name = file.with_suffix(kind.suffix).name
         target = probe_folder(out or file.parent, name) / name
         preset = None if kind is Mujoco else preset_of(file, controller)
-        usual = _MODEL_RATE if mujoco.model else getattr(kind, "rate", _DEFAULT_RATE)
-        samples, ticks, deviation = _sampled(made, motion, rate, usual if preset is None else preset.chosen.rate)
+        usual = _MODEL_RATE if mujoco.model else usual_rate(kind)
+        samples, ticks, deviation = sampled(made, motion, rate, usual if preset is None else preset.chosen.rate)
         found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
         if found is not None and not found.ok and controller.preset is not None:
             answer.failed("refused", f"not written: {found}", NOT_USABLE)
@@ -243,7 +243,12 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
     return arm
 
 
-def _sampled(
+def usual_rate(kind: type[OutputFormat]) -> float:
+    """Rows per second of a format where nobody asks for another rate [Hz]."""
+    return float(getattr(kind, "rate", _DEFAULT_RATE))
+
+
+def sampled(
     made: OutputFormat, motion: Trajectory, rate: str | None, usual: float
 ) -> tuple[Samples, float | None, float | None]:
     """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.

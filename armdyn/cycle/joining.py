@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,10 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+_LANDING = 1e-4
+"""Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred
+times the tolerance of a replay's positions, as velocities at the end of a curve are that much coarser."""
 
 
 def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
@@ -42,7 +46,7 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
         at = move.q[-1]
     if len(legs) == len(cycle.moves):
         pieces += [piece for _, piece in _rests(cycle, cycle.stops[-1], at) if piece is not None]
-    return reduce(Trajectory.join, pieces)
+    return reduce(partial(Trajectory.join, tolerance=_LANDING), pieces)
 
 
 def _rests(cycle: Cycle, stop: Stop, q: Array) -> Iterator[tuple[str, Trajectory | None]]:

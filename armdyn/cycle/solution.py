@@ -151,5 +151,5 @@ def _paragraph(solution: CycleSolution) -> str:
         said.append(f"Its time is decided by {', '.join(f'{what} ({percent(part)})' for what, part in most)}.")
     if solution.lower_bound is not None:
         said.append(f"No cycle is faster than {solution.lower_bound:.6f} s.")
-    said.append(f"It was solved in {solution.solve_time:.2g} s; {solution.branches} motions were solved on the way.")
+    said.append(f"It was solved in {solution.solve_time:.1f} s; {solution.branches} motions were solved on the way.")
     return " ".join(said)

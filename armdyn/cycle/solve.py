@@ -26,6 +26,12 @@ from armdyn.parallel import in_processes
 
 Report = Callable[[str], None]
 
+QUICK = 0.5
+"""Part of the duration by which other tours may still be shorter when a quick search ends: the bounds know nothing of
+straight segments and obstacles, so that most tours would have to be solved."""
+LEAST = 5.0
+"""Time that the bound of the whole cycle gets at least [s]; else as much as the search took."""
+
 
 def solve_cycle(
     cycle: Cycle, options: MinimumTimeOptions | None = None, progress: Report | None = None
@@ -34,7 +40,8 @@ def solve_cycle(
 
     The moves between the branches of neighbouring stops are the edges of a graph. Their lengths are bounded, by the
     velocity limits and then by `lower_bound`, and solved only on the tour that is the shortest so far; so the result
-    is the shortest of all tours, as if every edge had been solved.
+    is the shortest of all tours, as if every edge had been solved. With `search="quick"` the first tour will do whose
+    duration is not far above the bounds of all others.
 
     Args:
         cycle: what is to be done.
@@ -52,20 +59,36 @@ def solve_cycle(
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
     with stopping(options.time_limit) as stop:
-        graph, bounded = CycleGraph.of(cycle), set[Edge]()
-        while True:
-            tour = graph.best(graph.lengths)
-            edges = graph.open(tour)
-            if not edges or not np.isfinite(tour.length) or stop:
-                break
-            chosen = [edge for edge in edges if edge not in bounded and np.sum(~graph.exact[edge[:2]]) > 1]
-            if chosen:
-                bounded.update(chosen)
-                _bound(graph, chosen, options, stop)
-            else:
-                _solve(graph, edges, options, stop, report)
-        answer = _answer(graph, tour, stop, report)
+        graph = CycleGraph.of(cycle)
+        tour = _shortest(graph, options, stop, report)
+        answer = _answer(graph, tour, stop)
+        seconds = min(max(time.perf_counter() - started, LEAST), max(stop.deadline - time.perf_counter(), 0.0))
+        answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
+
+
+def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report: Report) -> Tour:
+    """The shortest tour, its edges solved; the shortest that is solved where time is up, or a quick search has enough.
+
+    The tour that is the shortest by what is known is worked out, again and again, until all its edges are solved.
+    """
+    bounded, known = set[Edge](), Tour(np.inf, (), ())
+    enough = 1 + QUICK if options.search == "quick" else 1.0
+    while True:
+        tour = graph.best(graph.lengths)
+        edges = graph.open(tour)
+        if known.length <= enough * tour.length and known.edges:
+            return known
+        if not edges or not np.isfinite(tour.length) or stop:
+            return known if edges and known.edges else tour
+        chosen = [edge for edge in edges if edge not in bounded and np.sum(~graph.exact[edge[:2]]) > 1]
+        if chosen:
+            bounded.update(chosen)
+            _bound(graph, chosen, options, stop)
+        else:
+            _solve(graph, edges, options, stop, report)
+            solved = graph.best({arc: np.where(graph.exact[arc], own, np.inf) for arc, own in graph.lengths.items()})
+            known = min(known, solved, key=lambda one: one.length)
 
 
 def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> None:
@@ -100,10 +123,11 @@ def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, st
             stop.interrupt()
 
 
-def _answer(graph: CycleGraph, tour: Tour, stop: Stop, report: Report) -> CycleSolution:
+def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
     """The cycle along a tour, as far as its moves are solved."""
     if not np.isfinite(tour.length):
-        return CycleSolution(graph.cycle, Status.INFEASIBLE, _why(graph), branches=len(graph.solutions))
+        status = stop.status if stop else Status.INFEASIBLE
+        return CycleSolution(graph.cycle, status, _why(graph), branches=len(graph.solutions))
     cycle = graph.cycle.reordered(tour.order) if graph.cycle.order == "free" else graph.cycle
     legs, begin = list[CycleLeg](), 0.0
     for edge, leg, place in zip(tour.edges, cycle.moves, cycle.stops, strict=False):
@@ -114,20 +138,24 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop, report: Report) -> CycleS
         begin += legs[-1].duration
     whole = len(legs) == len(cycle.moves)
     status, message = (Status.SOLVED, "every move is solved") if whole else (stop.status, stop.word)
-    found = CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
-    return replace(found, lower_bound=_lower_bound(graph, found, stop, report))
+    return CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
 
 
-def _lower_bound(graph: CycleGraph, found: CycleSolution, stop: Stop, report: Report) -> float | None:
-    """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
+def _lower_bound(graph: CycleGraph, found: CycleSolution, seconds: float, report: Report) -> float | None:
+    """Lower bound on the duration of all cycles through the steps [s]; None: none is known.
+
+    Over joint positions that no inverse kinematics sampled it takes time, of which it gets so many seconds.
+    """
     cycle = found.cycle
     if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
         return graph.bound(graph.bounds) + cycle.dwell
-    if graph.cycle.order == "free" or not found.usable:
+    if graph.cycle.order == "free" or not found.usable or not seconds:
         return None  # `graph.bounds` know sampled branches only
     report("a lower bound of the whole cycle")
     problems = [leg.solution.problem for leg in found.legs]
-    bound = chain_bound(problems, [place.target for place in cycle.stops], found.duration - cycle.dwell, stop.__bool__)
+    stops = [place.target for place in cycle.stops]
+    with stopping(seconds) as stop:
+        bound = chain_bound(problems, stops, found.duration - cycle.dwell, stop.__bool__)
     return None if bound is None else bound.duration + cycle.dwell
 
 

@@ -56,7 +56,7 @@ class Estimated:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """Torque errors on the end of the logs, by a fit of their beginning.
+    """Errors of the torques, as means over `IdentifyOptions.step`, on the end of the logs, by a fit of their beginning.
 
     Attributes:
         measured: root mean square of the measured torques [N m or N], shape (nv,).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -29,7 +29,7 @@ class IdentifyOptions:
     """Options of `identify`.
 
     Attributes:
-        smoothing: standard deviation of the Gaussian filter of all signals and their derivatives [s]: 8 ms pass 17 Hz.
+        smoothing: standard deviation of the Gaussian filter of all signals and their derivatives [s]: 5 ms pass 26 Hz.
         step: torques and regressors are averaged over so long [s]: the same filter on both sides of the equations.
         held_out: part of each log, its end, on which a fit of its beginning is judged; the estimate itself is of all
             the data. 0: no judgement.
@@ -40,7 +40,7 @@ class IdentifyOptions:
         ProblemError: one is out of range.
     """
 
-    smoothing: float = 0.008
+    smoothing: float = 0.005
     step: float = 0.02
     held_out: float = 0.25
     widths: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1)
@@ -99,21 +99,24 @@ def identify(
     if options.held_out:
         begun = _fitted([one.part(0.0, kept) for one in systems], options)
         rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
-        judged = _judged(robot, assembled(robot, *begun, None, unmoved), rest)
+        judged = _judged(robot, assembled(robot, *begun, None, unmoved), rest, options.step)
     return assembled(robot, *_fitted(systems, options), judged, unmoved)
 
 
-def _judged(robot: Robot, estimate: Estimate, signals: list[Signals]) -> Judged:
-    """Torque errors at every sample of parts of the logs."""
+def _judged(robot: Robot, estimate: Estimate, signals: list[Signals], step: float) -> Judged:
+    """Errors of mean torques of parts of the logs."""
 
-    def rms(values: list[Array]) -> Array:
-        return np.asarray(np.sqrt(np.mean(np.concatenate(values) ** 2, axis=0)))
+    def rms(torque: Callable[[Signals], Array]) -> Array:
+        means = [means_of(torque(one), one.samples_in(step)) for one in signals]
+        return np.asarray(np.sqrt(np.mean(np.concatenate(means) ** 2, axis=0)))
 
-    before = [
-        one.measured - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v) for one in signals
-    ]
-    after = [one.measured - estimate.torques(one.q, one.v, one.a) for one in signals]
-    return Judged(measured=rms([one.measured for one in signals]), before=rms(before), after=rms(after))
+    def before(one: Signals) -> Array:
+        return one.tau - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v)
+
+    def after(one: Signals) -> Array:
+        return one.tau - estimate.torques(one.q, one.v, one.a)
+
+    return Judged(measured=rms(lambda one: one.tau), before=rms(before), after=rms(after))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +153,7 @@ def _systems(
     """One system per width that is tried; scales of unknown friction are of the first parts of the logs."""
     widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
     plain = Equations.of(robot, what, first, widths[0])
-    every = [max(1, round(options.step * (one.t.size - 1) / (one.t[-1] - one.t[0]))) for one in signals]
+    every = [one.samples_in(options.step) for one in signals]
     parts = [plain.without_coulomb(one.q, one.v, one.a, k) for one, k in zip(signals, every, strict=True)]
     systems = []
     for width in widths:

@@ -151,9 +151,7 @@ class _Search:
         idle = (1 - options.margin) / 2 * (upper - lower)
         states = [np.zeros((2, robot.nv)) for _ in range(4)]
         torque = np.where(limits.effort_upper < np.inf, limits.effort_upper, 1.0) * np.ones((2, 1))
-        unit = Signals(
-            t=np.arange(2.0), q=states[0], v=states[1] + 1, a=states[2], tau=torque, measured=torque, width=1
-        )
+        unit = Signals(t=np.arange(2.0), q=states[0], v=states[1] + 1, a=states[2], tau=torque, width=1)
         kept = options.obstacles or options.self_collision
         return cls(
             robot=robot,

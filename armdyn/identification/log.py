@@ -31,7 +31,7 @@ _GAP = 20.0
 """Time without samples, in median steps, that is a gap: logs of a busy machine miss ten samples now and then."""
 _ENDS = 5.0
 """Half a Gaussian filter, in standard deviations."""
-_LEAST_WIDTH = 0.4
+_LEAST_WIDTH = 0.25
 """Samples in a standard deviation of the filter below which a log is too coarse: by default below 50 Hz."""
 _JITTER = 0.01
 """Part of a step by which steps may differ before samples are interpolated at even times."""
@@ -222,7 +222,6 @@ class Signals:
         v: velocities [rad/s or m/s], shape (n, nv).
         a: accelerations [rad/s² or m/s²], shape (n, nv).
         tau: torques, smoothed likewise [N m or N], shape (n, nv).
-        measured: torques as measured, shape (n, nv).
         width: standard deviation of the filter, in samples.
     """
 
@@ -231,7 +230,6 @@ class Signals:
     v: Array
     a: Array
     tau: Array
-    measured: Array
     width: float
 
     @classmethod
@@ -274,13 +272,17 @@ class Signals:
         else:
             v = at_even_times(log.v)
             v, a = smooth(v, 0), smooth(v, 1)
-        whole = cls(t=times, q=smooth(q, 0), v=v, a=a, tau=smooth(tau, 0), measured=tau, width=width)
+        whole = cls(t=times, q=smooth(q, 0), v=v, a=a, tau=smooth(tau, 0), width=width)
         return whole.part(cut, log.t.size - cut)
 
     def part(self, start: int, end: int) -> Self:
         """The samples from one to another."""
         arrays = [one.name for one in fields(self) if one.name != "width"]
         return replace(self, **{name: getattr(self, name)[start:end] for name in arrays})
+
+    def samples_in(self, duration: float) -> int:
+        """Number of samples in a duration [s], at least one."""
+        return max(1, round(duration * (self.t.size - 1) / float(self.t[-1] - self.t[0])))
 
     def smoothed(self, values: Array) -> Array:
         """Values at the samples, such as a nonlinear function of the velocities, through the filter of the torques."""

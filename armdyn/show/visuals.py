@@ -18,7 +18,7 @@ from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import parse_urdf
-from armdyn.models.values.spec import BodyShape
+from armdyn.models.values.spec import BodyShape, Payload
 
 if TYPE_CHECKING:
     import trimesh
@@ -227,14 +227,20 @@ def _mesh_color(mesh: trimesh.Trimesh) -> Rgba:
 def _attached(robot: Robot) -> Iterator[VisualShape]:
     """The shapes of tool and payload; of one without shapes a ball of its mass."""
     for body in robot.attached:
-        frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _CARRIED
-        at, joint = frame.placement.homogeneous, int(frame.parentJoint)
-        yield from (replace(shape, name=body.name) for shape in obstacle_shapes(body.shapes, joint, at, rgba))
-        if body.mass > 0 and not body.shapes and not robot.model.existFrame(body.name, pin.FrameType.BODY):
-            centre = at.copy()
-            centre[:3, 3] = frame.placement.act(np.array(body.com))
-            radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
-            yield VisualShape(joint, centre, mg.Sphere(radius), _PAYLOAD, body.name)
+        if body.shapes or not robot.model.existFrame(body.name, pin.FrameType.BODY):
+            yield from body_shapes(robot, body)
+
+
+def body_shapes(robot: Robot, body: Payload) -> Iterator[VisualShape]:
+    """The shapes of a tool or payload where a robot carries it; of one without shapes a ball of its mass."""
+    frame, rgba = robot.frame_of(body), _GREY if body is robot.options.tool else _CARRIED
+    at, joint = frame.placement.homogeneous, int(frame.parentJoint)
+    yield from (replace(shape, name=body.name) for shape in obstacle_shapes(body.shapes, joint, at, rgba))
+    if body.mass > 0 and not body.shapes:
+        centre = at.copy()
+        centre[:3, 3] = frame.placement.act(np.array(body.com))
+        radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
+        yield VisualShape(joint, centre, mg.Sphere(radius), _PAYLOAD, body.name)
 
 
 def _bones(robot: Robot, drawn: set[int]) -> Iterator[VisualShape]:

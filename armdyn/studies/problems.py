@@ -123,7 +123,7 @@ class ArmProblems:
         joints = _plain_robot(json.dumps(dict(arm.robot)), None).joint_names
         for name, value in sorted(given.items(), key=lambda one: one[0].count(".")):
             if name.partition(".")[0] in PROBLEM and name not in OF_ROBOT:
-                place, key = _place(values, name, joints)
+                place, key = place_of(values, name, joints)
                 place[key] = list(arm.poses[value]) if name in POSES and isinstance(value, str) else value
         return Table(arm.name, values, {})
 
@@ -162,11 +162,11 @@ def _plain_robot(table: str, payload: float | None) -> Robot:
     return robot_from(Table(str(values.get("name", "robot")), values, {}), payload)
 
 
-def _place(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:
+def place_of(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:
     """The table or list in which a setting stands, and its key there.
 
     The way goes through keys of tables, and through lists by numbers from 0, by the names of joints, or by the names
-    of members.
+    of members; of a cycle's moves by theirs.
 
     Raises:
         ProblemError: there is no such place.
@@ -175,7 +175,7 @@ def _place(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:
     for i, step in enumerate(steps):
         found: Any = step
         if isinstance(place, list):
-            members = [one.get("name") if isinstance(one, dict) else None for one in place]
+            members = [one.get("name", one.get("move")) if isinstance(one, dict) else None for one in place]
             names = list(joints) if len(place) == len(joints) and not any(members) else members
             found = names.index(step) if step in names else int(step) if step.isdecimal() else len(place)
             if found >= len(place):

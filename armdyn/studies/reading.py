@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from armdyn.arguments import shown
@@ -18,7 +19,12 @@ from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
+from armdyn.studies.tasks.cycle import CycleTask
 from armdyn.studies.tasks.registry import TASKS
+from armdyn.studies.tasks.task import StudyTask
+
+Check = Callable[[str, Any], Value]
+"""Value of a setting, by its name and as given, if there is such a setting."""
 
 MAX_ARMS = 64
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -41,26 +47,41 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     table = read_toml(path)
     sections = {task.section: name for name, task in TASKS.items()}
     table.only(("task", "arms", "fixed", "vary", "sample", *sections))
-    kind = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
+    kind: Any = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
     for section, name in sections.items():
         if section in table.values and section != kind.section:
             raise table.error(section, f"[{section}] is for task = {name!r}; this study's is {kind.name!r}")
+    if kind is CycleTask:
+        return _cycle_study(table)
     arms = tuple(arms_of(table.table("arms"), _named_poses(table)))
     if not arms:
         raise table.error("arms", "no arm: write [arms.NAME] with robot, q_start and q_goal")
-    signs, where, bare = kind.signs, dict[str, Table](), ArmProblems(arms=arms)
+    where, bare = dict[str, Table](), ArmProblems(arms=arms)
+    check: Check = partial(check_setting, signs=kind.signs, problems=bare)
     fixed = dict[str, Value]()
     for own, name, value in _flat(table.table("fixed"), POSES):
-        fixed[name], where[name] = _checked(own, name, value, signs, bare), table.table("fixed")
+        fixed[name], where[name] = _checked(own, name, value, check), table.table("fixed")
     axes = list[Axis]()
     for own, name, value in _flat(table.table("vary"), None):
-        axes.append(_axis(own, name, value, signs, bare))
+        axes.append(_axis(own, name, value, check))
         where[name] = table.table("vary")
     if len(arms) > 1 and ARM not in where:
         axes.insert(0, Axis(name=ARM, values=tuple(arm.name for arm in arms)))
     if both := [axis.name for axis in axes if axis.name in fixed]:
         raise table.error("fixed", f"{both[0]} is both fixed and varied")
-    task = kind.read(table.table(kind.section), ArmProblems(arms=arms, fixed=fixed), where)
+    return _study(table, kind.read(table.table(kind.section), ArmProblems(arms=arms, fixed=fixed), where), axes)
+
+
+def _cycle_study(table: Table) -> Study:
+    """A study of a cycle file."""
+    table.only(("task", "vary", "sample", CycleTask.section))
+    task = CycleTask.read(table.table(CycleTask.section))
+    settings = _flat(table.table("vary"), None)
+    return _study(table, task, [_axis(own, name, value, task.checked) for own, name, value in settings])
+
+
+def _study(table: Table, task: StudyTask, axes: Sequence[Axis]) -> Study:
+    """The study of a task along axes, with the table [sample] of its file."""
     sample = table.table("sample")
     sample.only(("method", "count", "seed"))
     method: Any = sample.text("method", "grid", METHODS)
@@ -81,12 +102,17 @@ def _flat(table: Table, into: tuple[str, ...] | None, way: str = "") -> Iterator
         way: names on the way to the table, each with a dot.
     """
     for name, value in table.values.items():
-        if isinstance(value, dict) and (name in into if into is not None else not {"from", "to"} & value.keys()):
+        if isinstance(value, dict) and (name in into if into is not None else not _is_range(value)):
             yield from _flat(table.table(name), None, f"{way}{name}.")
         else:
             yield table, f"{way}{name}", value
     if len(table.values) > MAX_AXES:
         raise table.error("", f"more than {MAX_AXES} settings")
+
+
+def _is_range(value: Mapping[str, Any]) -> bool:
+    """Whether a table of [vary] is meant as a range: `to` may also lead on, to the end of a cycle's move."""
+    return "from" in value or isinstance(value.get("to"), int | float | str)
 
 
 def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
@@ -103,23 +129,23 @@ def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def _checked(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Value:
+def _checked(table: Table, name: str, value: object, check: Check) -> Value:
     with table.at(name.rpartition(".")[2]):
-        return check_setting(name, value, signs, problems)
+        return check(name, value)
 
 
-def _axis(table: Table, name: str, value: object, signs: Any, problems: ArmProblems) -> Axis:
+def _axis(table: Table, name: str, value: object, check: Check) -> Axis:
     """An axis of [vary]: a list of values, or a table from, to, count, scale."""
     with table.at(name.rpartition(".")[2]):
         if isinstance(value, list):
             if not 1 <= len(value) <= _MAX_VALUES:
                 raise ProblemError(f"{name} has {len(value)} values; give 1 to {_MAX_VALUES}")
-            return Axis(name=name, values=tuple(check_setting(name, one, signs, problems) for one in value))
+            return Axis(name=name, values=tuple(check(name, one) for one in value))
         if not isinstance(value, dict) or not {"from", "to"} <= value.keys():
             raise ProblemError(f"{name} is {shown(value)}; write a list, or {{from = A, to = B, count = N}}")
         if unknown := value.keys() - {"from", "to", "count", "scale"}:
             raise ProblemError(f"{name}: {min(unknown)} is not known; a range has from, to, count, scale")
-        low, high = (check_setting(name, value[end], signs, problems) for end in ("from", "to"))
+        low, high = (check(name, value[end]) for end in ("from", "to"))
         if not all(isinstance(end, int | float) for end in (low, high)):
             raise ProblemError(f"{name} has no numbers for values: write a list")
         return Axis(name=name, low=low, high=high, count=value.get("count", 0), scale=value.get("scale", "linear"))

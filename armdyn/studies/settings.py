@@ -26,6 +26,11 @@ UNITS = {
     "plant_payload": "kg", "plant_damping": "N m s/rad", "plant_friction": "N m",
 }  # fmt: skip
 """Units of settings."""
+CYCLE_UNITS = {
+    "mass": "kg", "com": "m", "position": "m", "size": "m", "center": "m", "radius": "m", "clearance": "m",
+    "dwell": "s", "wait": "s", "speed": "m/s", "approach": "m", "retreat": "m", "length": "m", "rpy": "rad",
+}  # fmt: skip
+"""Units of a cycle's settings, by the last word of their names."""
 OUTCOMES = {
     "duration_s": "minimum time [s]", "torque_squared": "∫ τᵀτ dt [(N m)² s]", "settled_time_s": "settled time [s]",
     "peak_error": "largest error on the way [rad]", "ms_saved_by_one_per_cent": "saved by 1 % of a limit [ms]",
@@ -36,7 +41,10 @@ OUTCOMES = {
 
 def unit_of(name: str) -> str:
     """Unit of a setting; empty: none."""
-    return UNITS.get(name.partition(".")[0], "")
+    first, *rest = name.split(".")
+    if first in ("parts", "steps", "cycle"):
+        return next((CYCLE_UNITS[word] for word in reversed(rest) if word in CYCLE_UNITS), "")
+    return UNITS.get(first, "")
 
 
 def label(name: str) -> str:

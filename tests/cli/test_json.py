@@ -28,6 +28,7 @@ SHORT = {
     "presets": [],
     "identify": ["rrr", "--exciting", "1", "--out", "here"],
     "check": ["motion.npz", "--preset", "one.toml"],
+    "cycle": ["cycle.toml", "--no-figure", "--no-report"],
 }
 LONG = {
     "mintime": ["rr", "--search", "quick", "--no-figure", "--no-report", "--obstacle", "sphere:0.02@0.4,0,0.2"],
@@ -77,6 +78,10 @@ def here(tmp_path, monkeypatch):
     )
     Path("one.toml").write_text(
         'name = "one"\njoints = 1\n[limits]\nvelocity = 9.0\n[interfaces.position]\nrate = 9\nnecessary = ["velocity"]'
+    )
+    Path("cycle.toml").write_text(
+        '[robot]\nname = "r"\n[cycle]\nstart = [0.1]\n[parts.bolt]\nmass = 0.1\n[[steps]]\ngrasp = "bolt"\n'
+        '[[steps]]\nmove = "there"\nto = [1.0]\n[options]\nsearch = "quick"'
     )
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 1.0).save("ramp.npz")
 

@@ -125,5 +125,5 @@ def test_bad_arguments():
         identify(robot, [])
     with pytest.raises(ProblemError, match="held_out is 1"):
         IdentifyOptions(held_out=1)
-    with pytest.raises(LogError, match=r"smoothing by 0.0001 s needs 4e\+03 per second"):
+    with pytest.raises(LogError, match=r"smoothing by 0.0001 s needs 2\.5e\+03 per second"):
         identify(robot, log, options=IdentifyOptions(smoothing=1e-4))

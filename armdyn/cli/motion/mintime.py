@@ -58,8 +58,8 @@ class SolverOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchOptions(SolverOptions):
-    """Extent of the search, and the choice of a reserve for feedback."""
+class CurveOptions(SolverOptions):
+    """Extent of the search, and the time that is given for calm joints."""
 
     calm: float = option(
         "SHARE",
@@ -68,6 +68,11 @@ class SearchOptions(SolverOptions):
         "the fastest.",
         default=1e-3,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchOptions(CurveOptions):
+    """Extent of the search, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
         "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "

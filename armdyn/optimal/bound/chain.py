@@ -21,6 +21,7 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import covers
 from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.goal_set import is_closed
 from armdyn.optimal.bound.lattice import Lattice, Region, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
@@ -64,9 +65,12 @@ def chain_bound(
 
     Example: `chain_bound([to_bin, back], [home, ad.GoalPose("tool", bin), home], upper=1.83).duration`
 
+    With one problem and a goal pose at both ends it bounds a motion between any joint positions of the two, as orders
+    of many stops need.
+
     Args:
         problems: one per motion: its robot with what it carries, its limits, path constraints, velocities at both ends
-            and via points. Their own starts, goals and via regions do not count.
+            and via points. Their own starts and goals do not count.
         stops: one more than problems: joint positions, a pose's name, or a `GoalPose` for all joint positions within
             the limits that reach it.
         upper: duration of a chain that is known [s]: the bound is no more than that, and improved until it is nearly
@@ -87,28 +91,59 @@ def chain_bound(
         raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
     places = [_place(given[max(k - 1, 0)], place, f"stops[{k}]") for k, place in enumerate(stops)]
     longest = np.inf if upper is None else number(upper, "upper", sign="positive")
-    runs = _runs(given, places, numbers)
+    vias = [[list(problem.fixed_poses[1:-1]) for problem in given]]
+    if any(is_closed(one) for problem in given for one in problem.via_regions.values()):
+        vias.insert(0, [_via(problem) for problem in given])
+    found = [_bounded(given, via, places, longest, stopped, numbers) for via in vias]
+    return max((bound for bound in found if bound is not None), key=lambda bound: bound.duration, default=None)
+
+
+def _bounded(
+    problems: Sequence[MinimumTimeProblem],
+    via: Sequence[Sequence[Place]],
+    stops: Sequence[Place],
+    longest: float,
+    stop: Stop,
+    policy: BoundPolicy,
+) -> ChainBound | None:
+    """The bound of a chain, given what is passed between its stops, problem by problem."""
+    runs = _runs(problems, via, stops, policy)
     found = [run.least for run in runs]
     for k in sorted(range(len(runs)), key=lambda k: len(runs[k].legs)):  # points first: they leave others less time
         others = sum_down([one.duration for j, one in enumerate(found) if j != k])
-        found[k] = runs[k].bounded(longest - others, stopped)
-    return _together(found, np.cumsum([0, *(len(problem.fixed_poses) - 1 for problem in given)]), longest)
+        found[k] = runs[k].bounded(longest - others, stop)
+    return _together(found, np.cumsum([0, *(len(one) + 1 for one in via)]), longest)
+
+
+def _via(problem: MinimumTimeProblem) -> list[Place]:
+    """What a motion passes: joint positions, and regions that equations enclose."""
+    passed = zip(problem.poses[1:-1], problem.via, strict=True)
+    return [
+        one if isinstance(one, GoalPose) else q for q, one in passed if not isinstance(one, GoalPose) or is_closed(one)
+    ]
 
 
 def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:
     return given if isinstance(given, GoalPose) else pose_given(problem.robot, given, name)
 
 
-def _runs(problems: Sequence[MinimumTimeProblem], stops: Sequence[Place], policy: BoundPolicy) -> list[_Run]:
+def _runs(
+    problems: Sequence[MinimumTimeProblem],
+    via: Sequence[Sequence[Place]],
+    stops: Sequence[Place],
+    policy: BoundPolicy,
+) -> list[_Run]:
     """The chain, cut where the arm passes one joint position."""
     legs: list[BoundLeg] = []
     owners: list[MinimumTimeProblem] = []
     places = [stops[0]]
-    for problem, stop in zip(problems, stops[1:], strict=True):
+    for problem, passed, stop in zip(problems, via, stops[1:], strict=True):
         own = legs_of(problem, policy)
-        legs += own
-        owners += [problem] * len(own)
-        places += [*problem.fixed_poses[1:-1], stop]
+        begins = [own[0].start, *(replace(own[0].start, v=None) for _ in passed)]
+        ends = [*(replace(own[-1].goal, v=None) for _ in passed), own[-1].goal]
+        legs += [replace(own[0], start=begin, goal=end) for begin, end in zip(begins, ends, strict=True)]
+        owners += [problem] * (len(passed) + 1)
+        places += [*passed, stop]
     cuts = [k for k, place in enumerate(places) if not isinstance(place, GoalPose)]
     cuts = sorted({0, *cuts, len(legs)})
     return [_Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b])) for a, b in pairwise(cuts)]
@@ -166,11 +201,12 @@ class _Run:
         path = lattice.improve(longest * (1 - policy.near_enough), policy.chain_bounds, stop)
         if first is None or path is None:  # no chain is as fast
             return replace(self.least, duration=longest, boxes=boxes)
-        stops = np.array([region.hull.centre for region in path.regions])
+        with np.errstate(invalid="ignore"):  # nowhere in particular within boxes without end
+            stops = np.array([region.hull.centre for region in path.regions])
         return ChainBound(min(path.duration, longest), min(first.duration, longest), path.legs, stops, boxes)
 
     def _sampled(self, stop: Stop) -> float:
-        """The bound of chains through sampled joint positions [s]: that of all chains is no more."""
+        """The bound of a chain through sampled joint positions [s]: that of all chains is no more."""
         layers: list[list[Region]] = []
         points = [np.asarray(place) for place in self.places if not isinstance(place, GoalPose)]
         near = points[0] if points else np.asarray(self.problems[0].q_start)
@@ -181,6 +217,10 @@ class _Run:
                 found = poses_reaching(problem.robot, place, near, problem.limits)
             layers.append([Region.point(q) for q in found])
             near = found[0]
-        lattice = Lattice(self.legs, layers)
-        path = lattice.improve(np.inf, self.legs[0].policy.chain_bounds, stop)
-        return np.inf if path is None else path.duration
+        path = Lattice(self.legs, layers).path()
+        if path is None:
+            return np.inf
+        legs = [replace(leg, policy=replace(leg.policy, grids=leg.policy.sampled_grids)) for leg in self.legs]
+        alone = Lattice(legs, [[region] for region in path.regions])
+        best = alone.improve(np.inf, len(self.legs), stop)
+        return np.inf if best is None else best.duration

@@ -47,8 +47,7 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
         whole = goals.whole if goals.closed else None
         sets.append(None if whole is None else goals)
         boxes.append(within.box[None] if whole is None else whole)
-    policy = legs[0].policy
-    for size in policy.sizes:
+    for size in legs[0].policy.cover:
         boxes = [
             box if goals is None else goals.enclosed(box, size, stop) for goals, box in zip(sets, boxes, strict=True)
         ]
@@ -57,10 +56,13 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
 
 
 def _regions(goals: GoalSet | None, boxes: Interval, stop: Stop) -> list[Region]:
-    """Boxes that touch, joined, and turned by all whole turns."""
+    """Boxes, those that touch joined where joint positions are isolated, turned by all whole turns."""
     if goals is None:
         return [Region(boxes)] if len(boxes.lower) else []
-    parts = [goals.shrunk(part, stop) for part in clusters(boxes)]
+    if goals.continuous:
+        parts = [boxes[k : k + 1] for k in range(len(boxes.lower))]
+    else:
+        parts = [goals.shrunk(part, stop) for part in clusters(boxes)]
     return [Region(boxes, goals) for part in parts if len(part.lower) for boxes in goals.turned(part)]
 
 

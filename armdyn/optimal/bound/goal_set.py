@@ -16,21 +16,17 @@ chapter 8). What is neither empty nor small is cut in two.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.locks import built_once
-from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import REACHED, GoalPose
+from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
@@ -45,13 +41,6 @@ TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
 
 _NEAR = 1e-9
 """Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
-
-_TRIALS = 20
-"""Random positions at which a polynomial of sines and cosines, of second degree in each joint's, is zero but by chance
-if it is not zero everywhere."""
-
-_IDLE = 1e-12
-"""Slope of a squared distance [m²/rad] below which a joint does not change it: an identity, but for rounding."""
 
 _BATCH = 500
 """Boxes that are evaluated at once: arrays of some 10 MB."""
@@ -121,7 +110,7 @@ class GoalSet:
         """Rough distance that each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,)."""
         robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
         beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
-        for joint in reversed(_chain(robot, self.goal)):
+        for joint in reversed(chain_to(robot, self.goal)):
             axis = np.ravel(robot.model.joints[joint].createData().S)
             levers[joint - 1] = 1.0 if np.any(axis[:3]) else beyond + np.linalg.norm(np.cross(axis[3:], offset))
             beyond, offset = beyond + float(np.linalg.norm(offset)), robot.model.jointPlacements[joint].translation
@@ -133,8 +122,8 @@ class GoalSet:
 
     @property
     def closed(self) -> bool:
-        """Whether equations enclose the set: not where the position is free along an axis."""
-        return bool(np.all(np.isfinite(self.goal.deviations[:3])))
+        """Whether equations enclose the set."""
+        return is_closed(self.goal)
 
     @property
     def continuous(self) -> bool:
@@ -151,6 +140,8 @@ class GoalSet:
     def whole(self) -> Interval | None:
         """One box, shape (1, nv), of the set but for whole turns; None: it is not bounded."""
         box, ends = self.within.box, self.within.ends
+        if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
+            return None  # after any number of turns
         middle = ends[0] if ends else np.zeros(self.dynamics.nv)
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
@@ -181,7 +172,7 @@ class GoalSet:
         Returns:
             The boxes, shape (boxes, nv), perhaps none.
         """
-        closing, levers, examined = _closure(self.dynamics, self.goal), self.levers, 0
+        closing, levers, examined = closure(self.dynamics, self.goal), self.levers, 0
         kept: list[Interval] = [boxes[:0]]
         while len(boxes.lower) and examined < self.policy.most_boxes and not stop():
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
@@ -217,7 +208,7 @@ class GoalSet:
 
     def closure_over(self, box: Interval) -> Affine:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
-        forms = self._widened(_closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
+        forms = self._widened(closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
         own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
         return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + _TOLERANCE)
 
@@ -291,6 +282,11 @@ def clusters(boxes: Interval) -> list[Interval]:
     return [boxes[np.array(members)] for _, _, members in groups]
 
 
+def is_closed(goal: GoalPose) -> bool:
+    """Whether equations enclose the joint positions that reach a goal: not where it is free along an axis."""
+    return bool(np.all(np.isfinite(goal.deviations[:3])))
+
+
 def _hull(boxes: Interval) -> Interval:
     """One box, shape (1, nv), that holds all."""
     return Interval(np.min(boxes.lower, axis=0)[None], np.max(boxes.upper, axis=0)[None])
@@ -303,69 +299,3 @@ def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interva
     return Interval(boxes.lower, np.where(cut, middle, boxes.upper)), Interval(
         np.where(cut, middle, boxes.lower), boxes.upper
     )
-
-
-def _chain(robot: Robot, goal: GoalPose) -> list[int]:
-    """Joints between the world and the frame, in order."""
-    chain: list[int] = []
-    joint = robot.frame(goal.frame).parentJoint
-    while joint:
-        chain.insert(0, joint)
-        joint = robot.model.parents[joint]
-    return chain
-
-
-@built_once(maxsize=16)
-def _closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
-    """The equations of q: zero where the frame is at its goal, and there alone."""
-    q, chain = ca.SX.sym("q", dynamics.nv), _chain(dynamics.robot, goal)
-    # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
-    own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
-    if own:
-        at = slice(4 * (own[-1] - 1), 4 * own[-1])
-        inner = dynamics.placements(q)[:, at]
-        outer_q = _behind(q, own)
-        fixed = dynamics.placements(np.zeros(dynamics.nv))[:, at]
-    else:
-        inner, outer_q, fixed = ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), q, np.eye(3, 4)
-    rotation, origin = dynamics.frame_placement(outer_q, goal.frame)
-    back = ca.SX(fixed[:, :3].T.copy())
-    rotation, origin = back @ rotation, back @ (origin - fixed[:, 3])
-    rows = [inner[:, :3].T @ (goal.pose.translation - inner[:, 3]) - origin]
-    if goal.axis is not None:
-        axis = ca.SX.eye(3)[:, goal.axis]
-        rows.append(inner[:, :3].T @ (ca.SX(goal.pose.rotation.copy()) @ axis) - rotation @ axis)
-    elif goal.oriented:
-        rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
-    if goal.exact and goal.oriented:
-        rows += _distances(dynamics, goal, q)
-    return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
-
-
-def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
-    """Equations of a few joints each: squared distances between two joints' origins [m²].
-
-    They follow from the joints between these two, and from those outside by way of the world and the goal. Joints that
-    turn about either origin change nothing.
-    """
-    n, chain, rng = dynamics.nv, _chain(dynamics.robot, goal), np.random.default_rng(0)
-    found = []
-    for i, j in combinations(range(len(chain)), 2):
-        first, last = 4 * (chain[i] - 1), 4 * (chain[j] - 1)
-        between = dynamics.placements(_behind(q, chain[: i + 1]))
-        inner = between[:, last + 3] - between[:, first + 3]
-        fixed = dynamics.placements(np.zeros(n))[:, last : last + 4]
-        rotation, origin = dynamics.frame_placement(_behind(q, chain[: j + 1]), goal.frame)
-        back = ca.SX(goal.pose.rotation.copy()) @ rotation.T
-        outer = goal.pose.translation - back @ (origin - fixed[:, 3]) - dynamics.placements(q)[:, first + 3]
-        row = ca.sumsqr(inner) - ca.sumsqr(outer)
-        slope = ca.Function("slope", [q], [ca.jacobian(row, q)])
-        slopes = [np.abs(slope(rng.uniform(-np.pi, np.pi, n)).full()[0]) for _ in range(_TRIALS)]
-        idle = [int(k) + 1 for k in np.flatnonzero(np.max(slopes, axis=0) < _IDLE)]
-        found.append((n - len(idle), ca.substitute(row, q, _behind(q, idle))))
-    return [row for count, row in found if 0 < count <= n - 2]
-
-
-def _behind(q: ca.SX, joints: Sequence[int]) -> ca.SX:
-    """Joint positions, with zeros for some joints."""
-    return ca.vertcat(*(0.0 if k + 1 in joints else q[k] for k in range(q.numel())))

@@ -111,7 +111,9 @@ class Lattice:
         self.legs, self.layers = tuple(legs), [list(layer) for layer in layers]
         pairs = zip(self.legs, self.layers[:-1], self.layers[1:], strict=True)
         self.bounds = [shortest_times(leg, *ends) for leg, *ends in pairs]
-        self.tried = [np.zeros(bounds.shape, dtype=bool) for bounds in self.bounds]
+        # Between any velocities the velocity limits say all there is.
+        free = [leg.start.v is None and leg.goal.v is None for leg in self.legs]
+        self.tried = [np.full(bounds.shape, one) for bounds, one in zip(self.bounds, free, strict=True)]
 
     def path(self) -> Path | None:
         """The shortest path; None: there is none."""
@@ -135,6 +137,9 @@ class Lattice:
             path = self.path()
             if path is None or path.duration >= enough or tries >= most or stop():
                 return path
+            wide = [region.size for region in path.regions if not region.is_point]
+            if max(wide, default=0.0) > self.legs[0].policy.narrow and self._cut(path, stop):
+                continue
             untried = [
                 k for k, (tried, ends) in enumerate(zip(self.tried, pairwise(path.at), strict=True)) if not tried[ends]
             ]
@@ -150,7 +155,10 @@ class Lattice:
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
         self.tried[k][at] = True
         if np.all(np.isfinite((goal.q - start.q).magnitude)):
-            one = replace(leg, start=start, goal=goal, position=leg.position.hull(start.q).hull(goal.q))
+            points = all(region.is_point for region in path.regions[k : k + 2])
+            policy = leg.policy if points else replace(leg.policy, grids=1, passes=leg.policy.wide_passes)
+            position = leg.position.hull(start.q).hull(goal.q)
+            one = replace(leg, start=start, goal=goal, position=position, policy=policy)
             self.bounds[k][at] = leg_bound(one, stop, float(self.bounds[k][at]))[0]
 
     def _cut(self, path: Path, stop: Stop) -> bool:
@@ -168,7 +176,8 @@ class Lattice:
                 ends = (self.layers[leg], halves) if axis else (halves, self.layers[leg + 1])
                 new = np.maximum(inherited, shortest_times(self.legs[leg], *ends))
                 self.bounds[leg] = np.insert(np.delete(self.bounds[leg], at, axis), [at] * count, new, axis)
-                fresh = np.zeros(new.shape, dtype=bool)
+                ends_free = self.legs[leg].start.v is None and self.legs[leg].goal.v is None
+                fresh = np.full(new.shape, ends_free)
                 self.tried[leg] = np.insert(np.delete(self.tried[leg], at, axis), [at] * count, fresh, axis)
         return True
 

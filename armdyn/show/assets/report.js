@@ -121,6 +121,28 @@
     tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
   });
   if (course.moves.length > 1) course.moves.forEach(move => place(make("u", ticks), move.duration));
+  // The steps of a cycle: bands under the slider, as wide as their times, and the rows of the table; both seek.
+  const lines = [...document.querySelectorAll("#steps tbody th")].map(cell => ({ row: cell.parentElement, begin: +cell.dataset.begin }));
+  const named = el("step");
+  const bands = data.steps.map(step => {
+    const band = make("button", el("bands"), step.name, `${step.carries > 0 ? "loaded" : ""} ${step.rest ? "rest" : ""}`);
+    band.style.flexGrow = step.end - step.begin;
+    band.title = `${step.name}: ${seconds(step.end - step.begin)} s`;
+    band.onclick = () => player.hold(step.begin);
+    return band;
+  });
+  el("lane").hidden = !bands.length;
+  el("player").classList.toggle("cycle", bands.length > 0);
+  const last = (all, time) => all.reduce((found, one, k) => (one.begin <= time + 1e-6 ? k : found), 0);
+  lines.forEach(({ row, begin }) => { row.onclick = () => player.hold(begin); });
+  function steps(time) {
+    if (!bands.length) return;
+    const now = last(data.steps, time), step = data.steps[now], line = last(lines, time);
+    bands.forEach((band, k) => band.classList.toggle("current", k === now));
+    lines.forEach(({ row }, k) => row.classList.toggle("current", k === line));
+    named.textContent = step.name;
+    make("small", named, `${seconds(step.end - step.begin)} s${step.rest ? " at rest" : ""}${step.carries > 0 ? `, carrying ${number(step.carries, 3)} kg` : ""}`);
+  }
   const most = kind => Math.max(1e-3, ...course.moves[0][kind].map(xs => xs.reduce((so, x) => Math.max(so, Math.abs(x ?? 0)), 0)));
   const precise = kind => Math.max(0, Math.min(3, 4 - Math.floor(Math.log10(most(kind)))));
   const places = { q: 3, v: precise("v"), tau: precise("tau") };
@@ -128,6 +150,7 @@
   function show(time) {
     if (scene) scene.show(time);
     curves.at(time);
+    steps(time);
     rows.forEach(({ k, j, cells, fill, on }) => {
       ["q", "v", "tau"].forEach((kind, i) => {
         cells[i].textContent = `${number(curves.values(kind, j, time, k), places[kind])} ${curves.unit(kind, j)}`;
@@ -169,6 +192,7 @@
     get cursors() { return curves.cursors; },
     get seen() { return curves.seen; },
     linkPosition: (name, k = 0) => scene && scene.linkPosition(name, k),
+    get parts() { return scene && scene.parts(); },
     get camera() { return scene && scene.camera(); },
   };
 })();

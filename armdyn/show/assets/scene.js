@@ -56,6 +56,12 @@ const armdynScene = (pane, data, options) => {
       if (ghost) Object.assign(node.material, { transparent: true, opacity: .3, depthWrite: false });
     });
   });
+  // Parts that the first arm grasps and releases: each is in one place at a time.
+  const parts = (data.parts ?? []).map(part => {
+    run(part.commands);
+    const nodes = part.shapes.map(path => object([...root(0), ...path]));
+    return { nodes, show: time => nodes.forEach(node => { node.visible = time >= part.begin && (part.end === null || time < part.end); }) };
+  });
   viewer.set_property(["Axes"], "visible", false);
 
   // Where the arms stand, the grid, and a camera that sees every place that an arm will be in.
@@ -145,7 +151,7 @@ const armdynScene = (pane, data, options) => {
   }
   data.arms.forEach((_, k) => object(root(k)).traverse(node => {
     node.receiveShadow = false;
-    node.castShadow = !(options.overlay && k) && !!node.parent && /^(shape|obstacle)/.test(node.parent.name);
+    node.castShadow = !(options.overlay && k) && !!node.parent && /^(shape|obstacle|part)/.test(node.parent.name);
   }));
 
   const drawn = v => new Vector3(v.x, v.z, -v.y);  // three.js has y up
@@ -201,9 +207,12 @@ const armdynScene = (pane, data, options) => {
         arm.trail.setDrawRange(0, Math.floor(arm.trail.index.count / 48 * t / (arm.frames - 1)) * 48);
       });
       marks.forEach(shown => shown(time));
+      parts.forEach(part => part.show(time));
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },
+    // Which of the parts' places are drawn.
+    parts: () => parts.map(part => part.nodes.some(node => node.visible)),
     // The camera's place [m].
     camera: () => viewer.scene.worldToLocal(viewer.camera.position.clone()).toArray(),
     // A frame's place [m] in the scene that is drawn; null where there is none of that name.

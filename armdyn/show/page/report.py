@@ -21,7 +21,9 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page.assets import asset, script, viewer_script
+from armdyn.show.page.carried import parts_in
 from armdyn.show.page.course import ShownMotion, course_data, until
+from armdyn.show.page.cycle import costs_section, step_data, steps_section
 from armdyn.show.page.joints import (
     Compared,
     compared,
@@ -151,6 +153,9 @@ def report_of(
     lead = [f"{count} joint{'s' if count > 1 else ''}"]
     if subject.robot is not None and subject.robot.payload is not None and subject.robot.payload.mass:
         lead.append(f"payload {1000 * subject.robot.payload.mass:g} g")
+    if steps := first.facts.parts("steps"):
+        lead.append(f"{len(steps)} steps, {'closed' if first.facts.true('closed') else 'open'}")
+        lead += dict.fromkeys(f"{one.payload.name}, {one.payload.mass:g} kg" for one in parts_in(first.facts))
     if len(moves) > 1:
         lead.append(f"{first.name} beside {', '.join(move.name for move in moves[1:])}")
     rows = compared(moves, subject.limits)
@@ -173,10 +178,12 @@ def _sections(
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
     sections = [
+        steps_section(facts),
         comparison_section(rows),
         verdict_section(verdict),
         *(verdict_section(verdict_of(move.facts), f"-{k}", move.name) for k, move in others),
         deciding_section(facts, duration),
+        costs_section(facts),
         sensitivity_section(facts, subject.joints),
         optima_section(facts, duration),
         course_section(facts),
@@ -202,7 +209,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
         marks = [mark_of(facts.part("clearance")), mark_of(facts.part("contact"), always=True)]
         scene = scene_data(
             subject.robot, motions, fps=options.fps, slow_motion=options.slow_motion, obstacles=subject.obstacles,
-            touching=subject.touching, marks=[mark for mark in marks if mark is not None],
+            touching=subject.touching, marks=[mark for mark in marks if mark is not None], parts=parts_in(facts),
         )  # fmt: skip
         speed = scene["speed"] if replay else speed
         packed = base64.b64encode(gzip.compress(script_json(scene).encode(), 9, mtime=0)).decode("ascii")
@@ -215,6 +222,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
         "cut": [drawn.motion.duration < whole.motion.duration for drawn, whole in zip(shown, moves, strict=True)],
         "speed": speed,
         "seen": seen,
+        "steps": step_data(shown[0].motion),
         "course": course_data(shown, subject.limits, subject.sliding),
         "scene": packed,
     }

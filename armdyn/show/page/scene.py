@@ -18,6 +18,7 @@ from armdyn.arguments import number, shown
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
+from armdyn.show.page.carried import CarriedPart, shown_parts
 from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
@@ -49,6 +50,7 @@ def scene_data(
     obstacles: Sequence[Obstacle] = (),
     touching: Collection[str] = (),
     marks: Sequence[Mapping[str, Any]] = (),
+    parts: Sequence[CarriedPart] = (),
 ) -> dict[str, Any]:
     """Input of `assets/scene.js`, ready for JSON.
 
@@ -60,6 +62,7 @@ def scene_data(
         obstacles: drawn where they stand.
         touching: names of links, tool, payload and obstacles that are drawn in red.
         marks: see `mark_of`.
+        parts: that the first trajectory grasps and releases; drawn instead of the robot's payload.
 
     Raises:
         TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
@@ -80,7 +83,8 @@ def scene_data(
     durations = [trajectory.duration for trajectory in trajectories]
     speed = playing_speed(durations) if slow_motion is None else 1.0 / slow_motion
     step = min(speed, min(durations) / WATCHABLE) / fps
-    drawn = (robot_shapes(robot), obstacle_shapes(obstacles))
+    held = robot.payload.name if parts and robot.payload else None
+    drawn = ([one for one in robot_shapes(robot) if one.name != held], obstacle_shapes(obstacles))
     shapes = _shape_commands(*([_red(one) if one.name in touching else one for one in each] for each in drawn))
     return {
         "joints": robot.nv,
@@ -91,6 +95,19 @@ def scene_data(
         "speed": speed,
         "commands": [_packed(command) for command in shapes],
         "marks": list(marks),
+        "parts": [
+            {
+                "shapes": [[f"joint{one.joint}", f"part{k}-{i}"] for i, one in enumerate(part.shapes)],
+                "commands": [
+                    _packed(command)
+                    for i, one in enumerate(part.shapes)
+                    for command in _set_object(f"/armdyn/arm0/joint{one.joint}/part{k}-{i}", one)
+                ],
+                "begin": part.begin,
+                "end": part.end,
+            }
+            for k, part in enumerate(shown_parts(robot, trajectories[0], parts))
+        ],
         "arms": [_arm(robot, i, trajectory, step) for i, trajectory in enumerate(trajectories)],
     }
 

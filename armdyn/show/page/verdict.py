@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from armdyn.cycle.summary import NEAR
 from armdyn.optimal.proof.certificate import percent
 from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.show.page.facts import Facts
@@ -51,6 +52,8 @@ def verdict_of(facts: Facts) -> Verdict:
     """The verdict on a run: of a minimum-time motion, of a closed loop, or on none."""
     if "certificate" in facts:
         return _of_minimum_time(facts)
+    if "steps" in facts:
+        return _of_cycle(facts)
     if "arrival_rule" in facts:
         return _of_pid(facts)
     if "optimal_duration" in facts:
@@ -86,6 +89,8 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
         others = [x for x in facts.numbers("local_optima") if x is not None]
         if others:
             tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
+    if "steps" in facts:
+        tiles += _cycle_tiles(facts, duration)
     for name, label, scale, unit, note in (
         ("optimal_duration", "the fastest takes", 1.0, " s", ""),
         ("arrival_time", "arrived", 1.0, " s", ""),
@@ -116,6 +121,30 @@ def _of_minimum_time(facts: Facts) -> Verdict:
     if not usable:
         headline = "Not executable" if found else "No motion found"
     return Verdict(level, headline, facts.text("assessment"), checks, tuple(facts.texts("what_to_do")))
+
+
+def _of_cycle(facts: Facts) -> Verdict:
+    """Verdict on a cycle of steps."""
+    checks = tuple((one.text("name"), _holds(one), one.text("said")) for one in facts.parts("checks"))
+    gap = facts.number("gap")
+    level: Level = "bad" if not facts.true("usable") else "good" if gap is not None and gap <= NEAR else "fair"
+    headline = "Executable" if gap is None else f"Executable, at most {percent(max(gap, 0.0))} above the fastest"
+    return Verdict(level, headline if level != "bad" else "Not executable", facts.text("assessment"), checks)
+
+
+def _cycle_tiles(facts: Facts, duration: float) -> list[Tile]:
+    """The headline numbers of a cycle of steps, besides its duration."""
+    steps, tiles = facts.parts("steps"), [Tile("an hour", f"{3600 / duration:.0f} cycles")]
+    if (dwell := facts.number("dwell")) and duration > 0:
+        tiles.append(Tile("at rest", seconds(dwell), f"{100 * dwell / duration:.0f} % of the cycle"))
+    if (gap := facts.number("gap")) is not None:
+        tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", "proven, all branches"))
+    longest = max(steps, key=lambda one: one.number("duration") or 0.0)
+    tiles.append(Tile("longest step", seconds(longest.number("duration")), longest.text("name")))
+    if decides := facts.parts("decides"):
+        most, part = decides[0], decides[0].number("part") or 0.0
+        tiles.append(Tile("decided most by", f"{100 * part:.3g} %", f"{most.text('joint')}, {most.text('limit')}"))
+    return tiles
 
 
 def _holds(check: Facts) -> bool | None:

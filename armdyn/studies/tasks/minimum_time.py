@@ -119,7 +119,7 @@ def _facts(solution: Solution) -> dict[str, Any]:
         "limited_most_by": most.name if most else None,
         "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
         "peak_speed": float(np.abs(motion.v).max()) if moves else None,
-        "torque_squared": _torque_squared(motion) if moves else None,
+        "torque_squared": torque_squared(motion) if moves else None,
     }
 
 
@@ -146,7 +146,7 @@ def _chain_facts(solution: Solution) -> dict[str, Any]:
     }
 
 
-def _torque_squared(motion: Trajectory) -> float:
+def torque_squared(motion: Trajectory) -> float:
     """∫ τᵀτ dt [(N m)² s], exact for a torque that is linear between samples (Simpson's rule of its square)."""
     tau, steps = motion.tau, np.diff(motion.t)
     squares = (tau[:-1] ** 2 + tau[:-1] * tau[1:] + tau[1:] ** 2).sum(axis=1) / 3

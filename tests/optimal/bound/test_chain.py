@@ -10,6 +10,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import poses_reaching
 from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 
 UR5 = np.array(
@@ -106,6 +107,57 @@ def test_branches_of_a_ur5_are_those_that_inverse_kinematics_find():
         near = [q for q in branches if np.all((limits.position_lower <= q) & (q <= limits.position_upper))
                 and 2 * np.max(np.abs(q - home) / limits.velocity) < upper]  # fmt: skip
         assert 1 <= count <= len(near)
+
+
+def test_a_motion_between_two_sets():
+    """Of all branches and whole turns within the limits of a UR5."""
+    robot = ad.Robot.from_library("ur5")
+    goals = [ad.GoalPose(robot.tip, placement(robot, q)) for q in UR5[1:]]
+    problem = ad.MinimumTimeProblem(robot, q_start=UR5[1], q_goal=UR5[2])
+    found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_bounds=4)), ad.lower_bound(problem)
+    assert min(found.boxes) >= 8
+    assert 0.8 * member.kinematic < found.duration <= member.duration
+    starts, ends = (poses_reaching(robot, goal, UR5[0], robot.limits, seed=3) for goal in goals)
+    assert found.kinematic <= min(problem.variant(q_start=a, q_goal=b).duration_bound() for a in starts for b in ends)
+    endless = paper_arm("rr").with_limits(None, 2.0)
+    anywhere = [ad.GoalPose(endless.tip, placement(endless, q).translation) for q in ([0.9, 0.5], [1.5, -0.7])]
+    turning = motions([endless], [[0, 0], [1, 1]], position_limit=(-np.inf, np.inf))
+    assert chain_bound(turning, anywhere) is None  # after any number of turns
+
+
+@pytest.mark.slow
+def test_via_regions_add_the_ramps_of_a_retreat():
+    """Up by 25 mm within half a millimetre, and away: the region is passed at any velocity."""
+    robot, (_, q, over) = ad.Robot.from_library("ur5"), UR5
+    above = placement(robot, q)
+    above.translation[2] += 0.025
+    tolerance = (5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3)
+    problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=over)
+    passing = problem.variant(via=[ad.GoalPose(robot.tip, above, tolerance=tolerance)])
+    plain, found = (chain_bound([one], [q, over], policy=BoundPolicy(chain_bounds=12)) for one in (problem, passing))
+    assert plain.duration == pytest.approx(ad.lower_bound(problem).duration, rel=1e-12)
+    assert found.duration > plain.duration
+    # A joint position that brings the frame into the region is one of those that the bound holds for.
+    member = poses_reaching(robot, passing.via[0], q, robot.limits)[0]
+    assert found.duration <= ad.lower_bound(problem.variant(via=[member])).duration
+    unbounded = problem.variant(via=[ad.GoalPose(robot.tip, above, free=("z",), tolerance=(5e-4, 5e-4, 0, 0, 0, 0))])
+    assert chain_bound([unbounded], [q, over]).duration == plain.duration
+
+
+def test_a_set_of_a_redundant_arm():
+    """Members of the set, found by inverse kinematics from another seed, make no faster chain."""
+    robot = ad.Robot.from_library("panda")
+    home = np.array([-0.3, 0.1, 0.0, -2.0, 0.0, 2.1, 0.5])
+    over = placement(robot, home)
+    over.translation[1] += 0.2
+    goal = ad.GoalPose(robot.tip, over)
+    members = poses_reaching(robot, goal, home, robot.limits, seed=5)
+    chains = [motions([robot] * 2, [home, q, home]) for q in members[:2]]
+    least = min(sum(ad.lower_bound(problem).duration for problem in chain) for chain in chains)
+    few = BoundPolicy(chain_bounds=6)
+    found = chain_bound(chains[0], [home, goal, home], upper=1.01 * least, policy=few)
+    assert 0.95 * least < found.duration <= 1.001 * least
+    assert found.boxes[1] > 1
 
 
 def test_bad_stops():

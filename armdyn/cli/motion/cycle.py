@@ -1,0 +1,296 @@
+"""The command `armdyn cycle`: the fastest cycle of steps, such as pick and place."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.resources import files as package_files
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from armdyn.cli.console import (
+    INTERRUPTED,
+    NOT_AS_REQUIRED,
+    NOT_USABLE,
+    Answer,
+    answering,
+    console,
+    escape,
+    facts_table,
+    working,
+)
+from armdyn.cli.export import sampled, usual_rate
+from armdyn.cli.invocation import invocation
+from armdyn.cli.motion.mintime import CurveOptions
+from armdyn.cli.motion.words import missing_words
+from armdyn.cli.options.results import ResultOptions, Written
+from armdyn.cli.parsing.panels import OUTPUT, SOLVER, TASK
+from armdyn.errors import FileError, ProblemError
+from armdyn.files import write_whole
+from armdyn.trajectory.formats import FORMATS
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from armdyn.cycle import CycleSolution
+    from armdyn.models.scene.obstacles import Obstacle
+
+_EXAMPLE = "cell.toml"
+_STEPS = "steps.csv"
+_COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
+_MOST_COSTS = 8
+
+
+def cycle(
+    file: Annotated[
+        str | None, typer.Argument(metavar="FILE.toml", help="The cycle. With --example: where the example goes.")
+    ] = None,
+    *,
+    example: Annotated[
+        bool,
+        typer.Option(
+            "--example",
+            rich_help_panel=TASK,
+            help=f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
+        ),
+    ] = False,
+    require: Annotated[
+        str | None,
+        typer.Option(
+            metavar="gap:X",
+            rich_help_panel=TASK,
+            help="Proven to be at most X above the least time, such as gap:1%, else exit code 4.",
+        ),
+    ] = None,
+    costs: Annotated[
+        bool,
+        typer.Option(
+            "--costs",
+            rich_help_panel=SOLVER,
+            help="Solve again without each way point, straight segment, speed limit and stop, to say what it costs.",
+        ),
+    ] = False,
+    search: CurveOptions,
+    format: Annotated[  # noqa: A002  # the option's name
+        list[str] | None,
+        typer.Option(
+            metavar="|".join(FORMATS),
+            rich_help_panel=OUTPUT,
+            help="Format of the motion for a controller or a simulator, as of armdyn export; may be given again. By "
+            "default csv.",
+        ),
+    ] = None,
+    results: ResultOptions,
+) -> None:
+    """Fastest cycle of a robot: moves, grasps, releases and waits in order, from a file.
+
+    Each move takes the arm with what it carries then, from rest to rest, past its way points and along its straight
+    segments without a stop. Where a place can be reached by several joint positions, the best of them are chosen for
+    the whole cycle. The lower bound is proven over all of them.
+
+    The table says of each step what decides its time and what would help: to first order 10 % more of the limit that
+    decides most; with --costs, also what each condition costs.
+
+    Written are the motion with its payloads (trajectory.npz, and the files of --format), the table (steps.csv), a
+    report, and result.json.
+
+    Exit code 0: every move is usable. 3: one is not, and the output says which step, and why. 4: they are, but
+    --require is not met.
+
+    [dim]armdyn cycle --example
+    armdyn cycle cell.toml
+    armdyn cycle cell.toml --costs --require gap:3%
+    armdyn cycle cell.toml --format urscript --format ros2 --out results/cell[/]
+    """
+    with answering(results.output.json) as answer:
+        if example:
+            _write_example(Path(file or _EXAMPLE), answer)
+            return
+        if file is None:
+            raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
+        formats = _formats(format)
+        most = _largest_gap(require)
+        _solve(file, costs, most, search, formats, results, answer)
+
+
+def _solve(
+    file: str,
+    costs: bool,
+    most: float | None,
+    search: CurveOptions,
+    formats: Sequence[str],
+    results: ResultOptions,
+    answer: Answer,
+) -> None:
+    """Solve the cycle of a file, write its files, and fill in the answer."""
+    from armdyn.cycle import cycle_costs, solve_cycle
+    from armdyn.cycle.cycle_files import read_cycle_file
+    from armdyn.cycle.summary import cycle_summary
+    from armdyn.optimal.problem.status import Status
+    from armdyn.optimal.problem_files import OPTIONS
+
+    read = read_cycle_file(file)
+    robot, options = read.cycle.robot, search.over({name: getattr(read.options, name) for name in OPTIONS}).options()
+    name = Path(file).stem
+    folder = results.folder("cycle", name)
+    with working(f"cycle of {robot.name}") as progress:
+        solution = solve_cycle(read.cycle, options, progress)
+        stopped = solution.status is Status.INTERRUPTED
+        found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
+        summary = cycle_summary(solution, read.cycle, found)
+        written = _write(folder, name, solution, summary, formats, results, progress)
+    missing = _missing(solution, most)
+    answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
+    if stopped:
+        answer.code = INTERRUPTED
+    elif not solution.usable:
+        answer.code = NOT_USABLE
+    elif missing:
+        answer.code = NOT_AS_REQUIRED
+    if summary["steps"]:
+        console.print(_table(f"{name}: cycle of {robot.name}", summary["steps"]))
+    console.print(facts_table("", _words(solution, summary) | missing_words(missing) | written.words))
+
+
+def _write_example(path: Path, answer: Answer) -> None:
+    """Write the example; a file of its name is left alone.
+
+    Raises:
+        FileError: there is such a file.
+    """
+    if path.exists():
+        raise FileError(path, "is there already; armdyn cycle --example OTHER.toml writes to another name")
+    content = package_files("armdyn.cycle").joinpath(_EXAMPLE).read_bytes()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    answer.done("written", {}, [write_whole(path, content)])
+    console.print(f"{escape(str(path))}  (armdyn cycle {escape(str(path))} solves it)")
+
+
+def _formats(given: Sequence[str] | None) -> tuple[str, ...]:
+    from armdyn.arguments import one_of
+
+    return tuple(dict.fromkeys(one_of(name, tuple(FORMATS), "--format") for name in given or ["csv"]))
+
+
+def _largest_gap(text: str | None) -> float | None:
+    """The gap of --require, as a part of the lower bound; None: nothing is required."""
+    from armdyn.cli.motion.requirements import requirements_of
+
+    if text is None:
+        return None
+    (one,) = requirements_of([text])
+    if one.kind != "gap":
+        raise ProblemError(f"--require {text}: of a cycle the gap can be required, such as gap:1%")
+    return one.most
+
+
+def _missing(solution: CycleSolution, most: float | None) -> list[str]:
+    """The requirement that is not met, with the reason."""
+    if most is None or (solution.gap is not None and solution.gap <= most):
+        return []
+    why = "the cycle is not usable" if not solution.usable else solution.verdict
+    return [f"gap:{100 * most:g}% is missing: {why}"]
+
+
+def _write(
+    folder: Path,
+    name: str,
+    solution: CycleSolution,
+    summary: dict[str, Any],
+    formats: Sequence[str],
+    results: ResultOptions,
+    progress: Any,
+) -> Written:
+    """The files of a cycle, as far as it is solved."""
+    robot = solution.cycle.robot
+    title = f"{name}: {f'{solution.duration:.3f} s, ' if solution.usable else ''}{solution.verdict}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not solution.legs:
+        from armdyn.show.results import save_results
+
+        return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
+    motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
+    written = results.write(folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress)
+    files = [write_whole(folder / _STEPS, _steps_csv(summary["steps"]).encode())]
+    suffixes = [FORMATS[each].suffix for each in formats]
+    for kind in (FORMATS[each] for each in formats):
+        samples, _, _ = sampled(kind(), motion, None, usual_rate(kind))
+        own = f"trajectory{'' if suffixes.count(kind.suffix) == 1 else f'-{kind.name}'}{kind.suffix}"
+        files.append(write_whole(folder / own, kind().text(samples).encode()))
+    return written.with_files(files)
+
+
+def _obstacles(solution: CycleSolution) -> list[Obstacle]:
+    """Obstacles of all moves, each once."""
+    from armdyn.models.scene.obstacles import obstacle_entry
+
+    every = (one for leg in solution.legs for one in leg.solution.problem.obstacles)
+    return list({str(obstacle_entry(one)): one for one in every}.values())
+
+
+def _cells(step: dict[str, Any]) -> list[str]:
+    part = step["carries"]
+    return [
+        str(step["number"]),
+        step["name"],
+        "" if part is None else f"{part['name']}, {part['mass']:g} kg",
+        f"{step['duration']:.3f}",
+        f"{100 * step['share']:.0f} %",
+        step["decided_by"],
+        step["would_help"],
+    ]
+
+
+def _table(title: str, steps: Sequence[dict[str, Any]]) -> Table:
+    """The steps as a line manager reads them."""
+    from rich.table import Table
+
+    table = Table(title=escape(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
+    for column in _COLUMNS:
+        right = column in ("step", "time [s]", "share")
+        table.add_column(column, justify="right" if right else "left", no_wrap=right, overflow="fold")
+    for step in steps:
+        table.add_row(*map(escape, _cells(step)))
+    return table
+
+
+def _steps_csv(steps: Sequence[dict[str, Any]]) -> str:
+    content = io.StringIO(newline="")
+    writer = csv.writer(content, lineterminator="\n")
+    writer.writerow(_COLUMNS)
+    writer.writerows([*map(_cells, steps)])
+    return content.getvalue()
+
+
+def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
+    """The whole cycle as `facts_table` shows it."""
+    from armdyn.optimal.proof.certificate import percent
+
+    words = {}
+    if not solution.success:
+        words["status"] = solution.message
+    if (duration := summary["duration"]) is not None:
+        rests = summary["dwell"]
+        words["cycle"] = f"{duration:.6f} s, {rests:g} s of it at rest; {3600 / duration:.0f} cycles an hour"
+    if solution.gap is not None:
+        words["verdict"] = f"executable, proven to be at most {percent(max(solution.gap, 0.0))} slower than possible"
+    else:
+        words["verdict"] = "executable; no bound is known" if solution.usable else "not executable"
+    if solution.lower_bound is not None:
+        words["lower bound"] = f"no cycle through these steps takes less than {solution.lower_bound:.6f} s"
+    if summary["order"] != sorted(summary["order"]):
+        words["order"] = ", ".join(map(str, summary["order"]))
+    words |= {name: said for name, _, said in _checked(summary)}
+    if costs := summary["costs"]:
+        words["without it"] = "\n".join(cost["said"] for cost in costs[:_MOST_COSTS])
+    words["solved in"] = f"{solution.solve_time:.1f} s, {solution.branches} motions"
+    return words
+
+
+def _checked(summary: dict[str, Any]) -> list[tuple[str, Any, str]]:
+    known = ("clear of obstacles",)
+    return [(one["name"], one["holds"], one["said"]) for one in summary["checks"] if one["name"] in known]

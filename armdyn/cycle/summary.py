@@ -1,0 +1,209 @@
+"""A solved cycle as plain values, for result files: steps with their times, limits that decide these, and remedies."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from armdyn.cycle.costs import MORE, CycleCost
+from armdyn.cycle.cycle import Cycle
+from armdyn.cycle.solution import CycleLeg, CycleSolution
+from armdyn.cycle.steps import Grasp, Move, Release
+from armdyn.models.scene.attached import payload_entry
+from armdyn.models.values.spec import Payload
+from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.proof.deciding import Share
+
+_QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
+"""Plain words for a limit of a joint."""
+NEAR = 0.05
+"""A cycle whose proven gap is no larger is near the fastest possible: the bound knows neither obstacles nor straight
+segments."""
+_TOUCHING = 0.05
+"""Bodies that are nearer touch, as a part and its table do [mm]."""
+_NOTHING = 5e-7
+"""Less than that is no difference [s]: motions are exact to so much."""
+
+
+def cycle_summary(
+    solution: CycleSolution, asked: Cycle | None = None, costs: Sequence[CycleCost] = ()
+) -> dict[str, Any]:
+    """A solved cycle as JSON values: null where a number is not known; docs/json.md has the keys.
+
+    Args:
+        solution: of a cycle.
+        asked: the cycle before its jobs were put in order, whose numbers the steps get; None: the solution's.
+        costs: of `cycle_costs`.
+    """
+    cycle = solution.cycle
+    order = _numbers(asked or cycle, cycle)
+    whole = len(solution.legs) == len(cycle.moves)
+    steps = list(_steps(solution, costs, order))
+    return {
+        "success": solution.success and solution.usable,
+        "status": str(solution.status),
+        "message": solution.message,
+        "usable": solution.usable,
+        "verdict": solution.verdict,
+        "assessment": str(solution),
+        "duration": solution.duration if whole else None,
+        "dwell": cycle.dwell,
+        "lower_bound": solution.lower_bound,
+        "gap": solution.gap,
+        "closed": cycle.closed,
+        "order": order,
+        "steps": steps,
+        "decides": _deciding(solution),
+        "costs": [_cost(cost, _number(cost.step, order)) for cost in sorted(costs, key=_size)],
+        "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in _checks(solution)],
+        "parts": list(_parts(cycle, steps)),
+        "branches": solution.branches,
+        "solve_time": round(solution.solve_time, 3),
+    }
+
+
+def _numbers(asked: Cycle, cycle: Cycle) -> list[int]:
+    """Numbers in the asked cycle of the steps of one that is in order."""
+    left = dict(enumerate(asked.steps, start=1))
+    found = []
+    for step in cycle.steps:
+        found.append(next(k for k, one in left.items() if one is step))
+        del left[found[-1]]
+    return found
+
+
+def _number(step: int, order: Sequence[int]) -> int:
+    """Number of a step in the asked cycle; 0 and that of the way back stay."""
+    return order[step - 1] if 1 <= step <= len(order) else step
+
+
+def _size(cost: CycleCost) -> float:
+    return -abs(cost.saved or 0.0)
+
+
+def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
+    """A cost with its words, and the number of its step in the asked cycle."""
+    where = f"step {number} ({cost.name}) without {cost.condition}" if number else cost.condition
+    took = "no motion was found" if cost.saved is None else "no difference"
+    if cost.saved is not None and abs(cost.saved) >= _NOTHING:
+        took = f"{'about ' if cost.about else ''}{1e3 * abs(cost.saved):.3g} ms {'less' if cost.saved > 0 else 'more'}"
+    return asdict(cost) | {"step": number, "said": f"{where}: {took}"}
+
+
+def _steps(solution: CycleSolution, costs: Sequence[CycleCost], order: Sequence[int]) -> Iterator[dict[str, Any]]:
+    """The steps in the order in which they are done, with the way back, as far as they are solved."""
+    cycle, legs = solution.cycle, {leg.leg.step: leg for leg in solution.legs}
+    begin, last = 0.0, max(legs, default=0)
+    for k in range(1, max(len(cycle.steps), last) + 1):
+        back = k > len(cycle.steps)
+        step = cycle.moves[-1].move if back else cycle.steps[k - 1]
+        leg = legs.get(k)
+        if isinstance(step, Move) and leg is None:
+            return
+        duration = leg.duration if leg else step.dwell if not isinstance(step, Move) else 0.0
+        part = cycle.arms[min(k, len(cycle.steps))].payload
+        own = [cost for cost in costs if cost.step == k]
+        yield {
+            "number": _number(k, order),
+            "name": cycle.name_of(k),
+            "kind": type(step).__name__.lower(),
+            "begin": begin,
+            "duration": duration,
+            "share": duration / solution.duration,
+            "carries": None if part is None else {"name": part.name, "mass": part.mass},
+            "decided_by": _decided(leg, duration),
+            "would_help": _remedy(leg, duration, own),
+            **(_move(leg) if leg else {}),
+        }
+        begin += duration
+
+
+def _move(leg: CycleLeg) -> dict[str, Any]:
+    """Facts of a move only."""
+    solution, near = leg.solution, leg.solution.clearance
+    return {
+        "usable": solution.usable,
+        "message": solution.message,
+        "lower_bound": solution.lower_bound,
+        "gap": solution.gap,
+        "decides": [{"limit": one.limit, "joint": one.joint, "part": one.part} for one in solution.decides],
+        "via_times": list(solution.via_times),
+        "clearance": near and {"distance": near.distance, "body": near.body, "other": near.other, "sure": near.sure},
+    }
+
+
+def _quantity(share: Share) -> str:
+    return f"{_QUANTITIES.get(share.limit, share.limit)} of {share.joint}"
+
+
+def _decided(leg: CycleLeg | None, duration: float) -> str:
+    """The limit that decides most of a step's time, in plain words; empty: unknown, or the step takes no time."""
+    if leg is None:
+        return f"a rest of {duration:g} s" if duration else ""
+    most = leg.solution.decides[:1]
+    return f"{_quantity(most[0])}, {100 * most[0].part:.0f} %" if most else ""
+
+
+def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -> str:
+    """The change that saves most of a step's time, in plain words; empty: none is known."""
+    choices = [(cost.saved, f"no {cost.condition.removeprefix('its ')}") for cost in costs if cost.saved and leg]
+    if leg is None:
+        choices.append((MORE * duration, f"{percent(MORE)} shorter"))
+    else:
+        choices += [(MORE * one.part * duration, f"{percent(MORE)} more of it") for one in leg.solution.decides[:1]]
+    saved, words = max(choices, default=(0.0, ""))
+    return f"{words} saves {1e3 * saved:.3g} ms" if saved >= _NOTHING else ""
+
+
+def _deciding(solution: CycleSolution) -> list[dict[str, Any]]:
+    """Limits and their shares in the whole cycle, rests not among them, most first."""
+    shares: defaultdict[tuple[str, str], float] = defaultdict(float)
+    for leg in solution.legs:
+        for one in leg.solution.decides:
+            shares[one.limit, one.joint] += one.part * leg.duration / solution.duration
+    most = sorted(shares.items(), key=lambda one: -one[1])
+    return [{"limit": limit, "joint": joint, "part": part} for (limit, joint), part in most]
+
+
+def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
+    """Name, result (None: not known) and words of each check of the whole cycle."""
+    legs = solution.legs
+    good = sum(leg.solution.usable for leg in legs)
+    yield "every move is executable", solution.usable, f"{good} of {len(solution.cycle.moves)} moves"
+    if legs:
+        worst = max(leg.solution.certificate.goal_error for leg in legs)
+        lands = all(leg.solution.certificate.lands for leg in legs)
+        yield "replays reach the stops", lands, f"within {worst:.1e} rad or m, each with what the arm carries then"
+    near = [leg.solution.clearance for leg in legs if leg.solution.clearance is not None]
+    if near:
+        sure, nearest = all(one.sure for one in near), min(near, key=lambda one: one.distance)
+        away = 1e3 * nearest.distance
+        said = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
+        yield "clear of obstacles", sure, said + ("" if sure else "; not proven between samples")
+    if solution.gap is not None and solution.lower_bound is not None:
+        said = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"
+        yield (
+            "near the fastest possible",
+            True if solution.gap <= NEAR else None,
+            f"{said}: no cycle is faster than {solution.lower_bound:.4f} s",
+        )
+
+
+def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """What the arm carries, and from when to when [s]; null: until the end."""
+    held: tuple[Payload, float] | None = None if cycle.robot.payload is None else (cycle.robot.payload, 0.0)
+    for one, step in zip(steps, cycle.steps, strict=False):
+        if held is not None and isinstance(step, Release):
+            yield _part(cycle, *held, one["begin"])
+            held = None
+        elif isinstance(step, Grasp):
+            held = step.part, one["begin"]
+    if held is not None:
+        yield _part(cycle, *held, None)
+
+
+def _part(cycle: Cycle, part: Payload, begin: float, end: float | None) -> dict[str, Any]:
+    frame = part.frame or cycle.robot.tip
+    return {"part": payload_entry(part) | {"name": part.name, "frame": frame}, "begin": begin, "end": end}

@@ -1,0 +1,88 @@
+"""Equations of the joint positions that bring a frame to a pose: the chain of joints closes there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+
+from armdyn.dynamics.symbolic import Dynamics
+from armdyn.locks import built_once
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+
+_TRIALS = 20
+"""Random positions at which a polynomial of sines and cosines, of second degree in each joint's, is zero but by chance
+if it is not zero everywhere."""
+
+_IDLE = 1e-12
+"""Slope of a squared distance [m²/rad] below which a joint does not change it: an identity, but for rounding."""
+
+
+def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
+    """Joints between the world and the frame, in order."""
+    chain: list[int] = []
+    joint = robot.frame(goal.frame).parentJoint
+    while joint:
+        chain.insert(0, joint)
+        joint = robot.model.parents[joint]
+    return chain
+
+
+@built_once(maxsize=16)
+def closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
+    """The equations of q: zero where the frame is at its goal, and there alone."""
+    q, chain = ca.SX.sym("q", dynamics.nv), chain_to(dynamics.robot, goal)
+    # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
+    own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
+    if own:
+        at = slice(4 * (own[-1] - 1), 4 * own[-1])
+        inner = dynamics.placements(q)[:, at]
+        outer_q = _behind(q, own)
+        fixed = dynamics.placements(np.zeros(dynamics.nv))[:, at]
+    else:
+        inner, outer_q, fixed = ca.horzcat(ca.SX.eye(3), ca.SX.zeros(3)), q, np.eye(3, 4)
+    rotation, origin = dynamics.frame_placement(outer_q, goal.frame)
+    back = ca.SX(fixed[:, :3].T.copy())
+    rotation, origin = back @ rotation, back @ (origin - fixed[:, 3])
+    rows = [inner[:, :3].T @ (goal.pose.translation - inner[:, 3]) - origin]
+    if goal.axis is not None:
+        axis = ca.SX.eye(3)[:, goal.axis]
+        rows.append(inner[:, :3].T @ (ca.SX(goal.pose.rotation.copy()) @ axis) - rotation @ axis)
+    elif goal.oriented:
+        rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
+    if goal.exact and goal.oriented:
+        rows += _distances(dynamics, goal, q)
+    return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
+
+
+def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
+    """Equations of a few joints each: squared distances between two joints' origins [m²].
+
+    They follow from the joints between these two, and from those outside by way of the world and the goal. Joints that
+    turn about either origin change nothing.
+    """
+    n, chain, rng = dynamics.nv, chain_to(dynamics.robot, goal), np.random.default_rng(0)
+    found = []
+    for i, j in combinations(range(len(chain)), 2):
+        first, last = 4 * (chain[i] - 1), 4 * (chain[j] - 1)
+        between = dynamics.placements(_behind(q, chain[: i + 1]))
+        inner = between[:, last + 3] - between[:, first + 3]
+        fixed = dynamics.placements(np.zeros(n))[:, last : last + 4]
+        rotation, origin = dynamics.frame_placement(_behind(q, chain[: j + 1]), goal.frame)
+        back = ca.SX(goal.pose.rotation.copy()) @ rotation.T
+        outer = goal.pose.translation - back @ (origin - fixed[:, 3]) - dynamics.placements(q)[:, first + 3]
+        row = ca.sumsqr(inner) - ca.sumsqr(outer)
+        slope = ca.Function("slope", [q], [ca.jacobian(row, q)])
+        slopes = [np.abs(slope(rng.uniform(-np.pi, np.pi, n)).full()[0]) for _ in range(_TRIALS)]
+        idle = [int(k) + 1 for k in np.flatnonzero(np.max(slopes, axis=0) < _IDLE)]
+        found.append((n - len(idle), ca.substitute(row, q, _behind(q, idle))))
+    return [row for count, row in found if 0 < count <= n - 2]
+
+
+def _behind(q: ca.SX, joints: Sequence[int]) -> ca.SX:
+    """Joint positions, with zeros for some joints."""
+    return ca.vertcat(*(0.0 if k + 1 in joints else q[k] for k in range(q.numel())))

@@ -1,0 +1,116 @@
+"""Study task "cycle": a cycle file whose numbers vary."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from armdyn.cycle.cycle_files import TABLES, cycle_from
+from armdyn.cycle.solve import solve_cycle
+from armdyn.errors import ProblemError
+from armdyn.files import file_inside
+from armdyn.optimal import MinimumTimeOptions, Status
+from armdyn.optimal.problem.robot_tables import robot_from, robot_table
+from armdyn.optimal.problem_files import OPTIONS
+from armdyn.parsing.toml import Table, read_toml
+from armdyn.studies.problems import place_of
+from armdyn.studies.rows import Value
+from armdyn.studies.tasks.minimum_time import torque_squared
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
+
+
+@dataclass(frozen=True, kw_only=True)
+class CycleTask:
+    """Fastest cycle of every case.
+
+    Attributes:
+        file: of the cycle: scenes and meshes that it names lie in its folder.
+        tables: of the file; the robot with the text of its file, so that workers need none.
+        options: of every solve, each in one process.
+    """
+
+    name: ClassVar = "cycle"
+    section: ClassVar = "cycle"
+    signs: ClassVar[Mapping[str, Any]] = {}
+    outcomes: ClassVar = ("duration_s", "torque_squared")
+    neighbours: ClassVar[Neighbours] = "off"
+
+    file: str
+    tables: Mapping[str, Any]
+    options: MinimumTimeOptions = field(default_factory=MinimumTimeOptions)
+
+    @classmethod
+    def read(cls, table: Table) -> Self:
+        """The task that a table [cycle] of a study file describes.
+
+        Raises:
+            ProblemError: the table, or the cycle file that it names, describes none.
+        """
+        table.only(("file", *OPTIONS))
+        if "file" not in table.values:
+            raise table.error("file", 'cycle.file is missing: a cycle file beside the study, such as "cell.toml"')
+        with table.at("file"):
+            path = file_inside(Path(table.path).parent, table.values["file"])
+        own = read_toml(path)
+        own.only(TABLES)
+        robot = robot_from(own.table("robot"))
+        cycle_from(own, robot)
+        given = {key: value for key, value in table.values.items() if key != "file"}
+        with table.telling():
+            options = MinimumTimeOptions(**{**own.table("options").values, **given})
+        tables = {key: value for key, value in own.values.items() if key != "options"}
+        return cls(file=str(path), tables=tables | {"robot": robot_table(robot)}, options=options)
+
+    def checked(self, name: str, value: Any) -> Value:
+        """A setting's value, if there is such a place in the cycle file.
+
+        Raises:
+            ProblemError: there is none.
+        """
+        if name.partition(".")[0] not in self.tables:
+            raise ProblemError(f"{name} is no setting of a cycle: its way begins with {', '.join(self.tables)}")
+        place_of(copy.deepcopy(dict(self.tables)), name, ())
+        return value
+
+    def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
+        """Solve the cycle of a case."""
+        values = copy.deepcopy(dict(self.tables))
+        for name, value in settings.items():
+            place, key = place_of(values, name, ())
+            place[key] = value
+        table = Table(self.file, values, {})
+        try:
+            cycle = cycle_from(table, robot_from(table.table("robot")))
+        except ProblemError as error:
+            raise ProblemError(str(error).removeprefix(f"{self.file}, line 1: ")) from None
+        solution = solve_cycle(cycle, replace(self.options, workers=1))
+        most = next(iter(solution.decides), None)
+        facts = {
+            "duration_s": solution.duration if solution.usable else None,
+            "gap": finite(solution.gap),
+            "lower_bound_s": finite(solution.lower_bound),
+            "limited_most_by": most[0] if most else None,
+            "torque_squared": torque_squared(solution.trajectory) if solution.usable else None,
+            **{f"step_{leg.leg.step}_s": leg.duration for leg in solution.legs if solution.usable},
+        }
+        status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
+        return CaseResult(
+            status=INTERRUPTED if solution.status is Status.INTERRUPTED else status,
+            good=solution.usable,
+            message=solution.message,
+            facts=facts,
+            value=solution,
+        )
+
+    def description(self) -> dict[str, object]:
+        """The task as JSON; the text of the robot's file by its checksum."""
+        robot = {
+            key: hashlib.sha256(text.encode()).hexdigest() if key in ("urdf", "mjcf") else text
+            for key, text in self.tables["robot"].items()
+        }
+        options = {name: getattr(self.options, name) for name in OPTIONS}
+        return {"task": self.name, "cycle": {**self.tables, "robot": robot}, "search": options}

@@ -1,0 +1,164 @@
+"""Identification, measured: a robot's log, simulated logs, exciting motions, planning with the result.
+
+python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 10]
+"""
+
+import argparse
+import time
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+import armdyn as ad
+from armdyn.identification.model import mean_regressor, rigid_torques
+
+FIRST = 0.6
+"""Part of a log that is fitted; the rest is predicted."""
+ARMS = {"panda": (0.5, 2.0), "ur5": (0.5, 2.0), "rrr": (0.02, 0.3)}
+"""Simulated arms and the range of their payloads [kg]."""
+PLANAR, SPATIAL = ([-0.02, 0, -0.02], [0.05, 0, 0.02]), ([-0.05, -0.05, 0.03], [0.05, 0.05, 0.13])
+"""Ranges of the payloads' centres in the tip's frame [m]: a planar arm feels nothing across its plane."""
+NOISE, ENCODER = 0.005, 1e-4
+"""Torque noise as a part of the limits; encoder step [rad]."""
+
+
+def arm(name):
+    """A robot by name."""
+    return ad.Robot.from_spec(ad.ArmSpec.paper(name)) if name == "rrr" else ad.Robot.from_library(name)
+
+
+def line(name, values):
+    """One row of a table."""
+    print("|", name, "|", " | ".join(f"{value:.3g}" for value in np.atleast_1d(values)), "|")
+
+
+def rms(values):
+    """Root mean square of each column."""
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def least_squares(robot, q, v, a, tau, cut):
+    """Errors of plain least squares for inertias, Coulomb (width 0.01), viscous friction and offset, on the rest."""
+    sign, eye = np.tanh(v / 0.01), np.eye(robot.nv)
+    own = [one[:, :, None] * eye for one in (sign, v, np.ones_like(v))]
+    columns = np.concatenate([mean_regressor(robot, q, v, a, 1), *own], axis=2)
+    x = np.linalg.lstsq(columns[:cut].reshape(cut * robot.nv, -1), tau[:cut].ravel(), rcond=1e-9)[0]
+    return rms(tau[cut:] - columns[cut:] @ x)
+
+
+def measured_log(path, name):
+    """RMS torque errors on the end of a measured log by fits of its beginning."""
+    robot, data = arm(name), np.load(path, allow_pickle=False)
+    t, q, v, tau = (data[one] for one in ("t", "q", "v", "tau"))
+    a = savgol_filter(v, 51, 3, deriv=1, delta=float(np.median(np.diff(t))), axis=0)
+    cut = int(FIRST * t.size)
+    print(f"RMS torque error on the last {100 - 100 * FIRST:.0f} % of {path} [N m or N]")
+    line("measured torque", rms(tau[cut:]))
+    line("URDF", rms(tau[cut:] - rigid_torques(robot, q[cut:], v[cut:], a[cut:])))
+    line("least squares", least_squares(robot, q, v, a, tau, cut))
+    log = ad.Log(t=t[:cut], q=q[:cut], v=v[:cut], tau=tau[:cut])
+    for what in ("friction", "payload", "all"):
+        begun = time.process_time()
+        found = ad.identify(robot, log, what)
+        seconds = time.process_time() - begun
+        line(f"{what}, {seconds:.1f} s", rms(tau[cut:] - found.torques(q[cut:], v[cut:], a[cut:])))
+    print(
+        f"{found.measured_combinations} of {found.combinations} combinations measured, condition {found.condition:.3g}"
+    )
+
+
+def true_arm(name, rng):
+    """The arm as it is known, and one with a payload and friction that are not."""
+    robot = arm(name)
+    mass, size = rng.uniform(*ARMS[name]), rng.uniform(0.03, 0.08)
+    centre = rng.uniform(*(PLANAR if name == "rrr" else SPATIAL))
+    payload = ad.Payload(mass=mass, com=centre, inertia=0.4 * mass * size**2 * rng.uniform(0.7, 1.2, 3))
+    limits = robot.limits.effort_upper
+    friction = rng.uniform(0, 0.02, (2, robot.nv)) * limits
+    return robot, robot.with_payload(payload).with_friction(friction[0] / 2, friction[1])
+
+
+def log_of(true, motion, rng):
+    """A log of an arm along a motion: encoder steps, torque noise."""
+    at = motion.resample(1000.0)
+    tau = rigid_torques(true, at.q, at.v, at.a) + true.friction.torque(at.v)
+    tau = tau + rng.normal(size=tau.shape) * NOISE * true.limits.effort_upper
+    return ad.Log(t=at.t, q=np.round(at.q / ENCODER) * ENCODER, tau=tau)
+
+
+def payload_errors(true, estimate):
+    """Relative error of the mass, and of the centre [m]."""
+    own, found = true.payload, estimate.robot.payload
+    return abs(found.mass / own.mass - 1), np.linalg.norm(np.subtract(found.com, own.com))
+
+
+def simulated_logs(count):
+    """Errors and coverage of payloads from logs of random motions."""
+    print(f"{count} simulated logs of 10 s each: mass [%], centre [mm], medians; coverage of 95 % [%]; CPU [s]")
+    options = ad.IdentifyOptions(held_out=0)
+    for name in ARMS:
+        errors, hits, seconds = [], [], []
+        for seed in range(count):
+            rng = np.random.default_rng(seed)
+            robot, true = true_arm(name, rng)
+            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(candidates=1, generations=0, seed=seed))
+            log, begun = log_of(true, motion, rng), time.process_time()
+            estimate = ad.identify(robot, log, "payload", options)
+            seconds.append(time.process_time() - begun)
+            errors.append(payload_errors(true, estimate))
+            own = true.payload
+            truth = [own.mass, *own.com, *own.inertia, 0, 0, 0, *true.friction.damping, *true.friction.coulomb]
+            numbers = zip(estimate.parameters, [*truth, *np.zeros(robot.nv)], strict=True)
+            hits += [one.interval[0] <= value <= one.interval[1] for one, value in numbers if one.measured]
+        line(name, [*np.median(errors, axis=0) * [100, 1000], 100 * np.mean(hits), np.mean(seconds)])
+
+
+def exciting_motions():
+    """Condition numbers and errors of the identified payload: ten random motions' best, and the exciting one."""
+    print("condition number and error of mass [%] and centre [mm]: best of ten random motions, exciting motion")
+    for name in ARMS:
+        robot, true = true_arm(name, np.random.default_rng(1))
+        row = []
+        for generations in (0, 150):
+            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", generations=generations))
+            found = [ad.identify(robot, log_of(true, motion, np.random.default_rng(k)), "payload") for k in range(5)]
+            row += [found[0].condition, *np.mean([payload_errors(true, one) for one in found], axis=0) * [100, 1000]]
+        line(name, row)
+
+
+def plans(count):
+    """Settled times of motions planned for the middle of the range, for the identified arm, and for the truth."""
+    print("settled time [s], median and unsettled of all: middle of the range, identified, truth")
+    poses = {
+        "rrr": ([-np.pi / 2, 0, 0], [1.0, 0, 0]),
+        "ur5": ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5]),
+    }
+    for name, (start, goal) in poses.items():
+        settled = []
+        for seed in range(count):
+            rng = np.random.default_rng(seed)
+            robot, true = true_arm(name, rng)
+            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", seed=seed))
+            identified = ad.identify(robot, log_of(true, motion, rng), "payload").robot
+            middle = robot.with_payload(ad.Payload(mass=float(np.mean(ARMS[name]))))
+            row = []
+            for known in (middle, identified, true):
+                problem = ad.MinimumTimeProblem(known, q_start=start, q_goal=goal, reserve=0.1)
+                reference = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).trajectory
+                row.append(ad.track(known, reference, ad.Lqr(), plant=true).settled_time)
+            settled.append([np.inf if one is None else one for one in row])
+        line(name, [*np.median(settled, axis=0), *np.sum(np.isinf(settled), axis=0)])
+
+
+if __name__ == "__main__":
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--log", help="npz of t, q, v, tau")
+    options.add_argument("--robot", default="panda", help="of the log")
+    options.add_argument("--logs", type=int, default=200)
+    options.add_argument("--plans", type=int, default=10)
+    asked = options.parse_args()
+    if asked.log:
+        measured_log(asked.log, asked.robot)
+    simulated_logs(asked.logs)
+    exciting_motions()
+    plans(asked.plans)

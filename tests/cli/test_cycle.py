@@ -1,0 +1,124 @@
+"""`armdyn cycle`: the table, files, JSON and exit codes of a cycle file."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+import armdyn as ad
+from cli.command import run_here, run_json
+
+BOLT = """
+[robot]
+name = "rr"
+[cycle]
+start = [0.1, 0.2]
+[parts.bolt]
+mass = 0.1
+[[steps]]
+move = "to the bolt"
+to = [0.4, 0.6]
+[[steps]]
+grasp = "bolt"
+dwell = 0.2
+[[steps]]
+move = "to the hole"
+to = [1.0, -0.4]
+[[steps]]
+release = "bolt"
+[options]
+search = "quick"
+"""
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A small cycle, solved once: its folder, and what was told as JSON."""
+    folder = tmp_path_factory.mktemp("cycle")
+    (folder / "bolt.toml").write_text(BOLT)
+    formats = ("--format", "csv", "--format", "ros2")
+    return folder, run_json("cycle", "bolt.toml", "--no-figure", "--out", "out", "--costs", *formats, cwd=folder)
+
+
+def test_json_says_each_step_with_its_share_and_remedy(solved):
+    _, facts = solved
+    assert (facts["success"], facts["status"], facts["order"], facts["closed"]) == (True, "solved", [1, 2, 3, 4], False)
+    assert [step["kind"] for step in facts["steps"]] == ["move", "grasp", "move", "release"]
+    assert sum(step["duration"] for step in facts["steps"]) == pytest.approx(facts["duration"], rel=1e-12)
+    assert sum(step["share"] for step in facts["steps"]) == pytest.approx(1.0)
+    assert facts["gap"] == pytest.approx(facts["duration"] / facts["lower_bound"] - 1)
+    first, grasp, second, release = facts["steps"]
+    assert (first["carries"], second["carries"]) == (None, {"name": "bolt", "mass": 0.1})
+    assert "torque of joint" in first["decided_by"] and "10 % more of it saves" in first["would_help"]
+    assert (grasp["decided_by"], grasp["would_help"]) == ("a rest of 0.2 s", "10 % shorter saves 20 ms")
+    assert (release["decided_by"], release["would_help"]) == ("", "")
+    assert "step 2 (grasp bolt) without its rest: 200 ms less" in [cost["said"] for cost in facts["costs"]]
+    assert [(part["begin"], part["end"]) for part in facts["parts"]] == [(grasp["begin"], release["begin"])]
+
+
+def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved):
+    folder, facts = solved
+    names = {Path(file).name for file in facts["files"]}
+    assert names == {"trajectory.npz", "report.html", "result.json", "steps.csv", "trajectory.csv", "trajectory.json"}
+    motion = ad.Trajectory.load(folder / "out" / "trajectory.npz")
+    assert [(piece.name, piece.event, piece.load.mass) for piece in motion.pieces] == [
+        ("to the bolt", "", 0.0), ("grasp bolt", "grasp", 0.1), ("to the hole", "", 0.1)
+    ]  # fmt: skip
+    assert motion.duration == pytest.approx(facts["duration"], abs=1e-9)
+    rows = list(csv.DictReader(io.StringIO((folder / "out" / "steps.csv").read_text())))
+    assert [(row["step"], row["what"], row["carries"]) for row in rows[:3]] == [
+        ("1", "to the bolt", ""), ("2", "grasp bolt", "bolt, 0.1 kg"), ("3", "to the hole", "bolt, 0.1 kg")
+    ]  # fmt: skip
+    result = json.loads((folder / "out" / "result.json").read_text())
+    assert result["steps"] == facts["steps"] and result["asked"]["command"].startswith("armdyn cycle bolt.toml")
+
+
+def test_the_table_is_for_people(solved):
+    folder, _ = solved
+    done = run_here(
+        "cycle", "bolt.toml", "--no-figure", "--no-report", "--out", "out", "--require", "gap:1e-9", cwd=folder
+    )
+    assert done.returncode == 4
+    for words in ("to the bolt", "a rest of", "cycles an hour", "at most", "is missing: gap", "lower bound"):
+        assert words in " ".join(done.stdout.split()), words
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "code", "said"),
+    [
+        (("0.4, 0.6", "0.4"), (), 2, "bolt.toml, line 9: .*step 1|to has"),
+        (("mass = 0.1", "mass = 90"), (), 2, "step 2 (grasp bolt): the arm cannot rest with 'bolt' of 90 kg"),
+        (("", ""), ("--format", "cvs"), 2, "--format is 'cvs'"),
+        (("", ""), ("--require", "certified"), 2, "of a cycle the gap can be required"),
+        (('search = "quick"', "time_limit = 1e-3"), (), 3, "time"),
+    ],
+)
+def test_what_is_wrong_is_said(tmp_path, change, arguments, code, said):
+    (tmp_path / "bolt.toml").write_text(BOLT.replace(*change))
+    facts = run_json("cycle", "bolt.toml", "--out", "out", *arguments, code=code, cwd=tmp_path)
+    assert not facts["success"]
+    assert any(words in facts["message"] for words in said.split("|")), facts["message"]
+
+
+def test_options_override_the_file_s(tmp_path):
+    (tmp_path / "bolt.toml").write_text(BOLT)
+    facts = run_json("cycle", "bolt.toml", "--out", "out", "--time-limit", "0.001", code=3, cwd=tmp_path)
+    assert facts["status"] == "time_limit" and facts["duration"] is None
+    assert [Path(file).name for file in facts["files"]] == ["result.json"]
+
+
+def test_without_a_file_the_example_is_named(tmp_path):
+    assert "armdyn cycle --example" in run_json("cycle", code=2, cwd=tmp_path)["message"]
+
+
+def test_the_example_is_that_of_the_repository_and_overwrites_nothing(tmp_path):
+    facts = run_json("cycle", "--example", cwd=tmp_path)
+    assert facts["files"] == ["cell.toml"]
+    own = Path(__file__).parents[2] / "examples" / "cell.toml"
+    assert (tmp_path / "cell.toml").read_bytes() == own.read_bytes()
+    assert "is there already" in run_json("cycle", "--example", code=2, cwd=tmp_path)["message"]
+    run_json("cycle", "other.toml", "--example", cwd=tmp_path)
+    cycle = ad.read_cycle(tmp_path / "other.toml")
+    assert cycle.closed and [arm.payload.mass for arm in cycle.arms if arm.payload] == [1.0, 1.0]

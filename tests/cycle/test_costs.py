@@ -1,0 +1,66 @@
+"""Costs of a cycle's conditions against cycles without them."""
+
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ProblemError
+from cycles import planar, planar_solved
+
+QUICK = ad.MinimumTimeOptions(search="quick")
+
+
+@pytest.fixture(scope="module")
+def costs():
+    return {(cost.step, cost.condition): cost for cost in ad.cycle_costs(planar_solved(), QUICK)}
+
+
+def test_rests_cost_their_time(costs):
+    assert costs[2, "its rest"].saved == 0.2
+    assert costs[4, "its rest"].saved == 0.1
+
+
+def test_limits_cost_what_their_multipliers_say(costs):
+    solved = planar_solved()
+    most = next(name for name, _ in solved.decides if name != "rests")
+    cost = costs[0, f"10 % more of {most}"]
+    assert cost.about
+    raised = solved.cycle.robot.limits.effort_upper * 1.01
+    faster = solved.cycle.dwell + sum(
+        ad.solve_minimum_time(leg.solution.problem.variant(effort_limit=raised), QUICK).duration for leg in solved.legs
+    )
+    named = [one for one in costs.values() if one.about]
+    assert sum(one.saved for one in named) / 10 == pytest.approx(solved.duration - faster, rel=0.05)
+
+
+def test_the_nearest_branches_are_no_better(costs):
+    assert costs[0, "taking the nearest branch at every stop"].saved <= 1e-9
+
+
+def test_planning_for_the_heaviest_payload_costs_what_the_moves_without_it_lose(costs):
+    solved = planar_solved()
+    loaded = solved.cycle.arms[2]
+    total = solved.cycle.dwell
+    for leg in solved.legs:
+        start, goal = leg.solution.problem.poses
+        total += ad.solve_minimum_time(ad.MinimumTimeProblem(loaded, q_start=start, q_goal=goal), QUICK).duration
+    saved = costs[0, "planning every move for the heaviest payload"].saved
+    assert saved == pytest.approx(solved.duration - total, abs=1e-6)
+    assert saved < -0.01
+    assert "-" in str(costs[0, "planning every move for the heaviest payload"])
+
+
+def test_a_stop_that_nobody_needs_costs_the_time_that_passing_saves():
+    robot = planar().robot
+    between = ad.Move([0.5, 0.3], name="between")
+    solved = ad.solve_cycle(ad.Cycle(robot, start=[0, 0], steps=[between, ad.Move([1, 0.5])]), QUICK)
+    (cost,) = [one for one in ad.cycle_costs(solved, QUICK) if one.condition == "the stop at its end"]
+    through = ad.MinimumTimeProblem(robot, q_start=[0, 0], q_goal=[1, 0.5], via=[[0.5, 0.3]])
+    assert cost.step == 1
+    assert cost.saved == pytest.approx(solved.duration - ad.solve_minimum_time(through, QUICK).duration, abs=1e-6)
+    assert cost.saved > 0.01
+
+
+def test_costs_are_of_usable_cycles():
+    broken = ad.solve_cycle(planar(obstacles=[ad.Sphere((0.06, 0.0, 0.05), 0.02)]), QUICK)
+    with pytest.raises(ProblemError, match="usable"):
+        ad.cycle_costs(broken)

@@ -1,0 +1,90 @@
+"""Study task "cycle": numbers of a cycle file vary."""
+
+import pytest
+
+import armdyn as ad
+from armdyn.errors import ArmdynError, ProblemError
+from armdyn.studies.reading import read_study
+from armdyn.studies.settings import label
+
+CELL = """
+[robot]
+name = "rr"
+[cycle]
+start = [0.1, 0.2]
+[parts.bolt]
+mass = 0.1
+[[steps]]
+move = "to the bolt"
+to = [0.4, 0.6]
+[[steps]]
+grasp = "bolt"
+[[steps]]
+move = "to the hole"
+to = [1.0, -0.4]
+[[steps]]
+wait = 0.1
+[options]
+search = "quick"
+"""
+STUDY = """
+task = "cycle"
+[cycle]
+file = "cell.toml"
+seed = 3
+[vary]
+parts.bolt.mass = [0.1, 90.0]
+steps."to the hole".to.0 = [0.8, 1.0]
+"""
+
+
+@pytest.fixture
+def study(tmp_path):
+    def write(text=STUDY):
+        (tmp_path / "cell.toml").write_text(CELL)
+        (tmp_path / "study.toml").write_text(text)
+        return read_study(tmp_path / "study.toml")
+
+    return write
+
+
+def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_path):
+    asked = study()
+    assert asked.task.options.seed == 3 and asked.task.options.search == "quick"
+    run = ad.run_study(asked, tmp_path / "rows.sqlite")
+    rows = ad.study_table(run.file)
+    assert [row["status"] for row in rows] == ["usable", "usable", "refused", "refused"]
+    assert "step 2 (grasp bolt): the arm cannot rest with 'bolt' of 90 kg" in rows[2]["message"]
+    own = ad.solve_cycle(ad.read_cycle(tmp_path / "cell.toml"), ad.MinimumTimeOptions(search="quick", seed=3))
+    assert rows[1]["duration_s"] == pytest.approx(own.duration, rel=1e-9)
+    assert rows[1]["step_1_s"] + rows[1]["step_3_s"] + 0.1 == pytest.approx(rows[1]["duration_s"])
+    assert rows[0]["duration_s"] != rows[1]["duration_s"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("parts.bolt.mass", "parts.nut.mass"), r"line 7: .*parts.nut is not there to be changed"),
+        (("parts.bolt.mass", "payload.mass"), "its way begins with robot, cycle, parts, steps"),
+        (('"to the hole"', '"to the hoel"'), r"did you mean 'to the hole'"),
+        (('"to the hole"', "9"), r"steps has no '9'"),
+        (("cell.toml", "../cell.toml"), "line 4: .*no file inside"),
+        (("file =", "fiel ="), "did you mean 'file'"),
+        (("[vary]", "[arms.rr]\n[vary]"), "no table 'arms'"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_line(study, change, said):
+    with pytest.raises(ArmdynError, match=said):
+        study(STUDY.replace(*change))
+
+
+def test_a_move_s_end_is_no_range(study):
+    asked = study(STUDY.replace("[0.8, 1.0]", "{ from = 0.8, to = 1.0, count = 3 }"))
+    assert [asked.parameters(k)["steps.to the hole.to.0"] for k in range(3)] == [0.8, 0.9, 1.0]
+    with pytest.raises(ProblemError, match=r"from = A, to = B"):
+        study(STUDY.replace("parts.bolt.mass = [0.1, 90.0]", "parts.bolt.mass = { to = 1 }"))
+
+
+def test_axes_have_units():
+    assert label("parts.bolt.mass") == "parts.bolt.mass [kg]"
+    assert label("steps.pick.to.position.0") == "steps.pick.to.position.0 [m]"
