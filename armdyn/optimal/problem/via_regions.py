@@ -94,5 +94,5 @@ def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:
                 name = "the start" if k == 0 else "the goal" if k == len(poses) - 1 else f"via[{k - 1}]"
                 raise ProblemError(
                     f"via[{i}] is wider than its leg: {name} lies in it, and it would be passed by not moving; "
-                    "give it smaller tolerances or less free directions, or leave it out"
+                    "give it smaller tolerances or fewer free directions, or leave it out"
                 )
