@@ -43,8 +43,8 @@ RobotName = Annotated[
     typer.Argument(
         metavar="ROBOT",
         help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
-        "ur5, a benchmark such as cart_pole, or a name of robot_descriptions such as panda_mj_description. Of most "
-        "commands also a problem file, problem.toml.",
+        "ur5, a benchmark such as cart_pole, a name of robot_descriptions such as panda_mj_description, or a file with "
+        "\\[robot] alone, such as identified.toml. Of most commands also a problem file, problem.toml.",
         show_default=False,
         autocompletion=known_names,
     ),
