@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from rich.table import Table
 
 import armdyn as ad
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
@@ -137,6 +135,8 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
 
 
 def _show(estimate: ad.Estimate, file: Path) -> None:
+    from rich.table import Table
+
     words = {
         "combinations measured": f"{estimate.measured_combinations} of {estimate.combinations}",
         "condition number": f"{estimate.condition:.3g}",
@@ -147,8 +147,8 @@ def _show(estimate: ad.Estimate, file: Path) -> None:
     console.print(facts_table(f"{escape(estimate.robot.name)}: identified", words))
     if estimate.judged is not None:
         table = Table("joint", "torque", "error before", "after", title="root mean square on the end of the logs")
-        judged = np.column_stack([estimate.judged.measured, estimate.judged.before, estimate.judged.after])
-        for joint, row in zip(estimate.robot.joint_names, judged, strict=True):
+        judged = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
+        for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True):
             table.add_row(escape(joint), *(f"{value:.3g}" for value in row))
         console.print(table)
     measured = [one for one in estimate.parameters if one.measured]

@@ -34,7 +34,7 @@ LEAST = 5.0
 
 
 def solve_cycle(
-    cycle: Cycle, options: MinimumTimeOptions | None = None, progress: Report | None = None
+    cycle: Cycle, options: MinimumTimeOptions | None = None, progress: Callable[[str], None] | None = None
 ) -> CycleSolution:
     """The fastest cycle, over all branches of the inverse kinematics at its stops, and over the orders that it allows.
 

@@ -90,7 +90,7 @@ class FitOptions:
         weights: weights of the divergence that are tried [-]: at 1 the prior counts as one measurement with a relative
             standard deviation of 100 % for every unknown. Cross-validation over the fitted data chooses.
         folds: contiguous parts of the data for the cross-validation.
-        huber: residual above which an equation counts less, in standard deviations of the joint's noise: 1.345 has 95 %
+        huber: residual above which an equation counts less, in standard deviations of the joint's noise: 1.35 has 95 %
             of least squares' efficiency where the noise is normal (Huber and Ronchetti, Robust Statistics, 2009).
         rounds: of reweighting.
         least_noise: least standard deviation of the noise, as a part of the joint's RMS torque: below it a simulated
@@ -99,7 +99,7 @@ class FitOptions:
 
     weights: tuple[float, ...] = tuple(10.0 ** (k / 2) for k in range(-4, 9))
     folds: int = 5
-    huber: float = 1.345
+    huber: float = 1.35
     rounds: int = 5
     least_noise: float = 1e-4
 

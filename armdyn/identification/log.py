@@ -108,7 +108,7 @@ class Log:
             at = int(np.argmax(steps))
             raise LogError(
                 f"{self.name}: a gap of {steps[at]:.3g} s after t = {self.t[at]:.6f} s, other steps are {usual:.3g} s; "
-                "cut the log there and give both parts: logs=[first, second]"
+                "cut the log there and give both parts as two logs"
             )
 
     def _label(self, column: int) -> str:

@@ -22,6 +22,7 @@ JOIN_TOLERANCE = 1e-5
 start of the next one: ten times what the replay of a certified motion misses its goal by at most."""
 
 _UNITS = {"q": "rad or m", "v": "rad/s or m/s"}
+_HELD = {"linear": "linear", "zero-order": "constant"}
 
 
 def joined(first: Trajectory, second: Trajectory, tolerance: float) -> Trajectory:
@@ -60,8 +61,8 @@ def _common_names(first: Trajectory, second: Trajectory, tolerance: float) -> tu
         )
     if first.hold != second.hold:
         raise TrajectoryError(
-            f"a motion with hold={first.hold!r} and one with hold={second.hold!r} cannot be joined: torques differ "
-            "between samples"
+            f"a motion whose torques are {_HELD[first.hold]} between samples and one whose torques are "
+            f"{_HELD[second.hold]} cannot be joined"
         )
     for field, unit in _UNITS.items():
         end, start = getattr(first, field)[-1], getattr(second, field)[0]

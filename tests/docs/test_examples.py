@@ -27,6 +27,12 @@ def test_goals():
     assert {axis for axis in study.parameters(0) if axis.startswith("q_goal.")} == {"q_goal.joint1", "q_goal.joint2"}
 
 
+def test_cell():
+    cycle = ad.read_cycle(EXAMPLES / "cell.toml")
+    assert [move.name for move in cycle.moves]
+    assert cycle.closed and cycle.steps[1].part.mass == 1.0
+
+
 def test_there_is_no_example_that_no_test_runs():
     tests = "\n".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
     assert not [path.name for path in EXAMPLES.iterdir() if path.is_file() and path.name not in tests]

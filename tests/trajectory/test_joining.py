@@ -117,7 +117,10 @@ def test_a_slice_is_within_the_motion(begin, end):
             "velocity of slide is 0 at the end and -0.1 at the start, 0.1 rad/s",
         ),
         (replace(bang(start=0.75), joint_names=("turn",)), "motions of other joints cannot be joined: slide; turn"),
-        (replace(bang(start=0.75), hold="zero-order"), "hold='linear' and one with hold='zero-order'"),
+        (
+            replace(bang(start=0.75), hold="zero-order"),
+            "torques are linear between samples and one whose torques are constant",
+        ),
         (Trajectory.at_rest([0.75, 0], [0, 0], 1), "motions of 1 and 2 joints"),
     ],
 )

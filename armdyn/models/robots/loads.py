@@ -109,7 +109,7 @@ def reversed_motion(robot: Robot, motion: Trajectory) -> Trajectory:
             "torques: solve for it, from the goal to the start"
         )
     if motion.hold != "linear":
-        raise TrajectoryError(f"a motion with hold={motion.hold!r} cannot be reversed; it must be 'linear'")
+        raise TrajectoryError("torques that are constant between samples cannot be reversed; they must be linear there")
     beyond = robot.limits.actuators.excess(motion.tau, motion.q, -motion.v)
     beyond -= np.maximum(robot.limits.actuators.excess(motion.tau, motion.q, motion.v), 0)
     k, joint = np.unravel_index(np.argmax(beyond), beyond.shape)

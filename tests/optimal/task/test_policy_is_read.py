@@ -12,6 +12,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
+from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.constraint import Knots
@@ -184,6 +185,14 @@ def bounds_of_a_pose():
         lower_bound(problem, policy=policy.bound)
 
 
+def bound_of_a_chain():
+    """To any joint positions of a pose, and back, slower than it could be: so that there is something to improve."""
+    problem = between("rr", velocity_limit=10.0)
+    stops = [POSES["rr"][0], ad.GoalPose("tip", [0.35, 0, 0.1]), POSES["rr"][0]]
+    for upper in (None, 1.0):
+        chain_bound([problem, problem], stops, upper, policy=Noted.of(problem).bound)
+
+
 def goals_as_coarse_curves():
     screened(noted(posed("rr", relative_effort_weight=0.5)))
 
@@ -224,6 +233,7 @@ CALLS = (
     guesses_round_a_ball,
     constraints_that_are_tightened,
     bounds_of_a_pose,
+    bound_of_a_chain,
     goals_as_coarse_curves,
     a_curve_after_an_interrupt,
     guesses_for_two_workers,
