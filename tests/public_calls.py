@@ -286,6 +286,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         RR.with_inertias: {"inertias": {"joint1": [1, 0.1, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}},
         ad.Log.load: {"path": folder / "log.npz", "robot": RR},
         LOG.in_order: {"robot": RR},
+        estimate.likely: {"count": 1, "confidence": 0.9, "seed": 0},
         estimate.torques: {"q": START, "v": START, "a": START},
         estimate.torque_deviation: {"q": START, "v": START, "a": START},
         RR.with_limits: {"effort_limit": 1.0, "velocity_limit": 1.0},

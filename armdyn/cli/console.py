@@ -113,11 +113,12 @@ class Answer:
 
 
 @contextmanager
-def answering(as_json: bool) -> Iterator[Answer]:
+def answering(as_json: bool, *, last: bool = True) -> Iterator[Answer]:
     """Turn results, errors and warnings of the block into output and an exit code, without tracebacks.
 
     Args:
         as_json: the answer is one JSON object, and `console` says nothing.
+        last: no other command follows whose JSON object is the answer, unless this one fails.
 
     Raises:
         typer.Exit: always, with the code.
@@ -154,7 +155,7 @@ def answering(as_json: bool) -> Iterator[Answer]:
     messages = list(dict.fromkeys(in_options(str(w.message)) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
-    if as_json:
+    if as_json and (last or answer.code):
         answer.facts["warnings"] = messages
         said = {"schema": SCHEMA, "command": command_name(), **answer.facts}
         sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")

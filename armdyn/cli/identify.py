@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,18 +11,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
+from armdyn.arguments import whole
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
+from armdyn.cli.invocation import invocation
 from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
+from armdyn.cli.parsing.layout import Followed
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
     from armdyn.identification.equations import What
 
-_FILE, _MOTION = "identified.toml", "exciting.npz"
+_FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
 _MOST_ROWS = 40
 """Rows of the table of numbers on the terminal; --json has all."""
+_MOST_LIKELY = 100
+"""Arms in a file: TOML files are read up to 256 KB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +39,21 @@ class IdentifyCommandOptions:
     held_out: float = option(
         "PART", "End of each log on which a fit of its beginning is judged; the result is of all.", default=0.25
     )
+    likely: int = option(
+        "N",
+        "Arms that fit the logs, written into identified.toml for mintime --for-tracking and monte-carlo; at most 100.",
+        default=40,
+    )
+    confidence: float = option(
+        "PART", "Probability that the region of the likely arms holds the one that moved.", default=0.95
+    )
     exciting: float | None = option(
         "SECONDS", "Read no log: write a motion whose log identifies the arm well, exciting.npz."
+    )
+
+    then: str | None = option(
+        "COMMAND …",
+        "Run another command with the identified arm as ROBOT; all that follows is its own: --then mintime --q-goal …",
     )
 
     @property
@@ -66,29 +86,43 @@ def identify(
     """Inertias, friction or payload of an arm from logs of its motions.
 
     The result is always physical, and stays with the robot's file where the logs say nothing. It is written as
-    identified.toml, which mintime, track and the other commands take as ROBOT.
+    identified.toml, which mintime, track and the other commands take as ROBOT, with arms that fit the logs as well:
+    mintime --for-tracking chooses the reserve with which all of them settle.
 
     A log that is none of this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
 
     [dim]armdyn identify panda --exciting 10 --out log
     armdyn export log/exciting.npz --format ros2
     armdyn identify panda log.csv --payload-only
+    armdyn identify rrr log.csv --payload-only --then mintime --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
     armdyn mintime results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
-    with answering(output.json) as answer:
-        what, arm = options.what, robot.read(payload.carried())
-        if (options.exciting is None) == (not logs):
-            raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
-        if options.exciting is not None:
-            _write_motion(answer, arm, options.exciting, what, output.folder("identify", robot.robot, [_MOTION]))
-            return
-        folder = output.folder("identify", robot.robot, [_FILE])
-        settings = ad.IdentifyOptions(held_out=options.held_out)
-        with working(f"identification of {arm.name}"):
-            estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs or ()], what, settings)
-        file = _written(estimate, folder)
-        answer.done("identified", _facts(estimate), [file])
-        _show(estimate, file)
+    then = shlex.split(options.then or "")
+    as_json = output.json or "--json" in then
+    try:
+        with answering(as_json, last=not then) as answer:
+            what, arm = options.what, robot.read(payload.carried())
+            if (options.exciting is None) == (not logs):
+                raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
+            if options.exciting is not None:
+                if then:
+                    raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
+                _write_motion(answer, arm, options.exciting, what, output.folder("identify", robot.robot, [_MOTION]))
+                return
+            whole(options.likely, "likely", 0, _MOST_LIKELY)
+            folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
+            settings = ad.IdentifyOptions(held_out=options.held_out)
+            with working(f"identification of {arm.name}"):
+                estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs or ()], what, settings)
+                likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
+                files = _written(estimate, likely, folder)
+            answer.done("identified", _facts(estimate) | {"likely": len(likely)}, files)
+            _show(estimate, files[0])
+    except typer.Exit as end:
+        if end.exit_code or not then:
+            raise
+    flags = ["--json"] if as_json and "--json" not in then else []
+    raise Followed([then[0], str(files[0]), *then[1:], *flags])
 
 
 def _write_motion(answer: Answer, arm: ad.Robot, duration: float, what: What, folder: Path) -> None:
@@ -100,14 +134,22 @@ def _write_motion(answer: Answer, arm: ad.Robot, duration: float, what: What, fo
     console.print(f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)")
 
 
-def _written(estimate: ad.Estimate, folder: Path) -> Path:
-    """The file of the identified robot."""
+def _written(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> list[Path]:
+    """The files: the identified robot with its likely arms, the report, the facts."""
     from armdyn.files import write_whole
-    from armdyn.optimal.problem.robot_tables import robot_table
+    from armdyn.optimal.problem.robot_tables import likely_tables, robot_table
     from armdyn.parsing.toml import to_toml
+    from armdyn.show.identification import write_identification
+    from armdyn.show.page.facts import Facts
+    from armdyn.show.results import result_head, save_results
 
     folder.mkdir(parents=True, exist_ok=True)
-    return write_whole(folder / _FILE, to_toml({"robot": robot_table(estimate.robot, folder)}).encode())
+    table = robot_table(estimate.robot, folder)
+    whole = table | {"likely": likely_tables(table, likely)}
+    file = write_whole(folder / _FILE, to_toml({"robot": whole}).encode())
+    made = invocation()
+    report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
+    return save_results(folder, estimate.robot, {"status": "identified", **_facts(estimate), **made}, [file, report])
 
 
 def _facts(estimate: ad.Estimate) -> dict[str, object]:

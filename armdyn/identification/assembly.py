@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from armdyn.identification.equations import Equations
+from armdyn.identification.equations import Equations, in_tip
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.identification.fitting import Fit
 from armdyn.identification.unknowns import parameters_of
+from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot
-from armdyn.models.values.spec import Payload
 
 Array = NDArray[np.float64]
 
@@ -43,9 +43,9 @@ def assembled(
     combinations = equations.structural_rank
     values = np.linalg.eigvalsh(fit.normal.matrix)[::-1][:combinations]
     return Estimate(
-        robot=_identified(robot, equations, fit.x),
+        robot=equations.robot_at(fit.x),
         offset=offset,
-        parameters=tuple(_parameters(equations, fit)),
+        parameters=tuple(_parameters(robot, equations, fit)),
         judged=judged,
         noise=fit.noise,
         weight=fit.weight,
@@ -58,31 +58,14 @@ def assembled(
     )
 
 
-def _identified(robot: Robot, equations: Equations, x: Array) -> Robot:
-    armature, damping, coulomb, _ = equations.unknowns.numbers(x)
-    bodies = parameters_of(equations.unknowns.bodies(x))
-    if equations.what == "payload":
-        mass, centre, tensor = _in_tip(robot, bodies[0])
-        moments = (tensor + tensor.T) / 2
-        robot = robot.with_payload(Payload(mass=mass, com=centre, inertia=moments))
-    elif equations.what == "all":
-        own = {joint: body.tolist() for joint, body in zip(robot.joint_names, bodies, strict=True)}
-        robot = robot.with_inertias(own).with_armature(armature)
-    return robot.with_friction(damping, coulomb, equations.width)
-
-
-def _in_tip(robot: Robot, parameters: Array) -> tuple[float, Array, Array]:
-    """Mass, centre and inertia about it in the tip's frame, of a body's parameters in the frame of its joint."""
-    body = robot.frame_of(Payload(mass=0)).placement.inverse().act(pin.Inertia.FromDynamicParameters(parameters))
-    return float(body.mass), np.array(body.lever), np.array(body.inertia)
-
-
-def _numbers(robot: Robot, equations: Equations, x: Array) -> Array:
-    """Numbers of all bodies, shape (bodies, 10), in the order of `BODY`."""
+def _numbers(robot: Robot, equations: Equations, parameters: Array) -> Array:
+    """Numbers of all bodies, shape (bodies, 10), in the order of `BODY`, of their dynamic parameters."""
     rows = []
-    for own in parameters_of(equations.unknowns.bodies(x)):
-        if equations.what == "payload":
-            mass, centre, tensor = _in_tip(robot, own)
+    for own in parameters:
+        if own[0] == 0:
+            mass, centre, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
+        elif equations.what == "payload":
+            mass, centre, tensor = in_tip(robot, own)
         else:
             body = pin.Inertia.FromDynamicParameters(own)
             mass, centre, tensor = float(body.mass), np.array(body.lever), np.array(body.inertia)
@@ -90,8 +73,16 @@ def _numbers(robot: Robot, equations: Equations, x: Array) -> Array:
     return np.array(rows).reshape(-1, 10)
 
 
-def _parameters(equations: Equations, fit: Fit) -> Iterator[Estimated]:
-    unknowns, robot, zero = equations.unknowns, equations.robot, np.zeros(fit.x.size)
+def _given(robot: Robot, equations: Equations) -> Array:
+    """Dynamic parameters of the unknown bodies as the robot has them, shape (bodies, 10)."""
+    if equations.what == "payload" and robot.payload is not None:
+        frame = robot.frame_of(robot.payload)
+        return np.array([frame.placement.act(payload_inertia(robot.payload)).toDynamicParameters()])
+    return equations.replaced
+
+
+def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estimated]:
+    unknowns = equations.unknowns
     _, hessian = unknowns.derivatives(fit.x)
     spread = np.linalg.inv(hessian) / fit.weight
 
@@ -105,21 +96,25 @@ def _parameters(equations: Equations, fit: Fit) -> Iterator[Estimated]:
     def row(at: int, size: float) -> Array:
         return np.asarray(np.eye(fit.x.size)[at] * size)
 
-    prior, values = (_numbers(robot, equations, x) for x in (zero, fit.x))
-    slopes = _slopes(lambda x: _numbers(robot, equations, x), fit.x, 10 * len(unknowns.joints))
+    def at(x: Array) -> Array:
+        return _numbers(robot, equations, parameters_of(unknowns.bodies(x)))
+
+    prior, values = _numbers(robot, equations, _given(robot, equations)), at(fit.x)
+    slopes = _slopes(at, fit.x, 10 * len(unknowns.joints))
     names = ["payload"] if equations.what == "payload" else robot.joint_names
     for b in range(len(unknowns.joints)):
         for k, (what, unit) in enumerate(BODY):
             yield estimated(f"{what} of {names[b]}", unit, prior[b, k], values[b, k], slopes[b, k])
-    at, priors, found = 10 * len(unknowns.joints), unknowns.numbers(zero), unknowns.numbers(fit.x)
+    start, found = 10 * len(unknowns.joints), unknowns.numbers(fit.x)
+    priors = (robot.model.armature, *robot.friction.per_joint(robot.nv), np.zeros(robot.nv))
     scales = (unknowns.armature, unknowns.damping, unknowns.coulomb, unknowns.offset)
     for kind, before, after, sizes in zip(
         ("armature", "damping", "coulomb", "offset"), priors, found, scales, strict=True
     ):
         for j in range(sizes.size):
             unit = _unit(kind, bool(robot.slides[j]))
-            yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(at + j, sizes[j]))
-        at += sizes.size
+            yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(start + j, sizes[j]))
+        start += sizes.size
 
 
 def _unit(kind: str, slides: bool) -> str:

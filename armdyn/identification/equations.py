@@ -119,6 +119,18 @@ class Equations:
         columns[:, joint, start + 2 * nv + joint] = own.offset
         return columns, known
 
+    def robot_at(self, x: Array) -> Robot:
+        """The robot at the unknowns x, shape (p,); the sensors' offsets are no part of it."""
+        armature, damping, coulomb, _ = self.unknowns.numbers(x)
+        robot, bodies = self.robot, parameters_of(self.unknowns.bodies(x))
+        if self.what == "payload":
+            mass, centre, tensor = in_tip(robot, bodies[0])
+            robot = robot.with_payload(Payload(mass=mass, com=centre, inertia=(tensor + tensor.T) / 2))
+        elif self.what == "all":
+            own = {joint: body.tolist() for joint, body in zip(robot.joint_names, bodies, strict=True)}
+            robot = robot.with_inertias(own).with_armature(armature)
+        return robot.with_friction(damping, coulomb, self.width)
+
     @cached_property
     def structural_rank(self) -> int:
         """Number of combinations of the unknowns that motions tell, from the regressor at random states."""
@@ -131,3 +143,9 @@ class Equations:
         columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
         values = np.linalg.svd(columns, compute_uv=False)
         return int(np.sum(values > _STRUCTURAL * values[0]))
+
+
+def in_tip(robot: Robot, parameters: Array) -> tuple[float, Array, Array]:
+    """Mass, centre and inertia about it in the tip's frame, of a body's parameters in the frame of its joint."""
+    body = robot.frame_of(Payload(mass=0)).placement.inverse().act(pin.Inertia.FromDynamicParameters(parameters))
+    return float(body.mass), np.array(body.lever), np.array(body.inertia)

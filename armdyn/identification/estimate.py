@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
 
-from armdyn.arguments import numbers
+from armdyn.arguments import MOST_MEMBERS, number, numbers, whole
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import Equations
-from armdyn.identification.fitting import Fit
+from armdyn.identification.fitting import Fit, Normal, minimise
 from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
@@ -21,6 +22,9 @@ NORMAL_95 = 1.959964
 """95 % of a normal distribution lie within so many standard deviations."""
 SEEN = 0.9
 """Part of the prior's variance that the log has to take away for a number to count as measured."""
+_BARRIER = 0.1
+"""Weight of the divergence that keeps likely arms physical, as a part of the fit's: it moves what the log tells by
+less than a hundredth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,7 @@ class Estimated:
     Attributes:
         name: such as "mass of panda_joint4".
         unit: its SI unit.
-        prior: before the log.
+        prior: of the given robot.
         value: the estimate.
         deviation: its standard deviation; 95 % intervals are 1.96 of it to either side.
         seen: part of the prior's variance that the log takes away, 0 to 1.
@@ -54,19 +58,40 @@ class Estimated:
         return self.value - NORMAL_95 * self.deviation, self.value + NORMAL_95 * self.deviation
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """Errors of the torques, as means over `IdentifyOptions.step`, on the end of the logs, by a fit of their beginning.
+    """Torques on the end of the logs, by a fit of their beginning, as means over `IdentifyOptions.step`.
 
     Attributes:
-        measured: root mean square of the measured torques [N m or N], shape (nv,).
-        before: of the given robot's torque errors, shape (nv,).
-        after: of the fit's, shape (nv,).
+        t: times from the start of what is held out, of several logs one after the other [s], shape (n,).
+        torque: as measured [N m or N], shape (n, nv).
+        prior: predicted by the given robot, likewise.
+        fitted: predicted by the fit, likewise.
     """
 
-    measured: Array
-    before: Array
-    after: Array
+    t: Array
+    torque: Array = field(repr=False)
+    prior: Array = field(repr=False)
+    fitted: Array = field(repr=False)
+
+    @property
+    def measured(self) -> Array:
+        """Root mean square of the measured torques [N m or N], shape (nv,)."""
+        return _rms(self.torque)
+
+    @property
+    def before(self) -> Array:
+        """Root mean square of the given robot's torque errors [N m or N], shape (nv,)."""
+        return _rms(self.torque - self.prior)
+
+    @property
+    def after(self) -> Array:
+        """Root mean square of the fit's torque errors [N m or N], shape (nv,)."""
+        return _rms(self.torque - self.fitted)
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 @brief
@@ -125,6 +150,35 @@ class Estimate:
         columns, _ = self.equations.at(*states, every=1)
         variance = np.einsum("njp,pq,njq->nj", columns, self.fit.covariance, columns)
         return np.asarray(np.sqrt(variance).reshape(shape))
+
+    def likely(self, count: int = 20, confidence: float = 0.95, seed: int = 0) -> tuple[Robot, ...]:
+        """Arms that fit the logs: physical ones on the surface of the confidence region of all unknowns.
+
+        Within the region arms differ less from `robot`. `track`, `reserve_curve` and `Plants` take them.
+
+        Args:
+            count: number of arms, in random directions of the region.
+            confidence: probability that the region holds the arm that moved, above 0 and below 1.
+            seed: of the directions.
+
+        Raises:
+            ProblemError: an argument is out of range.
+        """
+        count, seed = whole(count, "count", 1, MOST_MEMBERS), whole(seed, "seed", 0)
+        if not 0 < number(confidence, "confidence") < 1:
+            raise ProblemError(f"confidence is {confidence}; it is a probability above 0 and below 1, such as 0.95")
+        unknowns, fit = self.equations.unknowns, self.fit
+        away = np.random.default_rng(seed).normal(size=(count, unknowns.size))
+        away *= np.sqrt(chi2.ppf(confidence, unknowns.size)) / np.linalg.norm(away, axis=1, keepdims=True)
+        precision = np.asarray(np.linalg.inv(fit.covariance), dtype=float)
+        barrier = _BARRIER * fit.weight
+        gradient, _ = unknowns.derivatives(fit.x)
+        arms = []
+        for x in fit.x + away @ np.linalg.cholesky(fit.covariance).T:
+            # The physical arm nearest to x in the metric of the region; the gradient keeps the estimate where it is.
+            near = Normal(matrix=precision, vector=precision @ x + barrier * gradient, constant=0.0, count=0)
+            arms.append(self.equations.robot_at(minimise(unknowns, near, barrier, fit.x)))
+        return tuple(arms)
 
     def _states(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> tuple[tuple[Array, Array, Array], tuple[int, ...]]:
         given = [numbers(one, name) for one, name in ((q, "q"), (v, "v"), (a, "a"))]

@@ -104,19 +104,18 @@ def identify(
 
 
 def _judged(robot: Robot, estimate: Estimate, signals: list[Signals], step: float) -> Judged:
-    """Errors of mean torques of parts of the logs."""
+    """Mean torques of parts of the logs, and their predictions."""
 
-    def rms(torque: Callable[[Signals], Array]) -> Array:
-        means = [means_of(torque(one), one.samples_in(step)) for one in signals]
-        return np.asarray(np.sqrt(np.mean(np.concatenate(means) ** 2, axis=0)))
+    def means(torque: Callable[[Signals], Array]) -> Array:
+        return np.concatenate([means_of(torque(one), one.samples_in(step)) for one in signals])
 
-    def before(one: Signals) -> Array:
-        return one.tau - rigid_torques(robot, one.q, one.v, one.a) - robot.friction.torque(one.v)
-
-    def after(one: Signals) -> Array:
-        return one.tau - estimate.torques(one.q, one.v, one.a)
-
-    return Judged(measured=rms(lambda one: one.tau), before=rms(before), after=rms(after))
+    torque = means(lambda one: one.tau)
+    return Judged(
+        t=np.asarray(step * np.arange(len(torque)), dtype=float),
+        torque=torque,
+        prior=means(lambda one: rigid_torques(robot, one.q, one.v, one.a) + robot.friction.torque(one.v)),
+        fitted=means(lambda one: estimate.torques(one.q, one.v, one.a)),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -95,6 +95,9 @@ class FitOptions:
         rounds: of reweighting.
         least_noise: least standard deviation of the noise, as a part of the joint's RMS torque: below it a simulated
             log without noise would make the normal equations singular.
+        least_inflation: least sum of the residuals' autocorrelation [-]. Encoder steps, differentiated twice, correlate
+            negatively: sums fall to 0.2, but the errors of filter and prior, which no residual shows, do not. With 0.7
+            95 % intervals cover 94 to 97 % on simulated logs, with 1 up to 98 %.
     """
 
     weights: tuple[float, ...] = tuple(10.0 ** (k / 2) for k in range(-4, 9))
@@ -102,6 +105,7 @@ class FitOptions:
     huber: float = 1.35
     rounds: int = 5
     least_noise: float = 1e-4
+    least_inflation: float = 0.7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +152,7 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         x = minimise(unknowns, normal, weight, x)
         residual = torque - columns @ x
         noise = np.maximum(1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0), floor)
-        inflation = autocorrelation(residual, options.huber * noise)
+        inflation = autocorrelation(residual, options.huber * noise, options.least_inflation)
     return Fit(
         x=x,
         weight=weight,
@@ -174,8 +178,8 @@ def _best_weight(
     return options.weights[int(np.argmin(errors))]
 
 
-def autocorrelation(residual: Array, limit: Array) -> Array:
-    """Sum of the residuals' autocorrelation over all lags, at least 1, shape (nv,); residuals are clipped.
+def autocorrelation(residual: Array, limit: Array, least: float) -> Array:
+    """Sum of the residuals' autocorrelation over all lags, not below `least`, shape (nv,); residuals are clipped.
 
     The sum ends at the first pair of lags whose correlations add up to nothing (Geyer, Statistical Science 7(4), 1992).
     """
@@ -187,7 +191,7 @@ def autocorrelation(residual: Array, limit: Array) -> Array:
     lags = lags / np.maximum(lags[0], 1e-300)
     pairs = lags[0::2] + lags[1::2]
     kept = np.cumprod(pairs > 0, axis=0)
-    return np.asarray(np.maximum(1.0, 2 * np.sum(pairs * kept, axis=0) - 1))
+    return np.asarray(np.maximum(least, 2 * np.sum(pairs * kept, axis=0) - 1))
 
 
 def _covariance(unknowns: Unknowns, x: Array, columns: Array, inflated: Array, normal: Normal, weight: float) -> Array:

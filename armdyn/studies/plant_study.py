@@ -28,7 +28,7 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-FORMAT = "armdyn-monte-carlo-2"
+FORMAT = "armdyn-monte-carlo-3"
 _MOST = float(np.finfo(float).max)
 """Stands for infinity, which JSON does not have."""
 _NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
@@ -143,7 +143,7 @@ class PlantStudy(OwnTask):
 
     def plant(self, k: int) -> Robot:
         """Arm number k."""
-        return self.sample(k).arm(self.robot)
+        return self.sample(k).arm(self.robot, self.plants.likely)
 
     def run(self, k: int) -> Run:
         """Run arm number k; threads may call this at the same time."""
@@ -175,7 +175,8 @@ class PlantStudy(OwnTask):
             "reference": digest(self.reference),
             "controller": named(self.controller),
             "loop": asdict(self.loop),
-            "plants": named(self.plants),
+            "plants": named(replace(self.plants, likely=())),
+            "likely": [one.model_hash for one in self.plants.likely],
             "duration": self.options.duration,
             "tolerance": self.options.tolerance,
         }
@@ -183,7 +184,7 @@ class PlantStudy(OwnTask):
     def _run(self, sample: PlantSample, name: str) -> Run:
         offset = np.concatenate([sample.start, np.zeros(self.robot.nv)])
         setup = replace(self.setup, start=self.setup.start + offset)
-        return setup.run(sample.arm(self.robot), sample.noise, name)
+        return setup.run(sample.arm(self.robot, self.plants.likely), sample.noise, name)
 
 
 def identity(robot: Robot) -> dict[str, object]:

@@ -1,5 +1,6 @@
 """Random arms: ranges in which they differ from a controller's model, samples, and the arms that these make."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Self
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
-from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -36,6 +37,7 @@ class PlantSample:
         damping: viscous friction of each joint [N m s/rad or N s/m], likewise.
         start: distance of each joint from the reference's start [rad or m], shape (nv,).
         noise: seed of the readings' noise.
+        likely: index of the arm in `Plants.likely`; None: the model.
     """
 
     payload: float
@@ -43,9 +45,11 @@ class PlantSample:
     damping: tuple[float, ...]
     start: tuple[float, ...]
     noise: int
+    likely: int | None = None
 
-    def arm(self, robot: Robot) -> Robot:
-        """The arm with these differences from a model."""
+    def arm(self, robot: Robot, likely: Sequence[Robot] = ()) -> Robot:
+        """The arm with these differences from a model, or from the likely arm that was drawn."""
+        robot = robot if self.likely is None else likely[self.likely]
         damping, coulomb = robot.friction.per_joint(robot.nv)
         arm = robot if self.payload == 1 else with_payload_times(robot, self.payload)
         return arm.with_friction(damping + np.array(self.damping), coulomb + np.array(self.coulomb))
@@ -58,27 +62,38 @@ class Plants:
     Each number is uniformly distributed in its range, and each joint has its own.
 
     Attributes:
-        payload: mass and inertia of the payload, as multiples of the model's.
+        payload: mass and inertia of the payload, as multiples of the model's; None: 0.8 to 1.2, of `likely` arms 1.
         coulomb: dry friction of a joint [N m or N], in addition to the model's.
         damping: viscous friction of a joint [N m s/rad or N s/m], likewise.
         start: greatest distance of a joint from the reference's start [rad or m].
+        likely: arms taken in turn instead of the model, such as `Estimate.likely(200)`; the differences are added.
         seed: arm k of a seed is the same, however many there are and in whatever order they are drawn.
 
     Raises:
         ProblemError: a range that is not two numbers in order; negative friction; a payload that is not positive.
     """
 
-    payload: Range = (0.8, 1.2)
+    payload: Range | None = None
     coulomb: Range = (0.0, 0.0)
     damping: Range = (0.0, 0.0)
     start: float = 0.0
+    likely: tuple[Robot, ...] = ()
     seed: int = 0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "likely", expect_robots(self.likely, "likely"))
+        object.__setattr__(self, "payload", self.loads)
         for name, unit, sign in _RANGES:
             object.__setattr__(self, name, interval(getattr(self, name), name, unit=unit, sign=sign, widths="any"))
         object.__setattr__(self, "start", number(self.start, "start", unit="rad or m", sign="not negative"))
         object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
+
+    @property
+    def loads(self) -> Range:
+        """Mass and inertia of the payload, as multiples."""
+        if self.payload is not None:
+            return self.payload
+        return (1.0, 1.0) if self.likely else (0.8, 1.2)
 
     def sample(self, k: int, nv: int) -> PlantSample:
         """Sample number k.
@@ -95,11 +110,12 @@ class Plants:
         noise = int(random.integers(2**31))
         payload, coulomb, damping, start = np.split(parts, [1, 1 + nv, 1 + 2 * nv])
         return PlantSample(
-            payload=float(_between(self.payload, payload)[0]),
+            payload=float(_between(self.loads, payload)[0]),
             coulomb=tuple(_between(self.coulomb, coulomb).tolist()),
             damping=tuple(_between(self.damping, damping).tolist()),
             start=tuple(_between((-self.start, self.start), start).tolist()),
             noise=noise,
+            likely=k % len(self.likely) if self.likely else None,
         )
 
     def arms(self, robot: Robot, count: int) -> tuple[Robot, ...]:
@@ -114,13 +130,14 @@ class Plants:
         """
         self.check(robot)
         return tuple(
-            self.sample(k, robot.nv).arm(robot) for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
+            self.sample(k, robot.nv).arm(robot, self.likely)
+            for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
         )
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.
 
-        Friction is the least in all joints, or the greatest.
+        Of likely arms so many each. Friction is the least in all joints, or the greatest.
 
         Args:
             robot: the controller's model.
@@ -129,25 +146,28 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        least, greatest = self.payload
+        least, greatest = self.loads
         loads = dict.fromkeys((least, (least + greatest) / 2, greatest))
         rubbing = dict.fromkeys(zip(self.coulomb, self.damping, strict=True))
         rest, nv = (0.0,) * robot.nv, robot.nv
         return tuple(
-            PlantSample(load, (coulomb,) * nv, (damping,) * nv, rest, 0).arm(robot)
-            for (coulomb, damping), load in product(rubbing, loads)
+            PlantSample(load, (coulomb,) * nv, (damping,) * nv, rest, 0).arm(model)
+            for model, (coulomb, damping), load in product(self.likely or (robot,), rubbing, loads)
         )
 
     def check(self, robot: Robot) -> Self:
         """Return these ranges if an arm can differ so.
 
         Raises:
-            ProblemError: it carries no payload that could differ.
+            ProblemError: it carries no payload that could differ, or a likely arm has another number of joints.
         """
         carries = expect_robot(robot).payload is not None and robot.payload.mass > 0  # type: ignore[union-attr]
-        if self.payload != (1.0, 1.0) and not carries:
+        for i, arm in enumerate(self.likely):
+            if arm.nv != robot.nv:
+                raise ProblemError(f"likely[{i}] has {arm.nv} joints, {robot.name} {robot.nv}")
+        if self.loads != (1.0, 1.0) and not carries:
             raise ProblemError(
-                f"plants carry {self.payload[0]:g} to {self.payload[1]:g} times the payload of {robot.name}, which has "
+                f"plants carry {self.loads[0]:g} to {self.loads[1]:g} times the payload of {robot.name}, which has "
                 "none: give the robot a payload, or 1 to 1 times"
             )
         return self

@@ -21,6 +21,8 @@ from armdyn.studies.plants import with_payload_times
 
 RESERVES = (0.0, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.3)
 """Reserves that are tried by default."""
+FINE_RESERVES = (0.0, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12)
+"""Reserves for arms of `Estimate.likely`, which differ by less than `likely_plants`."""
 
 _LOADS = (0.8, 1.0, 1.2)
 _DRY, _VISCOUS = 0.02, 0.001

@@ -1,5 +1,7 @@
 """`armdyn identify`, as a user runs it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -15,9 +17,14 @@ RRR = robot_named("rrr")
 def log(tmp_path):
     """A log of an arm with payload and friction, as a table."""
     arm = RRR.with_payload(ad.Payload(mass=0.12, com=(0.02, 0, 0))).with_friction(0.02, 0.03)
+    return table_of(arm, tmp_path)
+
+
+def table_of(arm, folder):
+    """A log of an arm in a file of a folder."""
     own = simulated_log(arm, duration=4.0)
-    head = ",".join(["t", *(f"{what}{i}" for what in ("q", "tau") for i in (1, 2, 3))])
-    file = tmp_path / "log.csv"
+    head = ",".join(["t", *(f"{what}{i}" for what in ("q", "tau") for i in range(1, arm.nv + 1))])
+    file = folder / "log.csv"
     np.savetxt(file, np.column_stack([own.t, own.q, own.tau]), delimiter=",", header=head, comments="")
     return file
 
@@ -30,11 +37,40 @@ def test_a_payload_is_identified_and_the_arm_is_planned_with(log, tmp_path):
     assert all(
         after <= before for after, before in zip(*(told["torque_errors"][k] for k in ("after", "before")), strict=True)
     )
-    (file,) = told["files"]
+    file, *others = told["files"]
+    assert [Path(one).name for one in others] == ["report.html", "result.json"]
     motion = answer(run_here("bound", file, "--q-start", "0,0,0", "--q-goal", "1,0,0", "--velocity-limit", 5, "--json"))
     assert motion["bound"] > 0.2 and motion["friction"] != [0, 0, 0]
     said = run_here("identify", "rrr", log, "--out", tmp_path / "y").stdout
     assert "combinations measured" in said and "root mean square" in said
+
+
+def test_an_identified_arm_is_planned_with_at_once(tmp_path):
+    log = table_of(robot_named("r").with_payload(ad.Payload(mass=0.1)).with_friction(0.02, 0.03), tmp_path)
+    ends = ["--q-start", "0", "--q-goal", "1"]
+    told = answer(
+        run_here(
+            "identify", "r", log, "--payload-only", "--likely", 5, "--out", tmp_path / "x", "--json",
+            "--then", "mintime", *ends, "--for-tracking", "--no-figure", "--no-report", "--out", tmp_path / "y",
+        )
+    )  # fmt: skip
+    assert told["command"] == "mintime" and told["success"]
+    best = told["for_tracking"]["best"]
+    assert best["settled"] == best["arms"] == 5 and best["reserve"] < 0.1
+    # The likely arms are in the file: the next command takes them without the log.
+    file, ramp = tmp_path / "x" / "identified.toml", ["--ramp", 0.5, "--count", 6, "--no-figure"]
+    many = answer(run_here("monte-carlo", file, *ends, *ramp, "--out", tmp_path / "z", "--json"))
+    assert many["settled"] == many["count"] == 6 and many["worst"]["payload"] == 1
+
+
+def test_what_follows_is_run_only_after_success(log, tmp_path):
+    line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
+    assert run_here(*line, "--then", "bnd").returncode == 2
+    done = answer(run_here("identify", "rrr", "none.csv", "--then", "bound", "--json"), code=2)
+    assert done["command"] == "identify" and "no such file" in done["message"]
+    done = run_here(*line, "--likely", 0, "--then", "bound --q-start 0,0,0 --q-goal 1,0,0 --velocity-limit 5")
+    assert done.returncode == 0 and "identified" in done.stdout and "lower bound" in done.stdout
+    assert "[[robot.likely]]" not in (tmp_path / "identified.toml").read_text()
 
 
 def test_an_exciting_motion_is_written(tmp_path):
@@ -51,6 +87,8 @@ def test_an_exciting_motion_is_written(tmp_path):
         (["log.csv", "--payload-only", "--friction-only"], "give one of them"),
         (["log.csv", "--held-out", "2"], "--held-out is 2"),
         (["--exciting", "0.1"], "0.1 s"),
+        (["--exciting", "2", "--then", "mintime"], "--then needs an identified arm"),
+        (["log.csv", "--likely", "1000"], "--likely is 1000"),
     ],
 )
 def test_bad_input_is_refused(arguments, message):

@@ -94,6 +94,34 @@ def test_confidence_covers_the_truth():
     assert 0.92 <= np.mean(hits) <= 0.98  # some 300 numbers: two standard deviations are 0.025
 
 
+@pytest.mark.parametrize(("name", "what"), [("rrr", "payload"), ("panda", "all")])
+def test_likely_arms_are_physical_and_differ_as_the_confidence_says(name, what):
+    prior = robot_named(name)
+    estimate = identify(prior, simulated_log(stirred(prior), duration=5.0), what, QUICK)
+    arms = estimate.likely(30)
+    assert [one.model_hash for one in arms] == [one.model_hash for one in estimate.likely(30)]
+    assert len({one.model_hash for one in (*arms, *estimate.likely(30, seed=1), estimate.robot)}) == 61
+    for body in (body for arm in arms for body in list(arm.model.inertias)[1:]):
+        assert np.linalg.eigvalsh(pin.PseudoInertia.FromDynamicParameters(body.toDynamicParameters()).toMatrix())[0] > 0
+    _, q, v, a = (one[::50] for one in fourier_states(prior, seed=9))
+    expected = estimate.torques(q, v, a) - estimate.offset
+    errors = np.array([rigid_torques(arm, q, v, a) + arm.friction.torque(v) - expected for arm in arms])
+    spread, deviation = (np.sqrt(np.mean(one**2)) for one in (errors, estimate.torque_deviation(q, v, a)))
+    # On the region's surface p unknowns are each off by 1.1 to 1.3 deviations; offsets, which no arm has, make it more.
+    assert 0.7 * deviation < spread < 3 * deviation
+    near = estimate.likely(30, confidence=0.5)
+    less = [rigid_torques(arm, q, v, a) + arm.friction.torque(v) - expected for arm in near]
+    assert np.sqrt(np.mean(np.square(less))) < spread
+
+
+def test_the_given_robot_is_what_an_estimate_is_compared_with():
+    prior = robot_named("rrr").with_payload(ad.Payload(mass=0.1, com=(0.01, 0, 0))).with_friction(0.01, 0.02)
+    estimate = identify(prior, simulated_log(prior, duration=4.0), "payload", QUICK)
+    before = {one.name: one.prior for one in estimate.parameters}
+    assert before["mass of payload"] == pytest.approx(0.1) and before["com x of payload"] == pytest.approx(0.01)
+    assert before["damping of joint2"] == 0.01 and before["coulomb of joint3"] == 0.02
+
+
 def test_several_logs_friction_alone_and_a_joint_that_stands_still():
     prior = robot_named("rrr")
     true = prior.with_friction([0.02, 0.03, 0.01], [0.05, 0.02, 0.04])
@@ -123,6 +151,8 @@ def test_bad_arguments():
         identify(robot, log, "mass")
     with pytest.raises(LogError, match="no log"):
         identify(robot, [])
+    with pytest.raises(ProblemError, match=r"confidence is 1\.0; it is a probability"):
+        identify(robot, log, "friction", QUICK).likely(confidence=1.0)
     with pytest.raises(ProblemError, match="held_out is 1"):
         IdentifyOptions(held_out=1)
     with pytest.raises(LogError, match=r"smoothing by 0.0001 s needs 2\.5e\+03 per second"):

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
-from armdyn.optimal.problem.robot_tables import KEYS
+from armdyn.optimal.problem.robot_tables import KEYS, likely_from, likely_tables, robot_from, robot_table
 from armdyn.optimal.problem_files import OPTIONS, PROBLEM, read_problem_file
+from armdyn.parsing.toml import read_toml
 from problems import RR_FILE
 
 DOCS = (Path(__file__).parents[2] / "docs" / "problem_files.md").read_text()
@@ -28,7 +29,7 @@ def test_names_are_those_of_python():
     fields = {field.name for field in dataclasses.fields(ad.MinimumTimeProblem) if field.init}
     assert set(PROBLEM) == fields - {"robot"}
     assert set(OPTIONS) <= {field.name for field in dataclasses.fields(ad.MinimumTimeOptions)}
-    named = {"name", "urdf", "mjcf", "spec", "limits"}
+    named = {"name", "urdf", "mjcf", "spec", "limits", "likely"}
     assert set(KEYS) - named == {field.name for field in dataclasses.fields(ad.RobotOptions)} - {"package_dirs"}
 
 
@@ -270,3 +271,18 @@ def test_what_no_file_can_say_is_refused(tmp_path):
     file.write_text(ad.urdf_from_spec(ad.ArmSpec.paper("rr")))
     with pytest.raises(SpecError, match="was changed after it was read"):
         problem.to_toml()
+
+
+def test_likely_arms_are_as_the_robot_but_for_what_they_say(tmp_path):
+    file = tmp_path / "identified.toml"
+    file.write_text("[robot]\nname = 'rr'\npayload = { mass = 0.1 }\n[[robot.likely]]\npayload = { mass = 0.11 }\n"
+                    "[[robot.likely]]\nfriction = [0.1, 0.2]\n")  # fmt: skip
+    table = read_toml(file).table("robot")
+    assert robot_from(table).payload.mass == 0.1
+    one, other = likely_from(table)
+    assert one.payload.mass == 0.11 and other.payload.mass == 0.1 and list(other.friction.coulomb) == [0.1, 0.2]
+    made = likely_tables(robot_table(robot_from(table)), (one, other))
+    assert [set(each) for each in made] == [{"payload"}, {"friction"}]
+    file.write_text("[robot]\nname = 'rr'\n[[robot.likely]]\nmass = 0.11\n")
+    with pytest.raises(ProblemError, match=r"line 4: no key 'mass' in \[robot.likely\[1\]\]"):
+        likely_from(read_toml(file).table("robot"))

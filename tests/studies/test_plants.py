@@ -122,3 +122,21 @@ def test_a_study_tells_motors_apart():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     falling = robot.with_torque_speed({"joint1": [[0, 3], [9, 1]]})
     assert "torque_speed" not in identity(robot) and identity(falling) != identity(robot)
+
+
+def test_likely_arms_are_taken_in_turn():
+    robot = paper_arm("rr")
+    likely = tuple(robot.with_friction(0.0, dry) for dry in (0.01, 0.02))
+    plants = ad.Plants(likely=likely, coulomb=(0.0, 0.005), seed=2)
+    arms = plants.arms(robot, 4)
+    added = [arm.friction.coulomb - likely[k % 2].friction.coulomb for k, arm in enumerate(arms)]
+    assert np.all(np.array(added) > 0) and np.all(np.array(added) < 0.005)
+    assert all(plants.sample(k, 2).payload == 1 and plants.sample(k, 2).likely == k % 2 for k in range(4))
+    assert len(plants.corners(robot)) == 4
+    run = ad.monte_carlo(
+        robot, ad.ramp(robot, [0, 0], [0.1, 0], 0.5), plants=plants, options=ad.MonteCarloOptions(count=3)
+    )
+    assert [row.sample.likely for row in run.rows] == [0, 1, 0]
+    assert run.plant(1).friction.coulomb[0] > 0.02
+    with pytest.raises(ProblemError, match=r"likely\[0\] has 3 joints"):
+        ad.Plants(likely=(paper_arm("rrr"),)).arms(robot, 1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -75,14 +75,19 @@ class SearchOptions(CurveOptions):
     """Extent of the search, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
-        "Leave so much torque to feedback (--reserve) that likely arms settle soonest: payload 20 % off, with "
-        "and without friction, under the default controller at 1 kHz."
+        "Leave so much torque to feedback (--reserve) that likely arms settle soonest, under the default controller at "
+        "1 kHz: those of a file of armdyn identify, else payload 20 % off, with and without friction."
     )
 
     def solved(
-        self, problem: ad.MinimumTimeProblem, progress: Callable[[str], None]
+        self, problem: ad.MinimumTimeProblem, likely: Callable[[], Sequence[ad.Robot]], progress: Callable[[str], None]
     ) -> tuple[ad.Solution, ReserveCurve | None]:
         """The solution, and the reserve curve if the reserve was to be chosen.
+
+        Args:
+            problem: the motion.
+            likely: makes the arms that must settle; none: `likely_plants`.
+            progress: called with the progress in words.
 
         Raises:
             ProblemError: a reserve is given, too.
@@ -91,9 +96,11 @@ class SearchOptions(CurveOptions):
             return ad.solve_minimum_time(problem, self.options(), progress), None
         if any(problem.reserves.effort):
             raise ProblemError("--for-tracking chooses the reserve: leave out --reserve")
-        from armdyn.studies.reserve import reserve_curve
+        from armdyn.studies.reserve import FINE_RESERVES, RESERVES, reserve_curve
 
-        curve = reserve_curve(problem, options=self.options(), progress=progress)
+        arms = likely()
+        levels = FINE_RESERVES if arms else RESERVES
+        curve = reserve_curve(problem, None, arms or None, levels, options=self.options(), progress=progress)
         if curve.best is None:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
@@ -130,6 +137,7 @@ def mintime(
     armdyn mintime rr --goal-pose tip:0.35,0,0.1
     armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn mintime problem.toml
+    armdyn mintime results/identify-rrr/identified.toml --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
     with answering(results.output.json) as answer:
@@ -144,7 +152,7 @@ def mintime(
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
-            solution, curve = search.solved(problem, progress)
+            solution, curve = search.solved(problem, task.likely, progress)
             verdict = ControllerVerdict.of(solution, progress, not no_costs)
             problem = solution.problem
             summary = minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts
@@ -208,7 +216,8 @@ def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
     count = len(curve.plants)
     lines = ["      motion    mean   worst  settled [s]"]
     lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settled(row)}" for row in curve.rows]
-    told = f"reserve {best.reserve:g}: the last of {count} arms settles after {best.worst:.3f} s"
+    last = f"the last of {count} arms settles after {best.worst:.3f} s"
+    told = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
     return {"for tracking": told, "by reserve": "\n".join(lines)}
 
 

@@ -52,6 +52,21 @@ def problem_file(name: str) -> ProblemFile:
     return read_problem_file(name)
 
 
+def likely_arms(robot: RobotArgument, payload: PayloadOptions, joints: FastJointOptions) -> tuple[ad.Robot, ...]:
+    """The likely arms of a file of `armdyn identify`, with the payload and limits of the options; none: no such file.
+
+    Raises:
+        ArmdynError: one of them cannot be made.
+    """
+    if not robot.robot.lower().endswith(".toml"):
+        return ()
+    from armdyn.optimal.problem.robot_tables import likely_from
+    from armdyn.parsing.toml import read_toml
+
+    carried, arms = payload.carried(), likely_from(read_toml(robot.robot).table("robot"))
+    return tuple(joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
+
+
 def refuse_beside_a_file(name: str, *groups: Any) -> None:
     """Refuse options next to a problem file or a study file that has them itself.
 
@@ -102,6 +117,10 @@ class ProblemOptions:
         given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
         kept = self.course.problem_arguments(arm)
         return ad.MinimumTimeProblem(arm, **given, **kept, preset=self.controller.read()), {}
+
+    def likely(self) -> tuple[ad.Robot, ...]:
+        """The robot's likely arms; see `likely_arms`."""
+        return likely_arms(self.robot, self.payload, self.joints)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,3 +202,7 @@ class FastArmOptions(ArmOptions):
         start, goal = self.ends()
         kept = self.joints.problem_arguments()
         return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()
+
+    def likely(self) -> tuple[ad.Robot, ...]:
+        """The robot's likely arms; see `likely_arms`."""
+        return likely_arms(self.robot, self.payload, self.joints)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import defaultdict
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from typer import Exit
 from typer.core import TyperCommand, TyperGroup
 
 from armdyn.cli.parsing.panels import OUTPUT, place
@@ -19,10 +21,21 @@ _NAMES = 26
 _COMMANDS = 11
 """Letters that commands have."""
 
+THEN = "--then"
+"""Option whose value is the rest of the line: another command, see `identify`."""
+
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
 
 _IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
+
+
+class Followed(Exit):
+    """End of a command that is followed by another one, of these words."""
+
+    def __init__(self, words: list[str]):
+        super().__init__(0)
+        self.words = words
 
 
 class Command(TyperCommand):
@@ -33,6 +46,19 @@ class Command(TyperCommand):
         from armdyn.cli.console import console
 
         console.rich.print(*_page(self, ctx), sep="\n")
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the command's own words: all that follows --then is another command's, one value."""
+        at = args.index(THEN) + 1 if THEN in args else len(args)
+        own = [*args[:at], shlex.join(args[at:])] if at + 1 < len(args) else args
+        return super().parse_args(ctx, own)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command, and the one that it is to be followed by."""
+        try:
+            return super().invoke(ctx)
+        except Followed as end:
+            ctx.find_root().command.main(end.words, prog_name="armdyn")
 
 
 class CommandGroup(TyperGroup):

@@ -30,24 +30,26 @@ ROWS, TABLE = "rows.sqlite", "rows.csv"
 
 @dataclass(frozen=True, kw_only=True)
 class ArmsOptions:
-    """Ranges of the random arms; see `Plants`."""
+    """Ranges of the random arms, and the likely arms of a file that they are about; see `Plants`."""
 
     panel: ClassVar[str] = "The arms that move, each number drawn from its range"
 
-    payload_range: str | None = option("A,B", "Multiples of the model's payload. Default 0.8,1.2 if it has one.")
+    payload_range: str | None = option(
+        "A,B", "Multiples of the payload. Default 0.8,1.2 if there is one; 1,1 of likely arms."
+    )
     friction_range: str = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
     damping_range: str = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
     start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
     arms_seed: int = option("N", "Of the draws: arm k of a seed is always the same.", default=0)
 
-    def plants(self, robot: ad.Robot) -> ad.Plants:
-        """The ranges, for a model.
+    def plants(self, robot: ad.Robot, likely: tuple[ad.Robot, ...] = ()) -> ad.Plants:
+        """The ranges, for a model or the likely arms of an identification.
 
         Raises:
             ProblemError: one is none.
         """
         carries = robot.payload is not None and robot.payload.mass > 0
-        load = self.payload_range or ("0.8,1.2" if carries else "1,1")
+        load = self.payload_range or ("0.8,1.2" if carries and not likely else "1,1")
         ranges = [
             range_of(text, name)
             for text, name in (
@@ -57,7 +59,12 @@ class ArmsOptions:
             )
         ]
         return ad.Plants(
-            payload=ranges[0], coulomb=ranges[1], damping=ranges[2], start=self.start_error, seed=self.arms_seed
+            payload=ranges[0],
+            coulomb=ranges[1],
+            damping=ranges[2],
+            start=self.start_error,
+            likely=likely,
+            seed=self.arms_seed,
         ).check(robot)
 
 
@@ -96,6 +103,8 @@ def monte_carlo(
 ) -> None:
     """How often a controller settles on arms that differ from its model: in payload, friction and start.
 
+    ROBOT may be identified.toml of armdyn identify: its likely arms, which fit the log, are then taken in turn.
+
     Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
     where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least
     asks for.
@@ -106,7 +115,7 @@ def monte_carlo(
     """
     with answering(output.json) as answer:
         model = task.arm
-        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model)
+        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, task.likely())
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,10 @@ _NUMBERS = (
     "effort_limit", "velocity_limit", "armature", "rotor_inertia", "gear_ratio", "damping", "friction",
     "friction_width", "passive",
 )  # fmt: skip
-KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits")
+KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", "inertias", "limits", "likely")
 """The keys of [robot]."""
+_LIKELY = ("payload", "inertias", "armature", "damping", "friction", "friction_width")
+"""The keys of [[robot.likely]]; the others are those of [robot]."""
 
 _WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name"}
 """Words in messages, to the key that they are about."""
@@ -116,6 +118,25 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
             f"{robot.source}: its model or its file was changed after it was read: no problem file describes it"
         )
     return written
+
+
+def likely_from(table: Table) -> tuple[Robot, ...]:
+    """The likely arms of a table [robot], which fit a log of it as well; none: the table has none.
+
+    Raises:
+        ProblemError: a key is unknown or wrong; the message says in which line.
+    """
+    shared = {key: value for key, value in table.values.items() if key != "likely"}
+    arms = table.tables("likely")
+    for one in arms:
+        one.only(_LIKELY)
+    return tuple(robot_from(replace(one, values={**shared, **one.values})) for one in arms)
+
+
+def likely_tables(tables: Mapping[str, Any], arms: Iterable[Robot]) -> list[dict[str, Any]]:
+    """The tables of likely arms: what they have else than the table [robot] of the identified one."""
+    every = (robot_table(arm) for arm in arms)
+    return [{key: one[key] for key in _LIKELY if key in one and one[key] != tables.get(key)} for one in every]
 
 
 def _source(table: Table) -> RobotSource:

@@ -241,8 +241,8 @@ def page_fields(report: Report) -> dict[str, str]:
         "level": report.verdict.level,
         "headline": join([report.headline]),
         "said": join([report.verdict.said]),
-        "tiles": join(_tile(tile) for tile in report.tiles),
-        "sections": join(_section(section) for section in report.sections),
+        "tiles": join(tile_html(tile) for tile in report.tiles),
+        "sections": join(section_html(section) for section in report.sections),
         "data": script_json(report.data),
     }
 
@@ -268,11 +268,13 @@ def page_template(*, evaluates: bool) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda match: static.get(match[1], match[0]), asset("report.html"))
 
 
-def _tile(tile: Tile) -> Html:
+def tile_html(tile: Tile) -> Html:
+    """A headline number as an item of the page's list."""
     parts = [element("span", tile.label), element("b", tile.value)]
     return element("li", *parts, *([element("small", tile.note)] if tile.note else []))
 
 
-def _section(section: Section) -> Html:
+def section_html(section: Section) -> Html:
+    """A section as a card of the page."""
     kind = "card wide" if section.wide else "card"
     return element("section", element("h2", section.title), section.body, id=section.name, class_=kind)

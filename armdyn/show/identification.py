@@ -1,0 +1,218 @@
+"""The report of an identification: one HTML file of torques, identified numbers, and what the logs do not tell."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from armdyn.arguments import expect
+from armdyn.files import write_whole
+from armdyn.identification.estimate import Estimate, Estimated, Judged
+from armdyn.show.markup import Html, element, fill, join
+from armdyn.show.page.assets import asset
+from armdyn.show.page.facts import Facts
+from armdyn.show.page.report import section_html, tile_html
+from armdyn.show.page.sections import Section, listed, making_section, stacked, td, th
+from armdyn.show.page.verdict import Tile
+
+Array = NDArray[np.float64]
+
+_PAGE = Html(
+    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" '
+    "content=\"default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'\">"
+    '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" '
+    'content="light dark"><title>{{title}} · armdyn report</title><style>{{style}}</style></head><body>'
+    '<header class="top"><div class="what"><h1>{{title}}</h1><p>{{lead}}</p></div><div class="verdict {{level}}">'
+    '<b>{{headline}}</b><span>{{said}}</span></div><ul class="tiles">{{tiles}}</ul></header>'
+    '<main><div class="sections">{{sections}}</div></main></body></html>'
+)
+_WIDTH, _HEIGHT = 600.0, 150.0
+"""Of a curve's drawing; the page scales it."""
+_POINTS = 600
+"""Samples of a curve that is drawn."""
+_CURVES = ("measured", "prior", "fitted")
+
+
+def write_identification(estimate: Estimate, path: str | os.PathLike[str], command: Facts | None = None) -> Path:
+    """Write the report of an identification as one HTML page, without scripts and links.
+
+    Args:
+        estimate: of `identify`.
+        path: the file.
+        command: the command that made it, as of `result.json`; None: none.
+
+    Returns:
+        The path written, as given.
+
+    Raises:
+        ProblemError: no Estimate.
+        FileError: the file cannot be written.
+    """
+    judged = expect(estimate, Estimate, "estimate").judged
+    measured = [one for one in estimate.parameters if one.measured]
+    sections = [
+        None if judged is None else _torque_section(estimate, judged),
+        None if judged is None else _error_section(estimate, judged),
+        _unseen_section(estimate),
+        Section("numbers", "Measured numbers", _numbers(measured, bars=True), wide=True),
+        None if command is None else making_section(command),
+    ]
+    level, headline, said = _verdict(estimate)
+    parts = {
+        "title": join([f"{estimate.robot.name}: identified"]),
+        "lead": join([f"{estimate.robot.nv} joints · {len(measured)} of {len(estimate.parameters)} numbers measured"]),
+        "level": level,
+        "headline": headline,
+        "said": join([said]),
+        "tiles": join(tile_html(one) for one in _tiles(estimate)),
+        "sections": join(section_html(one) for one in sections if one is not None),
+        "style": asset("report.css") + asset("identification.css"),
+    }
+    return write_whole(path, fill(_PAGE, parts).encode())
+
+
+def _verdict(estimate: Estimate) -> tuple[str, str, str]:
+    """Level, headline and sentence."""
+    judged, worse = estimate.judged, []
+    if judged is not None:
+        joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)
+        worse = [joint for joint, before, after in joints if after > before]
+    if judged is None:
+        return "fair", "Identified, not judged", "No part of the logs was held out."
+    if worse:
+        return "fair", "Not better in all joints", f"On data held out the fit predicts {', '.join(worse)} worse."
+    if estimate.unmoved:
+        return "fair", "A joint did not move", f"The logs tell little of {', '.join(estimate.unmoved)}."
+    better = _total(judged.before) / max(_total(judged.after), 1e-300)
+    return "good", "Identified", f"On data held out the torque errors are {better:.3g} times smaller than before."
+
+
+def _total(errors: Array) -> float:
+    return float(np.sqrt(np.sum(errors**2)))
+
+
+def _tiles(estimate: Estimate) -> list[Tile]:
+    combinations = f"{estimate.measured_combinations} of {estimate.combinations}"
+    tiles = [
+        Tile("combinations measured", combinations, "that a motion can tell"),
+        Tile("condition number", f"{estimate.condition:.3g}", "of the regressor"),
+    ]
+    if estimate.judged is not None and np.any(estimate.judged.measured):
+        whole = _total(estimate.judged.measured)
+        before, after = (100 * _total(one) / whole for one in (estimate.judged.before, estimate.judged.after))
+        tiles.insert(0, Tile("torque error", f"{after:.3g} %", f"{before:.3g} % before"))
+    payload = next((one for one in estimate.parameters if one.name == "mass of payload"), None)
+    if payload is not None:
+        margin = payload.interval[1] - payload.value
+        tiles.insert(0, Tile("payload", f"{payload.value:.4g} kg", f"± {margin:.2g} kg (95 %)"))
+    return tiles
+
+
+def _torque_section(estimate: Estimate, judged: Judged) -> Section:
+    """Torques of each joint over the time that was held out."""
+    keys = [
+        element("span", element("i", class_=name), label)
+        for name, label in zip(_CURVES, ("measured", "predicted before", "predicted after"), strict=True)
+    ]
+    every = max(1, len(judged.t) // _POINTS)
+    curves = np.stack([judged.torque, judged.prior, judged.fitted])[:, ::every]
+    figures = [
+        _figure(f"{joint} [{'N' if estimate.robot.slides[j] else 'N m'}]", judged.t[::every], curves[:, :, j])
+        for j, joint in enumerate(estimate.robot.joint_names)
+    ]
+    about = f"The last {judged.t[-1]:.3g} s of the logs, which the fit behind these curves did not see."
+    body = [element("p", about, class_="note"), element("p", *keys, class_="legend")]
+    body.append(element("div", *figures, class_="torques"))
+    return Section("torques", "Torques on data held out", join(body), wide=True)
+
+
+def _figure(title: str, t: Array, curves: Array) -> Html:
+    """Curves of one joint, shape (3, n), as a drawing that scales with the page."""
+    low, high = float(np.min(curves)), float(np.max(curves))
+    span = max(high - low, 1e-9)
+    x = _WIDTH * (t - t[0]) / max(float(t[-1] - t[0]), 1e-9)
+    lines = []
+    for name, values in zip(_CURVES, curves, strict=True):
+        y = _HEIGHT * (0.04 + 0.92 * (high - values) / span)
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+        lines.append(element("polyline", points=points, class_=name))
+    drawing = element(
+        "svg", *lines, viewBox=f"0 0 {_WIDTH:g} {_HEIGHT:g}", preserveAspectRatio="none", role="img",
+        aria_label=f"torque of {title} over time",
+    )  # fmt: skip
+    scale = element("span", f"{_signed(low)} to {_signed(high)}")
+    ends = element("small", element("span", f"{t[0]:.3g} s"), element("span", f"{t[-1]:.3g} s"))
+    return element("figure", element("figcaption", element("b", title), scale), drawing, ends)
+
+
+def _signed(value: float) -> str:
+    return f"{value:.3g}".replace("-", "−")
+
+
+def _error_section(estimate: Estimate, judged: Judged) -> Section:
+    """Root mean square of the torque errors."""
+    head = [th(name) for name in ("joint", "torque", "error before", "after", "of the torque")]
+    rows = []
+    for j, joint in enumerate(estimate.robot.joint_names):
+        torque, before, after = (one[j] for one in (judged.measured, judged.before, judged.after))
+        share = td(f"{100 * after / torque:.3g} %" if torque else "–", **({"class_": "over"} if after > before else {}))
+        rows.append([th(joint, "row"), *(td(f"{one:.3g}") for one in (torque, before, after)), share])
+    note = element("p", "Root mean square on data held out [N m; of sliding joints N].", class_="note")
+    return Section("errors", "Torque errors", join([note, stacked(head, rows)]))
+
+
+def _numbers(numbers: Sequence[Estimated], *, bars: bool) -> Html:
+    """Table of numbers with their confidence beside the robot's."""
+    if not numbers:
+        return element("p", "None: the logs tell no number better than the robot's file.")
+    head = [th("number"), th("file"), th("identified"), th("± (95 %)"), th("unit")]
+    rows = []
+    for one in numbers:
+        cells = [th(one.name, "row"), *(td(f"{x:.4g}") for x in (one.prior, one.value))]
+        rows.append([*cells, td(f"{one.interval[1] - one.value:.2g}"), td(one.unit)])
+        if bars:
+            rows[-1].append(element("td", _bar(one), class_="words"))
+    head = [*head, th("file ◇ and 95 % interval", class_="words")] if bars else head
+    return stacked(head, rows)
+
+
+def _bar(one: Estimated) -> Html:
+    """The 95 % interval, the value and the robot's value on one line."""
+    low, high = one.interval
+    ends = min(low, one.prior), max(high, one.prior)
+    margin = 0.06 * (ends[1] - ends[0]) + 1e-300
+    start, span = ends[0] - margin, ends[1] - ends[0] + 2 * margin
+
+    def at(value: float) -> float:
+        return 100 * (value - start) / span
+
+    return element(
+        "span",
+        element("i", style=f"left:{at(low):.1f}%;width:{max(at(high) - at(low), 1.0):.1f}%"),
+        element("b", style=f"left:{at(one.value):.1f}%"),
+        element("u", "◇", style=f"left:{at(one.prior):.1f}%"),
+        class_="interval",
+    )
+
+
+def _unseen_section(estimate: Estimate) -> Section:
+    """What the logs do not tell."""
+    unseen = [one for one in estimate.parameters if not one.measured]
+    facts = [
+        ("joints not moved", ", ".join(estimate.unmoved) or "none"),
+        ("combinations", f"{estimate.combinations - estimate.measured_combinations} of {estimate.combinations} that a "
+         "motion could tell are the robot's file's rather than the logs'"),
+        ("noise", ", ".join(f"{one:.2g}" for one in estimate.noise) + " N m (standard deviation, joint by joint)"),
+        ("sensor offset", ", ".join(_signed(one) for one in estimate.offset) + " N m: no part of the robot"),
+    ]  # fmt: skip
+    body = [listed(facts)]
+    if unseen:
+        said = "The logs take away less than 90 % of the uncertainty of these numbers: they stay near the robot's file."
+        table = _numbers(unseen, bars=False)
+        title = element("summary", f"Numbers that the logs do not tell ({len(unseen)})")
+        body.append(element("details", title, element("p", said), table))
+    return Section("unseen", "What the logs do not tell", join(body))
