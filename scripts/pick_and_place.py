@@ -130,7 +130,8 @@ def peers(robot: ad.Robot, middle: tuple[float, float, float]) -> tuple[float, f
     x, y, z = middle
     places = [pose(x, y + side * ACROSS / 2, height) for side, height in ((-1, z), (-1, z + UP), (1, z + UP), (1, z))]
     loaded, found = robot.with_payload(ad.Payload(mass=MASS)), list[tuple[float, float]]()
-    for q in ad.MinimumTimeProblem(robot, q_start=[0.1] * robot.nv, goal_pose=ad.GoalPose(robot.tip, places[0])).goals:
+    start = np.clip(np.full(robot.nv, 0.1), robot.limits.position_lower, robot.limits.position_upper)
+    for q in ad.MinimumTimeProblem(robot, q_start=start, goal_pose=ad.GoalPose(robot.tip, places[0])).goals:
         try:
             paths = corners(loaded, q, places)
             back = corners(robot, paths[-1][-1], places[::-1])

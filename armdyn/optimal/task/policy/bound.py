@@ -56,7 +56,7 @@ class BoundPolicy:
     passed: float = tuned(
         0.01, "m or rad", "deviations of regions that a chain passes: wider ones take 20,000 boxes or more", POSES
     )
-    most_pairs: int = tuned(2_000_000, "pairs", "of boxes of two stops that are held against velocity limits", POSES)
+    most_pairs: int = tuned(6_000_000, "pairs", "of boxes of two stops that are held against velocity limits", POSES)
     few: int = tuned(500, "boxes", "where there are more, only those that are reached soon are made smaller", POSES)
     soon: float = tuned(0.3, "of the time from the bound to a known goal", "which is soon: that goal may be far", POSES)
     times: int = tuned(2, "times", "T that are tried for a set of goals", POSES)
