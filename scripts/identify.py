@@ -1,6 +1,6 @@
 """Identification, measured: a robot's log, simulated logs, exciting motions, planning with the result.
 
-python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 10]
+python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5]
 """
 
 import argparse
@@ -11,6 +11,7 @@ from scipy.signal import savgol_filter
 
 import armdyn as ad
 from armdyn.identification.model import mean_regressor, rigid_torques
+from armdyn.studies.reserve import FINE_RESERVES
 
 FIRST = 0.6
 """Part of a log that is fitted; the rest is predicted."""
@@ -18,6 +19,15 @@ ARMS = {"panda": (0.5, 2.0), "ur5": (0.5, 2.0), "rrr": (0.02, 0.3)}
 """Simulated arms and the range of their payloads [kg]."""
 PLANAR, SPATIAL = ([-0.02, 0, -0.02], [0.05, 0, 0.02]), ([-0.05, -0.05, 0.03], [0.05, 0.05, 0.13])
 """Ranges of the payloads' centres in the tip's frame [m]: a planar arm feels nothing across its plane."""
+CENTRE = {"rrr": (0.015, 0, 0), "ur5": (0, 0, 0.08)}
+"""Their middles [m]."""
+POSES = {
+    "rrr": ([-np.pi / 2, 0, 0], [1.0, 0, 0]),
+    "ur5": ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5]),
+}
+"""Start and goal of the planned motions [rad]."""
+WIDE_RESERVES = (0.1, 0.2, 0.3, 0.45, 0.6)
+"""Reserves of motions for the range of arms."""
 NOISE, ENCODER = 0.005, 1e-4
 """Torque noise as a part of the limits; encoder step [rad]."""
 
@@ -126,28 +136,44 @@ def exciting_motions():
         line(name, row)
 
 
-def plans(count):
-    """Settled times of motions planned for the middle of the range, for the identified arm, and for the truth."""
-    print("settled time [s], median and unsettled of all: middle of the range, identified, truth")
-    poses = {
-        "rrr": ([-np.pi / 2, 0, 0], [1.0, 0, 0]),
-        "ur5": ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5]),
-    }
-    for name, (start, goal) in poses.items():
-        settled = []
-        for seed in range(count):
-            rng = np.random.default_rng(seed)
-            robot, true = true_arm(name, rng)
-            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", seed=seed))
-            identified = ad.identify(robot, log_of(true, motion, rng), "payload").robot
-            middle = robot.with_payload(ad.Payload(mass=float(np.mean(ARMS[name]))))
-            row = []
-            for known in (middle, identified, true):
-                problem = ad.MinimumTimeProblem(known, q_start=start, q_goal=goal, reserve=0.1)
-                reference = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).trajectory
-                row.append(ad.track(known, reference, ad.Lqr(), plant=true).settled_time)
-            settled.append([np.inf if one is None else one for one in row])
-        line(name, [*np.median(settled, axis=0), *np.sum(np.isinf(settled), axis=0)])
+def planned(model, ends, plants, reserves):
+    """The motion with whose reserve most of the plants settle soonest, and the settled time of the last of them."""
+    problem = ad.MinimumTimeProblem(model, q_start=ends[0], q_goal=ends[1])
+    curve = ad.reserve_curve(problem, plants=plants, reserves=reserves, duration=1.0)
+    return curve.solutions[curve.best.reserve].trajectory, curve.best
+
+
+def plans(name, seeds):
+    """Settled times of motions planned for the range of arms, for the identified one, and for the truth."""
+    print(f"{name}: settled time [s] planned for the range, identified, knowing the truth; their reserves; of 200 "
+          "other likely arms with the second motion: unsettled, last one's settled time [s]")  # fmt: skip
+    rows = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        robot, true = true_arm(name, rng)
+        motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", seed=seed))
+        estimate = ad.identify(robot, log_of(true, motion, rng), "payload")
+        dry, ends = 0.02 * robot.limits.effort_upper, POSES[name]
+        loads = [robot.with_payload(ad.Payload(mass=mass, com=CENTRE[name])) for mass in np.linspace(*ARMS[name], 3)]
+        corners = [load.with_friction(rub / 2, rub) for load in loads for rub in (0 * dry, dry)]
+        middle = loads[1].with_friction(dry / 4, dry / 2)
+        models = ((middle, corners, WIDE_RESERVES), (estimate.robot, estimate.likely(200), FINE_RESERVES),
+                  (true, [true], FINE_RESERVES))  # fmt: skip
+        found = [planned(model, ends, plants, reserves) for model, plants, reserves in models]
+        own = [
+            ad.track(model, one, plant=true).settled_time for (model, *_), (one, _) in zip(models, found, strict=True)
+        ]
+        reference, duration = found[1][0], 1.0 + found[1][0].duration
+        many = ad.monte_carlo(
+            estimate.robot, reference, plants=ad.Plants(likely=estimate.likely(200, seed=1)),
+            options=ad.MonteCarloOptions(count=200, duration=duration, workers=1),
+        )  # fmt: skip
+        times = many.settled_times
+        rows.append([np.inf if one is None else one for one in own])
+        line(f"{seed}", [*rows[-1], *(best.reserve for _, best in found), np.sum(np.isinf(times)), np.max(times)])
+    rows = np.array(rows)
+    line("median", np.median(rows, axis=0))
+    line("range and identified, part of the truth", np.median(rows[:, :2] / rows[:, 2:], axis=0))
 
 
 if __name__ == "__main__":
@@ -155,10 +181,14 @@ if __name__ == "__main__":
     options.add_argument("--log", help="npz of t, q, v, tau")
     options.add_argument("--robot", default="panda", help="of the log")
     options.add_argument("--logs", type=int, default=200)
-    options.add_argument("--plans", type=int, default=10)
+    options.add_argument("--plans", type=int, default=5)
+    options.add_argument("--first", type=int, default=0, help="seed of the first plan")
+    options.add_argument("--planned", nargs="*", default=list(POSES), help="arms of the plans")
     asked = options.parse_args()
     if asked.log:
         measured_log(asked.log, asked.robot)
-    simulated_logs(asked.logs)
-    exciting_motions()
-    plans(asked.plans)
+    if asked.logs:
+        simulated_logs(asked.logs)
+        exciting_motions()
+    for name in asked.planned:
+        plans(name, range(asked.first, asked.first + asked.plans))

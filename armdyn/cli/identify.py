@@ -42,7 +42,7 @@ class IdentifyCommandOptions:
     likely: int = option(
         "N",
         "Arms that fit the logs, written into identified.toml for mintime --for-tracking and monte-carlo; at most 100.",
-        default=40,
+        default=_MOST_LIKELY,
     )
     confidence: float = option(
         "PART", "Probability that the region of the likely arms holds the one that moved.", default=0.95
