@@ -5,6 +5,7 @@ python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -123,8 +124,18 @@ def simulated_logs(count):
         line(name, [*np.median(errors, axis=0) * [100, 1000], 100 * np.mean(hits), np.mean(seconds)])
 
 
+def prediction_error(true, estimate, motions):
+    """RMS error of an estimate's torques on motions that it was not identified from, in per cent of the limits."""
+    errors = []
+    for motion in motions:
+        q, v, a = (one[::20] for one in (motion.q, motion.v, np.gradient(motion.v, motion.t, axis=0)))
+        known = rigid_torques(true, q, v, a) + true.friction.torque(v)
+        errors.append((estimate.torques(q, v, a) - estimate.offset - known) / true.limits.effort_upper)
+    return 100 * np.sqrt(np.mean(np.concatenate(errors) ** 2))
+
+
 def exciting_motions():
-    """Condition numbers and errors of the identified payload: ten random motions' best, and the exciting one."""
+    """Condition numbers and errors of what is identified: ten random motions' best, and the exciting one."""
     print("condition number and error of mass [%] and centre [mm]: best of ten random motions, exciting motion")
     for name in ARMS:
         robot, true = true_arm(name, np.random.default_rng(1))
@@ -133,6 +144,17 @@ def exciting_motions():
             motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", generations=generations))
             found = [ad.identify(robot, log_of(true, motion, np.random.default_rng(k)), "payload") for k in range(5)]
             row += [found[0].condition, *np.mean([payload_errors(true, one) for one in found], axis=0) * [100, 1000]]
+        line(name, row)
+    print("all inertias: condition number and error of torques on three other motions [% of the limits], likewise")
+    random = ad.ExcitingOptions(candidates=1, generations=0)
+    for name in ARMS:
+        robot, true = true_arm(name, np.random.default_rng(1))
+        others = [ad.exciting_motion(robot, 10.0, replace(random, seed=99 + k)) for k in range(3)]
+        row = []
+        for generations in (0, 150):
+            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(generations=generations))
+            found = [ad.identify(robot, log_of(true, motion, np.random.default_rng(k))) for k in range(3)]
+            row += [found[0].condition, np.mean([prediction_error(true, one, others) for one in found])]
         line(name, row)
 
 
