@@ -146,18 +146,17 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, seconds: float, report
 
     Over joint positions that no inverse kinematics sampled it takes time, of which it gets so many seconds.
     """
-    cycle, problems = found.cycle, [leg.solution.problem for leg in found.legs]
-    fixed = not any(isinstance(place.target, GoalPose) for place in cycle.stops)
-    least = graph.bound(graph.bounds) + cycle.dwell if fixed else None  # else they know sampled branches only
-    regions = any(problem.via_regions for problem in problems)
-    if (fixed and not regions) or graph.cycle.order == "free" or not found.usable or not seconds:
-        return least
+    cycle = found.cycle
+    if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
+        return graph.bound(graph.bounds) + cycle.dwell
+    if graph.cycle.order == "free" or not found.usable or not seconds:
+        return None  # `graph.bounds` know sampled branches only
     report("a lower bound of the whole cycle")
+    problems = [leg.solution.problem for leg in found.legs]
     stops = [place.target for place in cycle.stops]
     with stopping(seconds) as stop:
-        chain = chain_bound(problems, stops, found.duration - cycle.dwell, stop.__bool__)
-    bounds = [least, None if chain is None else chain.duration + cycle.dwell]
-    return max((bound for bound in bounds if bound is not None), default=None)
+        bound = chain_bound(problems, stops, found.duration - cycle.dwell, stop.__bool__)
+    return None if bound is None else bound.duration + cycle.dwell
 
 
 def _why(graph: CycleGraph) -> str:

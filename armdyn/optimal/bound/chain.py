@@ -91,9 +91,9 @@ def chain_bound(
         raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
     places = [_place(given[max(k - 1, 0)], place, f"stops[{k}]") for k, place in enumerate(stops)]
     longest = np.inf if upper is None else number(upper, "upper", sign="positive")
-    vias = [[list(problem.fixed_poses[1:-1]) for problem in given]]
-    if any(is_closed(one) for problem in given for one in problem.via_regions.values()):
-        vias.insert(0, [_via(problem) for problem in given])
+    vias = [[_via(problem, 0.0) for problem in given], [_via(problem, numbers.passed) for problem in given]]
+    if list(map(len, vias[0])) == list(map(len, vias[1])):
+        vias.pop()  # there are no regions, or none that could help
     found = [_bounded(given, via, places, longest, stopped, numbers) for via in vias]
     return max((bound for bound in found if bound is not None), key=lambda bound: bound.duration, default=None)
 
@@ -115,12 +115,15 @@ def _bounded(
     return _together(found, np.cumsum([0, *(len(one) + 1 for one in via)]), longest)
 
 
-def _via(problem: MinimumTimeProblem) -> list[Place]:
-    """What a motion passes: joint positions, and regions that equations enclose."""
-    passed = zip(problem.poses[1:-1], problem.via, strict=True)
-    return [
-        one if isinstance(one, GoalPose) else q for q, one in passed if not isinstance(one, GoalPose) or is_closed(one)
-    ]
+def _via(problem: MinimumTimeProblem, widest: float) -> list[Place]:
+    """What a motion passes: joint positions, and regions that equations enclose, with no larger deviations [m, rad]."""
+    passed: list[Place] = []
+    for q, one in zip(problem.poses[1:-1], problem.via, strict=True):
+        if not isinstance(one, GoalPose):
+            passed.append(q)
+        elif is_closed(one) and np.max(one.deviations[np.isfinite(one.deviations)]) < widest:
+            passed.append(one)
+    return passed
 
 
 def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:

@@ -47,12 +47,25 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
         whole = goals.whole if goals.closed else None
         sets.append(None if whole is None else goals)
         boxes.append(within.box[None] if whole is None else whole)
+    tried = [boxes]
     for size in legs[0].policy.cover:
-        boxes = [
-            box if goals is None else goals.enclosed(box, size, stop) for goals, box in zip(sets, boxes, strict=True)
+        finer = [
+            box if goals is None else goals.enclosed(box, size, stop)
+            for goals, box in zip(sets, tried[-1], strict=True)
         ]
-        boxes = _thinned(legs, sets, boxes, longest)
-    return [_regions(goals, box, stop) for goals, box in zip(sets, boxes, strict=True)]
+        if not _few([len(box.lower) for box in finer], legs):
+            break  # of a region that is itself as large as that
+        tried.append(_thinned(legs, sets, finer, longest))
+    for boxes in reversed(tried):
+        regions = [_regions(goals, box, stop) for goals, box in zip(sets, boxes, strict=True)]
+        if _few([len(each) for each in regions], legs):
+            break
+    return regions
+
+
+def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:
+    """Whether so many boxes of consecutive places have few enough pairs to be held against velocity limits."""
+    return all(a * b <= legs[0].policy.most_pairs for a, b in pairwise(counts))
 
 
 def _regions(goals: GoalSet | None, boxes: Interval, stop: Stop) -> list[Region]:
@@ -63,15 +76,14 @@ def _regions(goals: GoalSet | None, boxes: Interval, stop: Stop) -> list[Region]
         parts = [boxes[k : k + 1] for k in range(len(boxes.lower))]
     else:
         parts = [goals.shrunk(part, stop) for part in clusters(boxes)]
-    return [Region(boxes, goals) for part in parts if len(part.lower) for boxes in goals.turned(part)]
+    turned = ((k, one) for k, part in enumerate(parts) if len(part.lower) for one in goals.turned(part))
+    return [Region(boxes, goals, (k, turns)) for k, (boxes, turns) in turned]
 
 
 def _thinned(
     legs: Sequence[BoundLeg], sets: Sequence[GoalSet | None], boxes: list[Interval], longest: float
 ) -> list[Interval]:
     """Boxes without those that no motion passes in some time [s]."""
-    if any(len(a.lower) * len(b.lower) > legs[0].policy.most_pairs for a, b in pairwise(boxes)):
-        return boxes
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
     times = [_times(leg, a, b, turning) for leg, a, b in zip(legs, boxes[:-1], boxes[1:], strict=True)]

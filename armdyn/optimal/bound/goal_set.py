@@ -147,19 +147,23 @@ class GoalSet:
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
 
-    def turned(self, boxes: Interval) -> list[Interval]:
-        """Boxes, shape (boxes, nv), after all whole turns that limits and time allow."""
-        inside, found = self.within.box, [boxes]
+    def turned(self, boxes: Interval) -> list[tuple[Interval, Array]]:
+        """Boxes, shape (boxes, nv), after all whole turns that limits and time allow, and these turns, shape (nv,)."""
+        inside, count = self.within.box, boxes.lower.shape[1]
+        found = [(boxes, np.zeros(count))]
         first, last = np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0)
         for joint in np.flatnonzero(self.turning & np.isfinite(self.within.velocity)):
             least = int(np.ceil((inside.lower[joint] - last[joint]) / (2 * np.pi) - _NEAR))
             most = int(np.floor((inside.upper[joint] - first[joint]) / (2 * np.pi) + _NEAR))
-            unit = np.eye(len(first))[joint]
-            turns = [Interval.at(float(k)) * TURN for k in range(least, most + 1)]
-            by = [Interval(turn.lower * unit, turn.upper * unit) for turn in turns]
-            found = [one + turn if np.any(turn.lower) else one for one in found for turn in by]
+            unit = np.eye(count)[joint]
+            by = [(k * unit, Interval.at(float(k)) * TURN) for k in range(least, most + 1)]
+            found = [
+                (one + Interval(turn.lower * unit, turn.upper * unit) if np.any(k) else one, turns + k)
+                for one, turns in found
+                for k, turn in by
+            ]
         none = np.zeros_like(self.turning)
-        return [one for one in found if np.any(self.within.times(one, none) < self.within.duration)]
+        return [(one, turns) for one, turns in found if np.any(self.within.times(one, none) < self.within.duration)]
 
     def enclosed(self, boxes: Interval, small: float, stop: Callable[[], bool]) -> Interval:
         """Boxes that hold all of the set that others hold, but for whole turns.

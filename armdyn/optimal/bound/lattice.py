@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
-from armdyn.optimal.bound.goal_set import GoalSet
+from armdyn.optimal.bound.goal_set import TURN, GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.rates import least_times
@@ -30,10 +30,13 @@ class Region:
     Attributes:
         boxes: shape (boxes, nv).
         goals: whose members count; None: all of the boxes.
+        turned: number of the part of the goal set, and by how many whole turns it is turned, shape (nv,); None: it is
+            no whole part.
     """
 
     boxes: Interval
     goals: GoalSet | None = None
+    turned: tuple[int, Array] | None = None
 
     @classmethod
     def point(cls, q: Array) -> Region:
@@ -157,9 +160,30 @@ class Lattice:
         if np.all(np.isfinite((goal.q - start.q).magnitude)):
             points = all(region.is_point for region in path.regions[k : k + 2])
             policy = leg.policy if points else replace(leg.policy, grids=1, passes=leg.policy.wide_passes)
-            position = leg.position.hull(start.q).hull(goal.q)
-            one = replace(leg, start=start, goal=goal, position=position, policy=policy)
-            self.bounds[k][at] = leg_bound(one, stop, float(self.bounds[k][at]))[0]
+            same, turns = self._turned_alike(k, at)
+            position = leg.position + TURN * Interval(-turns, turns)
+            one = replace(leg, start=start, goal=goal, position=position.hull(start.q).hull(goal.q), policy=policy)
+            bound = leg_bound(one, stop, float(self.bounds[k][at]))[0]
+            self.bounds[k][same] = np.maximum(self.bounds[k][same], bound)
+            self.tried[k][same] = True
+
+    def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[NDArray[np.bool_], Array]:
+        """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).
+
+        Only the position limits tell them apart: inertia and weight are the same after whole turns.
+        """
+        sides, none = (self.layers[k], self.layers[k + 1]), np.zeros(self.legs[k].dynamics.nv)
+        same = np.zeros((len(sides[0]), len(sides[1])), dtype=bool)
+        same[at] = True
+        ends = [turned for side, i in zip(sides, at, strict=True) if (turned := side[i].turned)]
+        if len(ends) < 2:
+            return same, none
+        parts, by = [], []
+        for side, (part, turns) in zip(sides, ends, strict=True):
+            parts.append(np.array([one.turned is not None and one.turned[0] == part for one in side]))
+            by.append(np.array([none if one.turned is None else one.turned[1] - turns for one in side]))
+        same |= parts[0][:, None] & parts[1] & np.all(by[0][:, None] == by[1], axis=2)
+        return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
     def _cut(self, path: Path, stop: Stop) -> bool:
         """Cut the widest region of the path in two; whether one was left to be cut."""

@@ -101,7 +101,7 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: Stop)
     whole, longest = goals.whole, goals.within.duration
     if whole is None:
         return known
-    boxes = [one for each in clusters(goals.enclosed(whole, leg.policy.size, stop)) for one in goals.turned(each)]
+    boxes = [one for each in clusters(goals.enclosed(whole, leg.policy.size, stop)) for one, _ in goals.turned(each)]
     regions = [_Region(known, part) for part in boxes]
     tries = 0
     while regions and tries < leg.policy.regions and not stop():

@@ -127,5 +127,10 @@ def intervals_of(rows: Rows, legs: Sequence[int]) -> NDArray[np.int_]:
 @built_once(maxsize=64)
 def _stage_functions(rows: StageRows, place: IntervalView) -> IntervalFunctions:
     one, numbers = place.stages(), ca.SX.sym("numbers", rows.numbers)
-    column, name = rows.expression(one, numbers, *rows.of), rows.expression.__name__.strip("_")
-    return differentiated(name, one.y, ca.vertcat(one.p, numbers), column, None, place.compile)
+    p, name = ca.vertcat(one.p, numbers), rows.expression.__name__.strip("_")
+    q, v, a = (ca.SX.sym(letter, *one.q.shape) for letter in "qva")
+    column = rows.expression(replace(one, q=q, v=v, a=a), numbers, *rows.of)
+    if ca.depends_on(column, one.y):
+        return differentiated(name, one.y, p, rows.expression(one, numbers, *rows.of), None, place.compile)
+    motion, inner = (ca.vertcat(*map(ca.vec, part)) for part in ((q, v, a), (one.q, one.v, one.a)))
+    return differentiated(name, one.y, p, column, None, place.compile, (motion, inner))

@@ -225,7 +225,13 @@ def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
 
 
 def differentiated(
-    name: str, y: ca.SX, p: ca.SX, defects: ca.SX, cost: ca.SX | None, compile_mode: bool | None
+    name: str,
+    y: ca.SX,
+    p: ca.SX,
+    defects: ca.SX,
+    cost: ca.SX | None,
+    compile_mode: bool | None,
+    through: tuple[ca.SX, ca.SX] | None = None,
 ) -> IntervalFunctions:
     """An interval's equations as functions, with their derivatives.
 
@@ -236,11 +242,17 @@ def differentiated(
         defects: its equations.
         cost: its part of the cost; None: it has none. What the rows of its derivatives share is then computed once.
         compile_mode: for `compiled`.
+        through: symbols of which the equations are, instead of the unknowns, and these symbols by the unknowns; only
+            without a cost. Fewer than the unknowns, they make much smaller derivatives.
     """
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
-    jacobian, shared = ca.jacobian(defects, y), ca.dot(lam, defects)
-    hessian = ca.triu(ca.hessian(shared if cost is None else sigma * cost + shared, y)[0])
-    if cost is None:
+    if through is not None:
+        jacobian, hessian, defects = _chained(defects, lam, y, *through)
+    else:
+        jacobian, shared = ca.jacobian(defects, y), ca.dot(lam, defects)
+        hessian = ca.hessian(shared if cost is None else sigma * cost + shared, y)[0]
+    hessian = ca.triu(hessian)
+    if cost is None and through is None:
         jacobian, hessian = ca.cse(jacobian), ca.cse(hessian)
     derivatives = (
         ca.Function(f"{name}_jacobian", [y, p], [nonzeros_of(jacobian)]),
@@ -256,6 +268,19 @@ def differentiated(
         hessian=fast[1],
         hessian_pattern=hessian.sparsity(),
     )
+
+
+def _chained(equations: ca.SX, lam: ca.SX, y: ca.SX, x: ca.SX, inner: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Jacobian and Hessian of equations of x = inner(y) by the chain rule, and the equations of y."""
+    used = sorted(set(ca.jacobian_sparsity(equations, x).get_col()))
+    x, inner = x[used], inner[used]
+    jacobian, (hessian, gradient) = ca.jacobian(equations, x), ca.hessian(ca.dot(lam, equations), x)
+    jacobian, hessian, gradient, equations = ca.substitute(
+        ca.cse([jacobian, hessian, gradient, equations]), [x], [inner]
+    )
+    slopes, weights = ca.jacobian(inner, y), ca.SX.sym("weights", len(used))
+    bends = ca.substitute(ca.hessian(ca.dot(weights, inner), y)[0], weights, gradient)
+    return jacobian @ slopes, slopes.T @ hessian @ slopes + bends, equations
 
 
 def nonzeros_of(matrix: ca.SX) -> ca.SX:

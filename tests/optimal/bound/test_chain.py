@@ -116,9 +116,13 @@ def test_a_motion_between_two_sets():
     problem = ad.MinimumTimeProblem(robot, q_start=UR5[1], q_goal=UR5[2])
     found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_bounds=4)), ad.lower_bound(problem)
     assert min(found.boxes) >= 8
-    assert 0.8 * member.kinematic < found.duration <= member.duration
+    # One bound by momentum counts for all whole turns of both ends alike: there are 64 of them.
+    assert 1.1 * found.kinematic < found.duration <= member.duration
     starts, ends = (poses_reaching(robot, goal, UR5[0], robot.limits, seed=3) for goal in goals)
     assert found.kinematic <= min(problem.variant(q_start=a, q_goal=b).duration_bound() for a in starts for b in ends)
+    wide = ad.GoalPose(robot.tip, placement(robot, UR5[0]), tolerance=[0.02] * 3 + [0.1] * 3)
+    passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_bounds=4))
+    assert passing.duration == found.duration  # too wide to add anything
     endless = paper_arm("rr").with_limits(None, 2.0)
     anywhere = [ad.GoalPose(endless.tip, placement(endless, q).translation) for q in ([0.9, 0.5], [1.5, -0.7])]
     turning = motions([endless], [[0, 0], [1, 1]], position_limit=(-np.inf, np.inf))

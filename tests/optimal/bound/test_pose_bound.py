@@ -46,7 +46,7 @@ def enclosed(robot, pose, start, longest, size):
     limits = robot.limits
     within = Within((start,), limits.velocity, Interval(limits.position_lower, limits.position_upper), longest)
     goals = GoalSet(Dynamics(robot), pose, within, BoundPolicy())
-    parts = goals.turned(goals.enclosed(goals.whole, size, lambda: False))
+    parts = [part for part, _ in goals.turned(goals.enclosed(goals.whole, size, lambda: False))]
     return joined(parts)
 
 

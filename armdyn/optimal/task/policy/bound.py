@@ -46,13 +46,16 @@ class BoundPolicy:
         (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
-    chain_bounds: int = tuned(24, "bounds", "by momentum between boxes of consecutive stops: 0.2 to 0.6 s each", POSES)
+    chain_bounds: int = tuned(96, "bounds", "by momentum between boxes of consecutive stops: 0.2 to 0.6 s each", POSES)
     cover: tuple[float, ...] = tuned(
         (1.0, 0.3, 0.1), "m or rad", "of boxes of a chain's stops, thinned out in turn", POSES
     )
     narrow: float = tuned(0.05, "rad or m", "half width of boxes that are held against momentum first", POSES)
     sampled_grids: int = tuned(3, "grids", "at most for a sampled chain, whose bound is only one to stop at", POSES)
     wide_passes: int = tuned(3, "passes", "between boxes that will be cut: more gain little", POSES)
+    passed: float = tuned(
+        0.01, "m or rad", "deviations of regions that a chain passes: wider ones take 20,000 boxes or more", POSES
+    )
     most_pairs: int = tuned(2_000_000, "pairs", "of boxes of two stops that are held against velocity limits", POSES)
     few: int = tuned(500, "boxes", "where there are more, only those that are reached soon are made smaller", POSES)
     soon: float = tuned(0.3, "of the time from the bound to a known goal", "which is soon: that goal may be far", POSES)
