@@ -82,6 +82,13 @@ def test_what_follows_is_run_only_after_success(log, tmp_path):
     assert "[[robot.likely]]" not in (tmp_path / "identified.toml").read_text()
 
 
+def test_the_file_has_as_many_likely_arms_as_can_be_read_again(log, tmp_path, monkeypatch):
+    monkeypatch.setattr("armdyn.parsing.toml.MAX_BYTES", 5000)
+    told = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path, "--json"))
+    assert 3 <= told["likely"] <= 12
+    assert (tmp_path / "identified.toml").read_text().count("[[robot.likely]]") == told["likely"]
+
+
 JUMP, GAP = np.where(np.arange(2000) < 1000, 0, -0.2), np.where(np.arange(2000) < 1000, 0, 0.5)
 
 
