@@ -48,12 +48,19 @@ def rms(values):
     return np.sqrt(np.mean(values**2, axis=0))
 
 
-def least_squares(robot, q, v, a, tau, cut):
-    """Errors of plain least squares for inertias, Coulomb (width 0.01), viscous friction and offset, on the rest."""
+def least_squares(robot, q, v, a, tau, cut, rounds):
+    """Errors of least squares for inertias, Coulomb (width 0.01), viscous friction and offset, on the rest.
+
+    Of more than one round each joint is weighted by its residuals of the round before.
+    """
     sign, eye = np.tanh(v / 0.01), np.eye(robot.nv)
     own = [one[:, :, None] * eye for one in (sign, v, np.ones_like(v))]
     columns = np.concatenate([mean_regressor(robot, q, v, a, 1), *own], axis=2)
-    x = np.linalg.lstsq(columns[:cut].reshape(cut * robot.nv, -1), tau[:cut].ravel(), rcond=1e-9)[0]
+    noise = np.ones(robot.nv)
+    for _ in range(rounds):
+        scaled = (columns[:cut] / noise[:, None]).reshape(cut * robot.nv, -1)
+        x = np.linalg.lstsq(scaled, (tau[:cut] / noise).ravel(), rcond=1e-9)[0]
+        noise = rms(tau[:cut] - columns[:cut] @ x)
     return rms(tau[cut:] - columns[cut:] @ x)
 
 
@@ -66,7 +73,8 @@ def measured_log(path, name):
     print(f"RMS torque error on the last {100 - 100 * FIRST:.0f} % of {path} [N m or N]")
     line("measured torque", rms(tau[cut:]))
     line("URDF", rms(tau[cut:] - rigid_torques(robot, q[cut:], v[cut:], a[cut:])))
-    line("least squares", least_squares(robot, q, v, a, tau, cut))
+    line("least squares", least_squares(robot, q, v, a, tau, cut, 1))
+    line("least squares, weighted", least_squares(robot, q, v, a, tau, cut, 4))
     log = ad.Log(t=t[:cut], q=q[:cut], v=v[:cut], tau=tau[:cut])
     for what in ("friction", "payload", "all"):
         begun = time.process_time()
