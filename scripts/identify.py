@@ -1,16 +1,18 @@
 """Identification, measured: a robot's log, simulated logs, exciting motions, planning with the result.
 
-python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 10]
+python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5]
 """
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_filter
 
 import armdyn as ad
 from armdyn.identification.model import mean_regressor, rigid_torques
+from armdyn.studies.reserve import FINE_RESERVES
 
 FIRST = 0.6
 """Part of a log that is fitted; the rest is predicted."""
@@ -18,6 +20,15 @@ ARMS = {"panda": (0.5, 2.0), "ur5": (0.5, 2.0), "rrr": (0.02, 0.3)}
 """Simulated arms and the range of their payloads [kg]."""
 PLANAR, SPATIAL = ([-0.02, 0, -0.02], [0.05, 0, 0.02]), ([-0.05, -0.05, 0.03], [0.05, 0.05, 0.13])
 """Ranges of the payloads' centres in the tip's frame [m]: a planar arm feels nothing across its plane."""
+CENTRE = {"rrr": (0.015, 0, 0), "ur5": (0, 0, 0.08)}
+"""Their middles [m]."""
+POSES = {
+    "rrr": ([-np.pi / 2, 0, 0], [1.0, 0, 0]),
+    "ur5": ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5]),
+}
+"""Start and goal of the planned motions [rad]."""
+WIDE_RESERVES = (0.1, 0.2, 0.3, 0.45, 0.6)
+"""Reserves of motions for the range of arms."""
 NOISE, ENCODER = 0.005, 1e-4
 """Torque noise as a part of the limits; encoder step [rad]."""
 
@@ -37,12 +48,19 @@ def rms(values):
     return np.sqrt(np.mean(values**2, axis=0))
 
 
-def least_squares(robot, q, v, a, tau, cut):
-    """Errors of plain least squares for inertias, Coulomb (width 0.01), viscous friction and offset, on the rest."""
+def least_squares(robot, q, v, a, tau, cut, rounds):
+    """Errors of least squares for inertias, Coulomb (width 0.01), viscous friction and offset, on the rest.
+
+    Of more than one round each joint is weighted by its residuals of the round before.
+    """
     sign, eye = np.tanh(v / 0.01), np.eye(robot.nv)
     own = [one[:, :, None] * eye for one in (sign, v, np.ones_like(v))]
     columns = np.concatenate([mean_regressor(robot, q, v, a, 1), *own], axis=2)
-    x = np.linalg.lstsq(columns[:cut].reshape(cut * robot.nv, -1), tau[:cut].ravel(), rcond=1e-9)[0]
+    noise = np.ones(robot.nv)
+    for _ in range(rounds):
+        scaled = (columns[:cut] / noise[:, None]).reshape(cut * robot.nv, -1)
+        x = np.linalg.lstsq(scaled, (tau[:cut] / noise).ravel(), rcond=1e-9)[0]
+        noise = rms(tau[:cut] - columns[:cut] @ x)
     return rms(tau[cut:] - columns[cut:] @ x)
 
 
@@ -55,7 +73,8 @@ def measured_log(path, name):
     print(f"RMS torque error on the last {100 - 100 * FIRST:.0f} % of {path} [N m or N]")
     line("measured torque", rms(tau[cut:]))
     line("URDF", rms(tau[cut:] - rigid_torques(robot, q[cut:], v[cut:], a[cut:])))
-    line("least squares", least_squares(robot, q, v, a, tau, cut))
+    line("least squares", least_squares(robot, q, v, a, tau, cut, 1))
+    line("least squares, weighted", least_squares(robot, q, v, a, tau, cut, 4))
     log = ad.Log(t=t[:cut], q=q[:cut], v=v[:cut], tau=tau[:cut])
     for what in ("friction", "payload", "all"):
         begun = time.process_time()
@@ -113,8 +132,18 @@ def simulated_logs(count):
         line(name, [*np.median(errors, axis=0) * [100, 1000], 100 * np.mean(hits), np.mean(seconds)])
 
 
+def prediction_error(true, estimate, motions):
+    """RMS error of an estimate's torques on motions that it was not identified from, in per cent of the limits."""
+    errors = []
+    for motion in motions:
+        q, v, a = (one[::20] for one in (motion.q, motion.v, np.gradient(motion.v, motion.t, axis=0)))
+        known = rigid_torques(true, q, v, a) + true.friction.torque(v)
+        errors.append((estimate.torques(q, v, a) - estimate.offset - known) / true.limits.effort_upper)
+    return 100 * np.sqrt(np.mean(np.concatenate(errors) ** 2))
+
+
 def exciting_motions():
-    """Condition numbers and errors of the identified payload: ten random motions' best, and the exciting one."""
+    """Condition numbers and errors of what is identified: ten random motions' best, and the exciting one."""
     print("condition number and error of mass [%] and centre [mm]: best of ten random motions, exciting motion")
     for name in ARMS:
         robot, true = true_arm(name, np.random.default_rng(1))
@@ -124,30 +153,57 @@ def exciting_motions():
             found = [ad.identify(robot, log_of(true, motion, np.random.default_rng(k)), "payload") for k in range(5)]
             row += [found[0].condition, *np.mean([payload_errors(true, one) for one in found], axis=0) * [100, 1000]]
         line(name, row)
+    print("all inertias: condition number and error of torques on three other motions [% of the limits], likewise")
+    random = ad.ExcitingOptions(candidates=1, generations=0)
+    for name in ARMS:
+        robot, true = true_arm(name, np.random.default_rng(1))
+        others = [ad.exciting_motion(robot, 10.0, replace(random, seed=99 + k)) for k in range(3)]
+        row = []
+        for generations in (0, 150):
+            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(generations=generations))
+            found = [ad.identify(robot, log_of(true, motion, np.random.default_rng(k))) for k in range(3)]
+            row += [found[0].condition, np.mean([prediction_error(true, one, others) for one in found])]
+        line(name, row)
 
 
-def plans(count):
-    """Settled times of motions planned for the middle of the range, for the identified arm, and for the truth."""
-    print("settled time [s], median and unsettled of all: middle of the range, identified, truth")
-    poses = {
-        "rrr": ([-np.pi / 2, 0, 0], [1.0, 0, 0]),
-        "ur5": ([0, -1.57, 1.57, -1.57, -1.57, 0], [1, -0.9, 1, -1, -1.2, 0.5]),
-    }
-    for name, (start, goal) in poses.items():
-        settled = []
-        for seed in range(count):
-            rng = np.random.default_rng(seed)
-            robot, true = true_arm(name, rng)
-            motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", seed=seed))
-            identified = ad.identify(robot, log_of(true, motion, rng), "payload").robot
-            middle = robot.with_payload(ad.Payload(mass=float(np.mean(ARMS[name]))))
-            row = []
-            for known in (middle, identified, true):
-                problem = ad.MinimumTimeProblem(known, q_start=start, q_goal=goal, reserve=0.1)
-                reference = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).trajectory
-                row.append(ad.track(known, reference, ad.Lqr(), plant=true).settled_time)
-            settled.append([np.inf if one is None else one for one in row])
-        line(name, [*np.median(settled, axis=0), *np.sum(np.isinf(settled), axis=0)])
+def planned(model, ends, plants, reserves):
+    """The motion with whose reserve most of the plants settle soonest, and the settled time of the last of them."""
+    problem = ad.MinimumTimeProblem(model, q_start=ends[0], q_goal=ends[1])
+    curve = ad.reserve_curve(problem, plants=plants, reserves=reserves, duration=1.0)
+    return curve.solutions[curve.best.reserve].trajectory, curve.best
+
+
+def plans(name, seeds):
+    """Settled times of motions planned for the range of arms, for the identified one, and for the truth."""
+    print(f"{name}: settled time [s] planned for the range, identified, knowing the truth; their reserves; of 200 "
+          "other likely arms with the second motion: unsettled, last one's settled time [s]")  # fmt: skip
+    rows = []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        robot, true = true_arm(name, rng)
+        motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(what="payload", seed=seed))
+        estimate = ad.identify(robot, log_of(true, motion, rng), "payload")
+        dry, ends = 0.02 * robot.limits.effort_upper, POSES[name]
+        loads = [robot.with_payload(ad.Payload(mass=mass, com=CENTRE[name])) for mass in np.linspace(*ARMS[name], 3)]
+        corners = [load.with_friction(rub / 2, rub) for load in loads for rub in (0 * dry, dry)]
+        middle = loads[1].with_friction(dry / 4, dry / 2)
+        models = ((middle, corners, WIDE_RESERVES), (estimate.robot, estimate.likely(200), FINE_RESERVES),
+                  (true, [true], FINE_RESERVES))  # fmt: skip
+        found = [planned(model, ends, plants, reserves) for model, plants, reserves in models]
+        own = [
+            ad.track(model, one, plant=true).settled_time for (model, *_), (one, _) in zip(models, found, strict=True)
+        ]
+        reference, duration = found[1][0], 1.0 + found[1][0].duration
+        many = ad.monte_carlo(
+            estimate.robot, reference, plants=ad.Plants(likely=estimate.likely(200, seed=1)),
+            options=ad.MonteCarloOptions(count=200, duration=duration, workers=1),
+        )  # fmt: skip
+        times = many.settled_times
+        rows.append([np.inf if one is None else one for one in own])
+        line(f"{seed}", [*rows[-1], *(best.reserve for _, best in found), np.sum(np.isinf(times)), np.max(times)])
+    rows = np.array(rows)
+    line("median", np.median(rows, axis=0))
+    line("range and identified, part of the truth", np.median(rows[:, :2] / rows[:, 2:], axis=0))
 
 
 if __name__ == "__main__":
@@ -155,10 +211,14 @@ if __name__ == "__main__":
     options.add_argument("--log", help="npz of t, q, v, tau")
     options.add_argument("--robot", default="panda", help="of the log")
     options.add_argument("--logs", type=int, default=200)
-    options.add_argument("--plans", type=int, default=10)
+    options.add_argument("--plans", type=int, default=5)
+    options.add_argument("--first", type=int, default=0, help="seed of the first plan")
+    options.add_argument("--planned", nargs="*", default=list(POSES), help="arms of the plans")
     asked = options.parse_args()
     if asked.log:
         measured_log(asked.log, asked.robot)
-    simulated_logs(asked.logs)
-    exciting_motions()
-    plans(asked.plans)
+    if asked.logs:
+        simulated_logs(asked.logs)
+        exciting_motions()
+    for name in asked.planned:
+        plans(name, range(asked.first, asked.first + asked.plans))

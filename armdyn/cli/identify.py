@@ -27,7 +27,7 @@ _FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
 _MOST_ROWS = 40
 """Rows of the table of numbers on the terminal; --json has all."""
 _MOST_LIKELY = 100
-"""Arms in a file: TOML files are read up to 256 KB."""
+"""Arms in a file; fewer where it would be too large to be read again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class IdentifyCommandOptions:
     likely: int = option(
         "N",
         "Arms that fit the logs, written into identified.toml for mintime --for-tracking and monte-carlo; at most 100.",
-        default=40,
+        default=_MOST_LIKELY,
     )
     confidence: float = option(
         "PART", "Probability that the region of the likely arms holds the one that moved.", default=0.95
@@ -115,8 +115,10 @@ def identify(
             with working(f"identification of {arm.name}"):
                 estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs or ()], what, settings)
                 likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
-                files = _written(estimate, likely, folder)
-            answer.done("identified", _facts(estimate) | {"likely": len(likely)}, files)
+                text, count = _robot_file(estimate, likely, folder)
+                facts = _facts(estimate) | {"likely": count}
+                files = _written(estimate, text, facts, folder)
+            answer.done("identified", facts, files)
             _show(estimate, files[0])
     except typer.Exit as end:
         if end.exit_code or not then:
@@ -134,22 +136,30 @@ def _write_motion(answer: Answer, arm: ad.Robot, duration: float, what: What, fo
     console.print(f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)")
 
 
-def _written(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> list[Path]:
+def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:
+    """Text of identified.toml, and the number of likely arms in it: as many as are read again."""
+    from armdyn.optimal.problem.robot_tables import likely_tables, robot_table
+    from armdyn.parsing.toml import MAX_BYTES, to_toml
+
+    folder.mkdir(parents=True, exist_ok=True)
+    table = robot_table(estimate.robot, folder)
+    arms = likely_tables(table, likely)
+    while arms and len(to_toml({"robot": table | {"likely": arms}}).encode()) > MAX_BYTES:
+        arms = arms[: len(arms) // 2]
+    return to_toml({"robot": table | ({"likely": arms} if arms else {})}), len(arms)
+
+
+def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder: Path) -> list[Path]:
     """The files: the identified robot with its likely arms, the report, the facts."""
     from armdyn.files import write_whole
-    from armdyn.optimal.problem.robot_tables import likely_tables, robot_table
-    from armdyn.parsing.toml import to_toml
     from armdyn.show.identification import write_identification
     from armdyn.show.page.facts import Facts
     from armdyn.show.results import result_head, save_results
 
-    folder.mkdir(parents=True, exist_ok=True)
-    table = robot_table(estimate.robot, folder)
-    whole = table | {"likely": likely_tables(table, likely)}
-    file = write_whole(folder / _FILE, to_toml({"robot": whole}).encode())
     made = invocation()
+    file = write_whole(folder / _FILE, text.encode())
     report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
-    return save_results(folder, estimate.robot, {"status": "identified", **_facts(estimate), **made}, [file, report])
+    return save_results(folder, estimate.robot, {"status": "identified", **facts, **made}, [file, report])
 
 
 def _facts(estimate: ad.Estimate) -> dict[str, object]:

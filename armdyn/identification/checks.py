@@ -59,7 +59,8 @@ def _check_positions(robot: Robot, log: Log) -> None:
             continue
         said = f"{log.name}: {joint} is logged from {low:.4g} to {high:.4g}"
         if not robot.slides[j] and most > 2 * np.pi:
-            raise LogError(f"{said}: these are degrees; positions are radians: np.deg2rad(q)", joint)
+            right = f"np.deg2rad(q), or in a table columns named 'q{j + 1} [deg]'"
+            raise LogError(f"{said}: these are degrees; positions are radians: {right}", joint)
         unit = "m" if robot.slides[j] else "rad"
         raise LogError(
             f"{said} {unit}, outside its limits [{bounds[0]:.4g}, {bounds[1]:.4g}] {unit}: the joints are in another "
@@ -85,8 +86,8 @@ def _check_velocities(robot: Robot, log: Log) -> None:
                 f"{log.name}: the velocity of {joint} is constant, but the joint moves: its channel is dead", joint
             )
         like = [_correlation(summed[:, j], way[:, k]) for k in range(way.shape[1])]
-        if like[j] < _UNLIKE:
-            other = int(np.argmax(like))
+        other = int(np.argmax(like))
+        if like[j] < (_ALIKE if like[other] > _ALIKE else _UNLIKE):
             why = (
                 f"it is that of {robot.joint_names[other]}: q and v have different orders of joints"
                 if like[other] > _ALIKE
@@ -109,8 +110,9 @@ def _check_torques(robot: Robot, log: Log, signals: Signals) -> None:
         for given, out in ((signals.tau, rest), (model, expected)):
             out[:, j] = given[:, j] - friction @ np.linalg.lstsq(friction, given[:, j], rcond=1e-9)[0]
     like = np.array([[_correlation(signals.tau[:, i], model[:, k]) for k in range(robot.nv)] for i in range(robot.nv)])
+    reversed_all = bool(np.all(np.diag(like) < -_UNLIKE))
     rows, columns = linear_sum_assignment(-like)
-    for i, k in zip(rows, columns, strict=True):
+    for i, k in () if reversed_all else zip(rows, columns, strict=True):
         if i != k and like[i, k] > _ALIKE and like[i, i] < _UNLIKE:
             raise LogError(
                 f"{log.name}: the torque of {robot.joint_names[i]} is that of {robot.joint_names[k]}: the torques' "

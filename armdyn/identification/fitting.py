@@ -96,7 +96,7 @@ class FitOptions:
         least_noise: least standard deviation of the noise, as a part of the joint's RMS torque: below it a simulated
             log without noise would make the normal equations singular.
         least_inflation: least sum of the residuals' autocorrelation [-]. Encoder steps, differentiated twice, correlate
-            negatively: sums fall to 0.2, but the errors of filter and prior, which no residual shows, do not. With 0.7
+            negatively: sums fall to 0.2, but the errors of filter and prior, which no residual shows, do not. With 0.65
             95 % intervals cover 94 to 97 % on simulated logs, with 1 up to 98 %.
     """
 
@@ -105,7 +105,7 @@ class FitOptions:
     huber: float = 1.35
     rounds: int = 5
     least_noise: float = 1e-4
-    least_inflation: float = 0.7
+    least_inflation: float = 0.65
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """`armdyn identify`, as a user runs it."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ from oracles import robot_named
 from simulated_logs import simulated_log
 
 RRR = robot_named("rrr")
+LOG = simulated_log(RRR, duration=2.0, velocities=True)
+BAD = {what: getattr(LOG, what) for what in ("t", "q", "v", "tau")}
 
 
 @pytest.fixture
@@ -23,9 +26,15 @@ def log(tmp_path):
 def table_of(arm, folder):
     """A log of an arm in a file of a folder."""
     own = simulated_log(arm, duration=4.0)
-    head = ",".join(["t", *(f"{what}{i}" for what in ("q", "tau") for i in range(1, arm.nv + 1))])
+    return written({what: getattr(own, what) for what in ("t", "q", "tau")}, folder)
+
+
+def written(arrays, folder):
+    """A table of arrays by name, in a folder."""
+    head = [f"{what}{i}" for what, own in arrays.items() if what != "t" for i in range(1, own.shape[1] + 1)]
     file = folder / "log.csv"
-    np.savetxt(file, np.column_stack([own.t, own.q, own.tau]), delimiter=",", header=head, comments="")
+    rows = np.column_stack(list(arrays.values()))
+    np.savetxt(file, rows, delimiter=",", header=",".join(["t", *head]), comments="")
     return file
 
 
@@ -71,6 +80,40 @@ def test_what_follows_is_run_only_after_success(log, tmp_path):
     done = run_here(*line, "--likely", 0, "--then", "bound --q-start 0,0,0 --q-goal 1,0,0 --velocity-limit 5")
     assert done.returncode == 0 and "identified" in done.stdout and "lower bound" in done.stdout
     assert "[[robot.likely]]" not in (tmp_path / "identified.toml").read_text()
+
+
+def test_the_file_has_as_many_likely_arms_as_can_be_read_again(log, tmp_path, monkeypatch):
+    monkeypatch.setattr("armdyn.parsing.toml.MAX_BYTES", 5000)
+    told = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path, "--json"))
+    assert 3 <= told["likely"] <= 12
+    assert (tmp_path / "identified.toml").read_text().count("[[robot.likely]]") == told["likely"]
+
+
+JUMP, GAP = np.where(np.arange(2000) < 1000, 0, -0.2), np.where(np.arange(2000) < 1000, 0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"q": np.rad2deg(BAD["q"])}, r"joint1 is logged from \S+ to \S+: these are degrees; .* named 'q1 \[deg\]'"),
+        ({"v": np.rad2deg(BAD["v"])}, r"velocity of joint1 is 57.\d times .*: degrees per second"),
+        ({"v": BAD["v"][:, [1, 0, 2]]}, "velocity of joint1 .* is that of joint2: q and v have different orders"),
+        (
+            {"tau": BAD["tau"] / 30},
+            r"torque of joint1 is 0\.0\d* times that of the arm's weight.* currents",
+        ),
+        ({"tau": -BAD["tau"]}, "torque of joint1 .*: its sign is opposite"),
+        ({"tau": BAD["tau"] * [1, 1, 0]}, "torque of joint3 is constant, 0: its channel is dead"),
+        ({"v": BAD["v"] * [0, 1, 1]}, "velocity of joint1 is constant, but the joint moves"),
+        ({"t": BAD["t"] + JUMP}, r"clock jumps back or stands still: t is 0.999000 s in sample 999"),
+        ({"t": BAD["t"] + GAP}, r"a gap of 0.501 s after t = 0.999000 s.* as two logs"),
+        ({what: BAD[what][:, :2] for what in ("q", "v", "tau")}, "joint3"),
+    ],
+)
+def test_a_log_that_is_none_of_the_arm_is_refused(changes, message, tmp_path):
+    file = written(BAD | changes, tmp_path)
+    done = answer(run_here("identify", "rrr", file, "--out", tmp_path, "--json"), code=2)
+    assert done["status"] == "bad_input" and re.search(message, done["message"]), done["message"]
 
 
 def test_an_exciting_motion_is_written(tmp_path):

@@ -25,6 +25,9 @@ from armdyn.optimal.task.search_level import SearchLevel
 if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve, Settling
 
+_WATCHED = 1.0
+"""Time for which likely arms are watched [s], or after a longer motion: they are many, and near to the model."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class SolverOptions:
@@ -96,11 +99,11 @@ class SearchOptions(CurveOptions):
             return ad.solve_minimum_time(problem, self.options(), progress), None
         if any(problem.reserves.effort):
             raise ProblemError("--for-tracking chooses the reserve: leave out --reserve")
-        from armdyn.studies.reserve import FINE_RESERVES, RESERVES, reserve_curve
+        from armdyn.studies.reserve import FINE_RESERVES, reserve_curve
 
         arms = likely()
-        levels = FINE_RESERVES if arms else RESERVES
-        curve = reserve_curve(problem, None, arms or None, levels, options=self.options(), progress=progress)
+        own: Any = {"plants": arms, "reserves": FINE_RESERVES, "duration": _WATCHED} if arms else {}
+        curve = reserve_curve(problem, options=self.options(), progress=progress, **own)
         if curve.best is None:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
