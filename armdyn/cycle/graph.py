@@ -25,6 +25,10 @@ Arc = tuple[int, int]
 Edge = tuple[int, int, int, int]
 """A move from a stop, from a branch of the stop to one of the move's end."""
 
+ALIKE = 8
+"""Pairs of branches that are refused for one and the same reason before all of the move are: without whole turns there
+are eight branches at most, and a UR5 has thousands of pairs with them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Tour:
@@ -119,6 +123,10 @@ class CycleGraph:
         except CycleError as error:
             self.refused[edge] = error
             self.learn(edge, np.inf, exact=True)
+            alike = [str(one) == str(error) for other, one in self.refused.items() if other[:2] == edge[:2]]
+            if sum(alike) >= ALIKE and not any(other[:2] == edge[:2] for other in self.solutions):
+                self.lengths[edge[:2]][:] = np.inf
+                self.exact[edge[:2]][:] = True
             return None
 
     def learn(self, edge: Edge, length: float, exact: bool) -> None:

@@ -1,5 +1,6 @@
 """Solved cycles against all branches and all orders, one by one."""
 
+from dataclasses import replace
 from itertools import permutations, product
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
-from cycles import HERE, THERE, planar, planar_solved
+from cycles import HERE, THERE, down, planar, planar_solved
 
 QUICK = ad.MinimumTimeOptions(search="quick")
 
@@ -90,3 +91,16 @@ def test_a_cycle_in_which_every_branch_touches_something_says_where():
     assert solved.status == "infeasible"
     assert solved.message.startswith("step 1 (to the bolt): at the goal, ")
     assert np.isnan(solved.duration)
+
+
+def test_a_blend_that_is_wider_than_its_leg_is_said_at_once():
+    """A UR5 has thousands of pairs of branches with their whole turns: it is not asked for each of them."""
+    robot = ad.Robot.from_library("ur5")
+    here, there = (ad.GoalPose(robot.tip, down(0.4, y, 0.2)) for y in (-0.2, 0.2))
+    wide = ad.GoalPose(robot.tip, down(0.4, 0.2, 0.3), tolerance=[0.2] * 6)
+    steps = [ad.Move(here, name="here"), ad.Move(there, via=[wide], name="there")]
+    solved = ad.solve_cycle(
+        ad.Cycle(robot, start=[0.0, -1.2, 1.5, -1.87, -1.57, 0.0], steps=steps), replace(QUICK, time_limit=60)
+    )
+    assert not solved.usable
+    assert solved.message.startswith("step 2 (there): via[0] is wider than its leg: the goal lies in it")
