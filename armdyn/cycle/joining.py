@@ -20,12 +20,14 @@ Array = NDArray[np.float64]
 _LANDING = 1e-4
 """Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred
 times the tolerance of a replay's positions, as velocities at the end of a curve are that much coarser."""
+_LAST = 1e-6
+"""Rest that carries an event at the end of a cycle [s]: far below any controller's tick."""
 
 
 def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
     """The moves of a cycle and its rests as one motion of several pieces.
 
-    A grasp or release without a rest is the event of the piece that follows.
+    A grasp or release without a rest is the event of the piece that follows; at the end a rest of 1 µs.
 
     Args:
         cycle: its steps.
@@ -45,20 +47,20 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
         pieces.append(move.as_piece(name=leg.name, load=load_of(arm), event=event))
         at = move.q[-1]
     if len(legs) == len(cycle.moves):
-        pieces += [piece for _, piece in _rests(cycle, cycle.stops[-1], at) if piece is not None]
+        pieces += [piece for _, piece in _rests(cycle, cycle.stops[-1], at, _LAST) if piece is not None]
     return reduce(partial(Trajectory.join, tolerance=_LANDING), pieces)
 
 
-def _rests(cycle: Cycle, stop: Stop, q: Array) -> Iterator[tuple[str, Trajectory | None]]:
-    """The rests at a stop as pieces, then the event that has no rest of its own, empty: none."""
+def _rests(cycle: Cycle, stop: Stop, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
+    """The rests at a stop as pieces, of so many seconds at least, then the event that has none, empty: there is none."""
     event = ""
     for k in stop.rests:
         step, arm = cycle.steps[k - 1], cycle.arms[k]
         if isinstance(step, Move):
             continue
         event = "grasp" if isinstance(step, Grasp) else "release" if isinstance(step, Release) else event or "wait"
-        if step.dwell:
-            still = Trajectory.at_rest(q, arm.holding_torque(q), step.dwell, arm.joint_names, model_hash=arm.model_hash)
+        if dwell := max(step.dwell, least):
+            still = Trajectory.at_rest(q, arm.holding_torque(q), dwell, arm.joint_names, model_hash=arm.model_hash)
             yield event, still.as_piece(name=cycle.name_of(k), load=load_of(arm), event=event)
             event = ""
     yield event if event != "wait" else "", None

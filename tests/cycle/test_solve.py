@@ -104,3 +104,12 @@ def test_a_blend_that_is_wider_than_its_leg_is_said_at_once():
     )
     assert not solved.usable
     assert solved.message.startswith("step 2 (there): via[0] is wider than its leg: the goal lies in it")
+
+
+def test_a_release_without_a_rest_at_the_end_is_an_event_all_the_same():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"))
+    steps = [ad.Grasp(ad.Payload(mass=0.1, name="bolt")), ad.Move([0.5], name="there"), ad.Release(dwell=0)]
+    solved = ad.solve_cycle(ad.Cycle(robot, start=[0.0], steps=steps), QUICK)
+    motion = solved.trajectory
+    assert [(piece.event, piece.load.mass) for piece in motion.pieces] == [("grasp", 0.1), ("release", 0)]
+    assert motion.duration == pytest.approx(solved.duration, abs=2e-6)
