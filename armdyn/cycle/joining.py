@@ -52,7 +52,7 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
 
 
 def _rests(cycle: Cycle, stop: Stop, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
-    """The rests at a stop as pieces, of so many seconds at least, then the event that has none, empty: there is none."""
+    """The rests at a stop as pieces, of so many seconds at least, then the event that has no rest, perhaps empty."""
     event = ""
     for k in stop.rests:
         step, arm = cycle.steps[k - 1], cycle.arms[k]
