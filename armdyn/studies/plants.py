@@ -13,6 +13,7 @@ from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
+from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -55,6 +56,7 @@ class PlantSample:
         return arm.with_friction(damping + np.array(self.damping), coulomb + np.array(self.coulomb))
 
 
+@brief
 @dataclass(frozen=True, kw_only=True)
 class Plants:
     """Ranges of the uncertain properties of an arm: payload, friction, start.
