@@ -9,6 +9,29 @@ import armdyn as ad
 PART = ad.Payload(mass=0.1, name="bolt")
 HERE, THERE = (0.06, 0.0, 0.05), (-0.05, 0.0, 0.06)
 
+BOLT = """
+[robot]
+name = "rr"
+[cycle]
+start = [0.1, 0.2]
+[parts.bolt]
+mass = 0.1
+[[steps]]
+move = "to the bolt"
+to = [0.4, 0.6]
+[[steps]]
+grasp = "bolt"
+dwell = 0.2
+[[steps]]
+move = "to the hole"
+to = [1.0, -0.4]
+[[steps]]
+release = "bolt"
+[options]
+search = "quick"
+"""
+"""A cycle file without branches."""
+
 
 def planar(**changes: object) -> ad.Cycle:
     """RR picks a bolt and places it, two branches at each of the two places."""

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 ORDERS = ("given", "free")
 _ENDS = ("robot", "q_start", "q_goal", "v_start", "v_goal", "goal_pose", "via")
-PATH_CONSTRAINTS = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name not in _ENDS)
+CONDITIONS = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name not in _ENDS)
 """Names of the conditions of all moves: the keywords of `MinimumTimeProblem` but for its poses."""
 RETURN = "return"
 """Name of the move that closes a cycle whose last move ends elsewhere."""
@@ -114,10 +114,10 @@ class Cycle:
             CycleError: a step is wrong, or does not follow from those before it: with its number and name.
             ProblemError: another argument is wrong.
         """
-        wrong = next((name for name in conditions if name not in PATH_CONSTRAINTS), None)
+        wrong = next((name for name in conditions if name not in CONDITIONS), None)
         if wrong is not None:
-            meant = did_you_mean(wrong, PATH_CONSTRAINTS)
-            raise ProblemError(f"a cycle has no condition {shown(wrong)}{meant} (known: {', '.join(PATH_CONSTRAINTS)})")
+            meant = did_you_mean(wrong, CONDITIONS)
+            raise ProblemError(f"a cycle has no condition {shown(wrong)}{meant} (known: {', '.join(CONDITIONS)})")
         expect_robot(robot)
         given = several(steps, "steps")
         for i, step in enumerate(given):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from armdyn.arguments import shown
-from armdyn.cycle.cycle import PATH_CONSTRAINTS, Cycle
+from armdyn.cycle.cycle import CONDITIONS, Cycle
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
 from armdyn.errors import ProblemError, did_you_mean
 from armdyn.models.robots.poses import positions_of
@@ -82,7 +82,7 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
         ProblemError: a key is unknown or wrong; the message says in which line.
     """
     table = file.table("cycle")
-    table.only(("start", "closed", "order", "scene", *PATH_CONSTRAINTS))
+    table.only(("start", "closed", "order", "scene", *CONDITIONS))
     parts = {name: _part(file.table("parts"), name) for name in file.table("parts").values}
     steps = [_step(each, robot, parts) for each in file.tables("steps")]
     with table.telling({"start of the cycle": "start"}):

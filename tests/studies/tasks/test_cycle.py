@@ -6,27 +6,8 @@ import armdyn as ad
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.studies.reading import read_study
 from armdyn.studies.settings import label
+from cycles import BOLT
 
-CELL = """
-[robot]
-name = "rr"
-[cycle]
-start = [0.1, 0.2]
-[parts.bolt]
-mass = 0.1
-[[steps]]
-move = "to the bolt"
-to = [0.4, 0.6]
-[[steps]]
-grasp = "bolt"
-[[steps]]
-move = "to the hole"
-to = [1.0, -0.4]
-[[steps]]
-wait = 0.1
-[options]
-search = "quick"
-"""
 STUDY = """
 task = "cycle"
 [cycle]
@@ -41,7 +22,7 @@ steps."to the hole".to.0 = [0.8, 1.0]
 @pytest.fixture
 def study(tmp_path):
     def write(text=STUDY):
-        (tmp_path / "cell.toml").write_text(CELL)
+        (tmp_path / "cell.toml").write_text(BOLT)
         (tmp_path / "study.toml").write_text(text)
         return read_study(tmp_path / "study.toml")
 
@@ -57,7 +38,7 @@ def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_pat
     assert "step 2 (grasp bolt): the arm cannot rest with 'bolt' of 90 kg" in rows[2]["message"]
     own = ad.solve_cycle(ad.read_cycle(tmp_path / "cell.toml"), ad.MinimumTimeOptions(search="quick", seed=3))
     assert rows[1]["duration_s"] == pytest.approx(own.duration, rel=1e-9)
-    assert rows[1]["step_1_s"] + rows[1]["step_3_s"] + 0.1 == pytest.approx(rows[1]["duration_s"])
+    assert rows[1]["step_1_s"] + rows[1]["step_3_s"] + 0.2 == pytest.approx(rows[1]["duration_s"])
     assert rows[0]["duration_s"] != rows[1]["duration_s"]
 
 
