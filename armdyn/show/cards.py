@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.control.tracking.run import Run
 from armdyn.models import Robot
 from armdyn.models.values.joint_limits import JointLimits
@@ -26,8 +26,6 @@ from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.plots import plot_trajectories, svg_text
 from armdyn.show.results import source_name
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 600
 """Most samples that are drawn; a longer motion is resampled at even times."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.files import write_whole
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.show.markup import Html, element, fill, join
@@ -18,8 +18,6 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import section_html, tile_html
 from armdyn.show.page.sections import Section, listed, making_section, stacked, td, th
 from armdyn.show.page.verdict import Tile
-
-Array = NDArray[np.float64]
 
 _PAGE = Html(
     '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" '

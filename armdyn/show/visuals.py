@@ -12,8 +12,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 from meshcat import geometry as mg
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
@@ -23,7 +23,6 @@ from armdyn.models.values.spec import BodyShape, Payload
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
 Rgba = tuple[float, float, float, float]
 
 _GREY = (0.62, 0.66, 0.70, 1.0)

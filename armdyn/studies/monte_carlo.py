@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import listener, number
 from armdyn.arguments import parts as parts_of
+from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
@@ -28,8 +28,6 @@ from armdyn.studies.plants import Plants
 from armdyn.studies.rows import row_store
 from armdyn.studies.run import Progress, run_cases
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _CONFIDENCE = 0.95
 _SAMPLES = 2000

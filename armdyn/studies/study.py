@@ -11,15 +11,13 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, one_of, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.task import CaseResult, Neighbours, StudyTask
-
-Array = NDArray[np.float64]
 
 FORMAT = "armdyn-sweep-1"
 MAX_CASES = 10**6

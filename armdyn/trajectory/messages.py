@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".json", ".yaml", ".yml")
 

@@ -15,17 +15,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
 """Of motions: no robot's file has them."""

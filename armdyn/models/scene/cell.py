@@ -9,17 +9,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
 from armdyn.models.reading.meshes import mesh_folders, numbers, origin, resolve_mesh
 from armdyn.models.reading.urdf_check import dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.scene.mesh import Mesh, grouped
 from armdyn.models.scene.shapes import Obstacle, primitive
-
-Array = NDArray[np.float64]
 
 
 def cell_obstacles(

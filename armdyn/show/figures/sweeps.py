@@ -9,11 +9,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 
-Array = NDArray[np.float64]
 Row = Mapping[str, Any]
 Named = Callable[[str], str]
 """Axis labels by column."""
@@ -29,7 +28,7 @@ _TICKED = 8
 """Rows or columns of a map that each have a tick, at most."""
 
 
-def pareto(points: Array) -> NDArray[np.bool_]:
+def pareto(points: Array) -> Flags:
     """Pareto front of points with two numbers, of which the least is best: a mask of shape (n,).
 
     Args:

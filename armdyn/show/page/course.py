@@ -9,15 +9,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import finite_pairs
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Sample
-
-Array = NDArray[np.float64]
 
 NEAR_LIMIT = 0.005
 """Part of a limit that a sample may be beside it to count as on it, where arcs are not known."""

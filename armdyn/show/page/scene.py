@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 import umsgpack  # type: ignore[import-untyped]
 from meshcat import geometry as mg
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
@@ -22,8 +22,6 @@ from armdyn.show.page.carried import CarriedPart, shown_parts
 from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.32, 0.68), (0.90, 0.55, 0.10))
 """One per trajectory."""

@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 Index = Literal["settled", "itae", "ise"]
 """Performance index of the worst arm, to be minimised; e is the distance from the goal:

@@ -7,9 +7,9 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener, number, one_of, path, whole
+from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup, expect_own_payload
@@ -27,8 +27,6 @@ from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 FORMAT = "armdyn-tune-1"
 _WITHOUT_EFFECT = ("time_limit", "workers", "file")
