@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -118,6 +119,8 @@ def identify(
                 text, count = _robot_file(estimate, likely, folder)
                 facts = _facts(estimate) | {"likely": count}
                 files = _written(estimate, text, facts, folder)
+            for said in estimate.warnings:
+                warnings.warn(f"{said}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
             answer.done("identified", facts, files)
             _show(estimate, files[0])
     except typer.Exit as end:
@@ -183,6 +186,7 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
         "condition": estimate.condition,
         "weight": estimate.weight,
         "unmoved": list(estimate.unmoved),
+        "warnings": list(estimate.warnings),
     }
 
 

@@ -75,6 +75,9 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 
 def _verdict(estimate: Estimate) -> tuple[str, str, str]:
     """Level, headline and sentence."""
+    if estimate.warnings:
+        said = estimate.warnings[0]
+        return "fair", "Other inertias than the file's", f"{said[:1].upper()}{said[1:]}."
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)

@@ -72,6 +72,27 @@ def test_an_identified_arm_is_planned_with_at_once(tmp_path):
     assert many["settled"] == many["count"] == 6 and many["worst"]["payload"] == 1
 
 
+def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
+    links = {
+        joint: 1.5 * body.toDynamicParameters()
+        for joint, body in zip(RRR.joint_names, RRR.model.inertias[1:], strict=True)
+    }
+    told = answer(
+        run_here(
+            "identify",
+            "rrr",
+            table_of(RRR.with_inertias(links), tmp_path),
+            "--payload-only",
+            "--out",
+            tmp_path,
+            "--json",
+        )
+    )
+    assert told["status"] == "identified"
+    assert re.fullmatch(r"the logs ask for other inertias .*: leave out --payload-only", *told["warnings"])
+    assert "The logs ask for other inertias of the links" in Path(told["files"][1]).read_text()
+
+
 def test_what_follows_is_run_only_after_success(log, tmp_path):
     line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
     assert run_here(*line, "--then", "bnd").returncode == 2
