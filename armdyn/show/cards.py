@@ -209,11 +209,10 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
 
 def _skeleton(robot: Robot, q: Array) -> Array:
     """Base, joints and tip in the world [m], shape (nv + 2, 3)."""
-    model = robot.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, robot.configuration(np.asarray(q, dtype=float)))
-    frame = model.getFrameId(robot.frame(robot.tip).name)
-    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), data.oMf[frame].translation])
+    data, tip = robot.model.createData(), robot.frame(robot.tip)
+    pin.forwardKinematics(robot.model, data, robot.configuration(np.asarray(q, dtype=float)))
+    end = data.oMi[tip.parentJoint].act(tip.placement.translation)
+    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), end])
 
 
 def _thinned(motion: Trajectory) -> Trajectory:

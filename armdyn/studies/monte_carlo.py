@@ -101,7 +101,7 @@ class MonteCarlo:
 
         within = number(within, "within", unit="s", sign="not negative", finite=False)
         count = len(self._some())
-        settled = int(np.sum(np.minimum(self.settled_times, np.finfo(float).max) <= min(within, 1e300)))
+        settled = int(np.sum(np.isfinite(self.settled_times) & (self.settled_times <= within)))
         interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
         return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
 
@@ -195,19 +195,13 @@ class MonteCarlo:
         return self.rows
 
 
-_CONTROLLER = Lqr()
-_PLANTS = Plants()
-_LOOP = Loop()
-_OPTIONS = MonteCarloOptions()
-
-
 def monte_carlo(
     robot: Robot,
     reference: Trajectory,
-    controller: Controller = _CONTROLLER,
-    plants: Plants = _PLANTS,
-    loop: Loop = _LOOP,
-    options: MonteCarloOptions = _OPTIONS,
+    controller: Controller = Lqr(),
+    plants: Plants = Plants(),
+    loop: Loop = Loop(),
+    options: MonteCarloOptions = MonteCarloOptions(),
     file: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> MonteCarlo:

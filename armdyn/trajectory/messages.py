@@ -132,7 +132,7 @@ def _stamp(file: Path, k: int, given: object) -> float:
 def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: int) -> Array | None:
     """One kind of number of all points, shape (n, width); None where no point has it: a list without entries."""
     rows = [point.get(kind) or [] for point in points]
-    if not any(isinstance(row, list) and row for row in rows) and all(row == [] for row in rows):
+    if all(row == [] for row in rows):
         return None
     for k, row in enumerate(rows):
         if not isinstance(row, list) or len(row) != width:

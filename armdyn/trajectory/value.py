@@ -260,14 +260,12 @@ class Trajectory:
             FileError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold}
-        if self.pieces:
-            texts["pieces"] = to_text(self.pieces)
+        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold, "pieces": to_text(self.pieces)}
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Trajectory:
-        """Read a file of `save`, also of earlier versions. Nothing in the file is executed.
+        """Read a file of `save`. Nothing in the file is executed.
 
         Raises:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other

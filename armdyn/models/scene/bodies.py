@@ -14,7 +14,7 @@ from armdyn.arguments import shown
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.locks import built_once
-from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
@@ -68,25 +68,27 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     root = parse_urdf(robot.urdf, robot.source)
     for tag in ("collision", "visual"):
         found: list[Body] = []
-        for link in root.findall("link"):
-            name = str(link.get("name"))
-            if not robot.model.existFrame(name, pin.FrameType.BODY):
-                continue
-            frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-            for element in link.findall(tag):
-                try:
-                    at = frame.placement.homogeneous @ origin(element)
-                    shapes = list(_shapes(element, robot.package_dirs))
-                except Exception as error:  # whatever a stranger's mesh provokes: without it nothing is known
-                    raise ProblemError(
-                        f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}"
-                    ) from None
-                found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
+        for name, frame, element in elements_of_links(robot, root, tag):
+            try:
+                at = frame.placement.homogeneous @ origin(element)
+                shapes = list(_shapes(element, robot.package_dirs))
+            except Exception as error:  # whatever a stranger's mesh provokes: without it nothing is known
+                raise ProblemError(f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}") from None
+            found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
         if any(body.joint for body in found):
             return (*found, *_attached(robot))
     raise ProblemError(
         f"{robot.source} has no geometry, neither <collision> nor <visual>: what it would touch is unknown"
     )
+
+
+def elements_of_links(robot: Robot, root: Element, tag: str) -> Iterator[tuple[str, pin.Frame, Element]]:
+    """Elements "visual" or "collision" of a URDF, each with name and frame of its link, of links that the robot has."""
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        if robot.model.existFrame(name, pin.FrameType.BODY):
+            frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+            yield from ((name, frame, element) for element in link.findall(tag))
 
 
 def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBalls, attached: bool = False) -> Body:
@@ -98,24 +100,14 @@ def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBal
 
 def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, EqualBalls]]:
     """Geometry of coal, and balls whose convex hull contains it."""
-    holder = element.find("geometry")
-    for shape in () if holder is None else holder:
-        if shape.tag == "box":
-            geometry = coal.Box(*numbers(shape.get("size"), 3, 1.0))
-        elif shape.tag == "sphere":
-            geometry = coal.Sphere(float(numbers(shape.get("radius"), 1, 1.0)[0]))
-        elif shape.tag in ("cylinder", "capsule"):
-            length, radius = (float(numbers(shape.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
-            geometry = (coal.Capsule if shape.tag == "capsule" else coal.Cylinder)(radius, length)
-        elif shape.tag == "mesh":
-            path = resolve_mesh(str(shape.get("filename", "")), folders)
-            for mesh, _ in load_meshes(path, numbers(shape.get("scale"), 3, 1.0)):
-                for corners in convex_parts(mesh):
-                    yield convex_hull(corners), (corners, 0.0)
-            continue
-        else:
-            continue
-        yield geometry, balls_around(geometry, _ROUND)
+    kinds = {"box": coal.Box, "sphere": coal.Sphere, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
+    for tag, sizes, file in geometries(element, folders):
+        if file is not None:
+            corners_of = (corners for mesh, _ in load_meshes(file, sizes) for corners in convex_parts(mesh))
+            yield from ((convex_hull(corners), (corners, 0.0)) for corners in corners_of)
+        elif tag in kinds:
+            geometry = kinds[tag](*(sizes if tag == "box" else sizes[::-1]))  # coal has the radius first
+            yield geometry, balls_around(geometry, _ROUND)
 
 
 def _attached(robot: Robot) -> Iterator[Body]:

@@ -31,7 +31,6 @@ from armdyn.trajectory import Trajectory
 FORMAT = "armdyn-tune-1"
 _WITHOUT_EFFECT = ("time_limit", "workers", "file")
 """Options without an effect on the controllers that are tried."""
-_LOOP = Loop()
 _NEVER = 1e6
 """Cost of a controller that cannot be run."""
 _SPREAD = 0.01
@@ -87,9 +86,6 @@ class TuneOptions:
             object.__setattr__(self, "file", path(self.file, "file"))
 
 
-_OPTIONS = TuneOptions()
-
-
 @brief
 @dataclass(frozen=True, eq=False)
 class Tuned:
@@ -124,8 +120,8 @@ def tune(
     family: ControllerFamily,
     plants: Sequence[Robot],
     held_out: Sequence[Robot] = (),
-    loop: Loop = _LOOP,
-    options: TuneOptions = _OPTIONS,
+    loop: Loop = Loop(),
+    options: TuneOptions = TuneOptions(),
     progress: Callable[[str], None] | None = None,
 ) -> Tuned:
     """Choose the controller of a family that is best on the worst of some arms, in the loop as it is built.
