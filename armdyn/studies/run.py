@@ -198,12 +198,9 @@ class _Run:
                 bad, left = bad + sum(not row.good for row in rows), left - len(rows)
                 self._give(motions)  # cases that wait for these rows
             if not left or time.monotonic() - told > _TOLD:
-                told, count = time.monotonic(), len(self.cases)
-                self.progress(
-                    Progress(
-                        cases=count, done=count - left, bad=bad, left=time_left.left(left), workers=self.executor.size
-                    )
-                )
+                told, count, likely = time.monotonic(), len(self.cases), time_left.left(left)
+                workers = self.executor.size
+                self.progress(Progress(cases=count, done=count - left, bad=bad, left=likely, workers=workers))
 
     def back(self) -> None:
         """Try the motions of later cases on earlier ones, from the last to the first, and keep the better rows."""

@@ -45,6 +45,33 @@ def origin(element: Element) -> Array:
     return matrix
 
 
+def geometries(
+    element: Element, folders: tuple[str, ...], missing: str | None = None
+) -> Iterator[tuple[str, Array, Path | None]]:
+    """Shapes of a visual or collision element: tag, sizes, and of a mesh its scale and file.
+
+    Sizes are three edges of a box [m], the radius of a sphere, a length and a radius of other shapes.
+
+    Args:
+        element: of the URDF.
+        folders: see `mesh_folders`.
+        missing: in place of a missing size; None: a metre.
+
+    Raises:
+        ValueError: a size is no number.
+        OSError: there is no such mesh.
+    """
+    holder = element.find("geometry")
+    for shape in () if holder is None else holder:
+        if shape.tag == "mesh":
+            file = resolve_mesh(str(shape.get("filename", "")), folders)
+            yield shape.tag, numbers(shape.get("scale"), 3, 1.0), file
+        else:
+            keys = {"box": {"size": 3}, "sphere": {"radius": 1}}.get(shape.tag, {"length": 1, "radius": 1})
+            sizes = [numbers(shape.get(key, missing), count, 1.0) for key, count in keys.items()]
+            yield shape.tag, np.concatenate(sizes), None
+
+
 def folders_of(package_dirs: object) -> tuple[str, ...]:
     """The argument `package_dirs`.
 

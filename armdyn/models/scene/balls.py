@@ -7,13 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.models.scene.bodies import Body
 from armdyn.models.scene.geometry import SceneGeometry
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 BALLS = 3
 """Balls along the axis of every link's capsule: with three a Panda's far pairs are told apart from its near ones."""
