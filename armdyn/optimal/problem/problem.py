@@ -16,6 +16,7 @@ from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
@@ -30,10 +31,8 @@ from armdyn.optimal.problem.checks import (
     check_motors_everywhere,
     check_path_constraints,
     check_poses,
-    check_scene,
     check_state,
     clear_goals,
-    contacts,
     unheld_joints,
     warn_if_not_held,
 )
