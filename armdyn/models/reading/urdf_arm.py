@@ -1,7 +1,8 @@
 """From a URDF's text to Pinocchio's model of an arm."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -74,13 +75,16 @@ def _mimics(root: Element, source: str) -> dict[str, Mimic]:
 
 def configuration(model: pin.Model, q: ArrayLike) -> Array:
     """Pinocchio's configuration of joint coordinates: (cos, sin) for a continuous joint."""
-    q = np.asarray(q, dtype=float)
-    if model.nq == model.nv:
-        return q
-    full = np.empty(model.nq)
-    for joint, angle in zip(list(model.joints)[1:], q, strict=True):
-        full[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-    return full
+    return configurations(model)(np.asarray(q, dtype=float))
+
+
+def configurations(model: pin.Model) -> Callable[[Array], Array]:
+    """The same as a function of q, shape (nv,), for inner loops."""
+    return _same if model.nq == model.nv else partial(pin.integrate, model, pin.neutral(model))
+
+
+def _same(q: Array) -> Array:
+    return q
 
 
 def check_inertia(model: pin.Model, source: str) -> None:

@@ -86,6 +86,9 @@ def _options(settings: SolverSettings) -> dict[str, float | str]:
         "max_iter": settings.max_iterations,
         "mu_init": settings.barrier,
         "nlp_scaling_method": "none",  # the unknowns and equations are scaled already
+        # With its own permutation MUMPS miscounts negative eigenvalues, and IPOPT regularises in vain: 24 curves of a
+        # Panda took 65 iterations in the median and 23.5 s, without it 26 and 7.2 s, to the same optima.
+        "mumps_permuting_scaling": 0,
         "fixed_variable_treatment": "make_parameter",
         "print_level": 5 if settings.verbose else 0,
         "sb": "yes",
