@@ -1,6 +1,6 @@
 """Identification, measured: a robot's log, simulated logs, exciting motions, planning with the result.
 
-python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5]
+python scripts/identify.py [--log LOG.npz --robot panda] [--logs 200] [--plans 5] [--first 10000]
 """
 
 import argparse
@@ -111,13 +111,13 @@ def payload_errors(true, estimate):
     return abs(found.mass / own.mass - 1), np.linalg.norm(np.subtract(found.com, own.com))
 
 
-def simulated_logs(count):
+def simulated_logs(seeds):
     """Errors and coverage of payloads from logs of random motions."""
-    print(f"{count} simulated logs of 10 s each: mass [%], centre [mm], medians; coverage of 95 % [%]; CPU [s]")
+    print(f"{len(seeds)} simulated logs of 10 s each: mass [%], centre [mm], medians; coverage of 95 % [%]; CPU [s]")
     options = ad.IdentifyOptions(held_out=0)
     for name in ARMS:
         errors, hits, seconds = [], [], []
-        for seed in range(count):
+        for seed in seeds:
             rng = np.random.default_rng(seed)
             robot, true = true_arm(name, rng)
             motion = ad.exciting_motion(robot, 10.0, ad.ExcitingOptions(candidates=1, generations=0, seed=seed))
@@ -212,13 +212,13 @@ if __name__ == "__main__":
     options.add_argument("--robot", default="panda", help="of the log")
     options.add_argument("--logs", type=int, default=200)
     options.add_argument("--plans", type=int, default=5)
-    options.add_argument("--first", type=int, default=0, help="seed of the first plan")
+    options.add_argument("--first", type=int, default=0, help="first seed of the logs and plans")
     options.add_argument("--planned", nargs="*", default=list(POSES), help="arms of the plans")
     asked = options.parse_args()
     if asked.log:
         measured_log(asked.log, asked.robot)
     if asked.logs:
-        simulated_logs(asked.logs)
+        simulated_logs(range(asked.first, asked.first + asked.logs))
         exciting_motions()
     for name in asked.planned:
         plans(name, range(asked.first, asked.first + asked.plans))

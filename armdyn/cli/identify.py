@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +15,9 @@ import armdyn as ad
 from armdyn.arguments import whole
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
 from armdyn.cli.invocation import invocation
-from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.course import SceneOptions
+from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.cli.parsing.layout import Followed
@@ -41,7 +44,8 @@ class IdentifyCommandOptions:
     )
     likely: int = option(
         "N",
-        "Arms that fit the logs, written into identified.toml for mintime --for-tracking and monte-carlo; at most 100.",
+        "Arms that fit the logs, written into identified.toml for mintime --for-tracking, monte-carlo, tune and track "
+        "--plant-likely; at most 100.",
         default=_MOST_LIKELY,
     )
     confidence: float = option(
@@ -81,6 +85,8 @@ def identify(
     *,
     options: IdentifyCommandOptions,
     payload: PayloadOptions,
+    scene: SceneOptions,
+    controller: PresetOptions,
     output: OutputOptions,
 ) -> None:
     """Inertias, friction or payload of an arm from logs of its motions.
@@ -92,6 +98,7 @@ def identify(
     A log that is none of this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
 
     [dim]armdyn identify panda --exciting 10 --out log
+    armdyn identify ur5 --exciting 10 --obstacle plane:0,0,1@0,0,-0.05 --self-collision --preset ur5
     armdyn export log/exciting.npz --format ros2
     armdyn identify panda log.csv --payload-only
     armdyn identify rrr log.csv --payload-only --then mintime --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
@@ -104,10 +111,14 @@ def identify(
             what, arm = options.what, robot.read(payload.carried())
             if (options.exciting is None) == (not logs):
                 raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
+            about = [*given(scene), *given(controller)]
+            if about and options.exciting is None:
+                raise ProblemError(f"--{about[0].replace('_', '-')} is of a motion to log: give --exciting SECONDS")
             if options.exciting is not None:
                 if then:
                     raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
-                _write_motion(answer, arm, options.exciting, what, output.folder("identify", robot.robot, [_MOTION]))
+                sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
+                _write_motion(answer, arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
                 return
             whole(options.likely, "likely", 0, _MOST_LIKELY)
             folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
@@ -118,6 +129,8 @@ def identify(
                 text, count = _robot_file(estimate, likely, folder)
                 facts = _facts(estimate) | {"likely": count}
                 files = _written(estimate, text, facts, folder)
+            for said in estimate.warnings:
+                warnings.warn(f"{said}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
             answer.done("identified", facts, files)
             _show(estimate, files[0])
     except typer.Exit as end:
@@ -127,9 +140,9 @@ def identify(
     raise Followed([then[0], str(files[0]), *then[1:], *flags])
 
 
-def _write_motion(answer: Answer, arm: ad.Robot, duration: float, what: What, folder: Path) -> None:
+def _write_motion(answer: Answer, arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> None:
     with working(f"exciting motion of {arm.name}"):
-        motion = ad.exciting_motion(arm, duration, ad.ExcitingOptions(what=what))
+        motion = ad.exciting_motion(arm, duration, sought)
     folder.mkdir(parents=True, exist_ok=True)
     file = motion.save(folder / _MOTION)
     answer.done("written", {"robot": arm.name, "duration": motion.duration}, [file])
@@ -183,6 +196,7 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
         "condition": estimate.condition,
         "weight": estimate.weight,
         "unmoved": list(estimate.unmoved),
+        "warnings": list(estimate.warnings),
     }
 
 

@@ -110,6 +110,7 @@ class Estimate:
         measured_combinations: number of those that this log tells better than the prior.
         condition: condition number of the regressor on those combinations, unknowns relative to the prior.
         unmoved: joints that hardly move in the logs.
+        warnings: a sentence where inertias that are taken from the robot contradict the logs.
     """
 
     robot: Robot
@@ -122,6 +123,7 @@ class Estimate:
     measured_combinations: int
     condition: float
     unmoved: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
     equations: Equations = field(repr=False)
     fit: Fit = field(repr=False)
 

@@ -15,8 +15,10 @@ from armdyn.identification.log import Signals
 from armdyn.identification.model import rigid_torques
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
@@ -24,7 +26,11 @@ Array = NDArray[np.float64]
 
 _DEGREE = 5
 _CHECKED = 0.01
-"""Step at which limits and clearance are checked [s]."""
+"""Step at which limits are checked [s]."""
+_SPARSE = 5
+"""Steps from one check of the clearance to the next; a motion that is better than the best one is proven clear."""
+_STARTS = 100
+"""Poses that are drawn for a start clear of obstacles."""
 _SMALLER = 0.85
 """Factor of a motion's size from one trial to the next until it is within torque limits and clear."""
 _TRIALS = 25
@@ -46,7 +52,8 @@ class ExcitingOptions:
         seed: of both.
         obstacles: in the world, of which the arm is kept clear.
         self_collision: whether links are kept clear of each other.
-        clearance: least distance [m].
+        allowed_contacts: pairs of names of links and obstacles that may touch.
+        clearance: least distance at all times [m].
         preset: of the robot's controller, which must accept the motion; None: any.
 
     Raises:
@@ -61,7 +68,8 @@ class ExcitingOptions:
     seed: int = 0
     obstacles: tuple[Obstacle, ...] = ()
     self_collision: bool = False
-    clearance: float = 0.01
+    allowed_contacts: tuple[tuple[str, str], ...] = ()
+    clearance: float = 0.005
     preset: ControllerPreset | None = None
 
     def __post_init__(self) -> None:
@@ -69,12 +77,10 @@ class ExcitingOptions:
         if not 0 < number(self.margin, "margin") <= 1:
             raise ProblemError(f"margin is {self.margin}; it is a part of the limits, above 0 and at most 1")
         number(self.knots, "knots", unit="1/s", sign="positive")
-        number(self.clearance, "clearance", unit="m", sign="not negative")
         whole(self.candidates, "candidates", 1, 10_000)
         whole(self.generations, "generations", 0, 100_000)
         whole(self.seed, "seed", 0)
-        bodies = several(self.obstacles, "obstacles")
-        object.__setattr__(self, "obstacles", tuple(expect(one, Obstacle, "obstacles: one") for one in bodies))
+        object.__setattr__(self, "obstacles", check_scene(several(self.obstacles, "obstacles"), self.clearance))
         if self.preset is not None:
             expect(self.preset, ControllerPreset, "preset", 'ControllerPreset.named("ur5e")')
 
@@ -99,17 +105,18 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
         raise ProblemError(f"duration is {duration} s; it is 1 to 600 s")
     search = _Search.of(robot, float(duration), options)
     rng = np.random.default_rng(options.seed)
-    found = [one for _ in range(options.candidates) if (one := search.fitted(search.random(rng))) is not None]
+    tried = (search.fitted(search.random(rng)) for _ in range(options.candidates))
+    found = [one for one in tried if one is not None and search.clear(one)]
     if not found:
         raise ProblemError(
             f"none of {options.candidates} motions of {robot.name} in {duration:g} s is within margin × limits and "
-            "clear of obstacles: give more time, or a larger margin"
+            f"clear of obstacles: give more time, a larger margin or a smaller clearance"
         )
     best = min(found, key=search.condition)
     least, size = search.condition(best), 0.3
     for _ in range(options.generations):
         trial = search.fitted(best + size * np.std(best, axis=0) * rng.normal(size=best.shape))
-        better = trial is not None and (value := search.condition(trial)) < least
+        better = trial is not None and (value := search.condition(trial)) < least and search.clear(trial)
         if better and trial is not None:
             best, least = trial, value
         size *= 1.5 if better else 1.5**-0.25
@@ -152,6 +159,7 @@ class _Search:
         states = [np.zeros((2, robot.nv)) for _ in range(4)]
         torque = np.where(limits.effort_upper < np.inf, limits.effort_upper, 1.0) * np.ones((2, 1))
         unit = Signals(t=np.arange(2.0), q=states[0], v=states[1] + 1, a=states[2], tau=torque, width=1)
+        allowed = contacts(options.allowed_contacts, "allowed_contacts", robot, options.obstacles)
         kept = options.obstacles or options.self_collision
         return cls(
             robot=robot,
@@ -161,12 +169,17 @@ class _Search:
             spline=_spline(free, t),
             lower=lower + idle,
             upper=upper - idle,
-            collision=CollisionModel(robot, options.obstacles, options.self_collision) if kept else None,
+            collision=CollisionModel(robot, options.obstacles, options.self_collision, allowed) if kept else None,
         )
 
     def random(self, rng: np.random.Generator) -> Array:
-        """Coefficients of a random motion."""
-        return rng.uniform(self.lower, self.upper, (self.spline[0].shape[1], self.robot.nv))
+        """Coefficients of a random motion, which starts clear of obstacles."""
+        coefficients = rng.uniform(self.lower, self.upper, (self.spline[0].shape[1], self.robot.nv))
+        for _ in range(_STARTS):
+            if self._apart(coefficients[:1]):
+                break
+            coefficients[0] = rng.uniform(self.lower, self.upper)
+        return coefficients
 
     def states(self, coefficients: Array) -> tuple[Array, Array, Array]:
         """Positions, velocities and accelerations at the checked times, each of shape (n, nv)."""
@@ -195,9 +208,20 @@ class _Search:
             (tau < margin * limits.effort_lower)[:, free]
         ):
             return False
-        if self.collision is not None and not all(self.collision.is_free(x, self.options.clearance) for x in q):
+        if not self._apart(q[::_SPARSE]):
             return False
         return self.options.preset is None or self.options.preset.check(self.motion(coefficients)).ok
+
+    def _apart(self, poses: Array) -> bool:
+        """Whether the clearance is kept in poses, shape (m, nv)."""
+        least = self.options.clearance
+        return self.collision is None or not np.any(self.collision.distances(poses, least) < least)
+
+    def clear(self, coefficients: Array) -> bool:
+        """Whether the motion is proven to keep the clearance, between the checked times, too."""
+        if self.collision is None:
+            return True
+        return prove_clearance(self.collision, self.motion(coefficients), self.options.clearance).nearest.sure
 
     def condition(self, coefficients: Array) -> float:
         """Condition number of the scaled regressor on the combinations that motions tell."""

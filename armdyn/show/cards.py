@@ -12,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 from matplotlib import rc_context
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.control.tracking.run import Run
 from armdyn.models import Robot
 from armdyn.models.values.joint_limits import JointLimits
@@ -26,8 +26,6 @@ from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.plots import plot_trajectories, svg_text
 from armdyn.show.results import source_name
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _MOST_SAMPLES = 600
 """Most samples that are drawn; a longer motion is resampled at even times."""
@@ -211,11 +209,10 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
 
 def _skeleton(robot: Robot, q: Array) -> Array:
     """Base, joints and tip in the world [m], shape (nv + 2, 3)."""
-    model = robot.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, robot.configuration(np.asarray(q, dtype=float)))
-    frame = model.getFrameId(robot.frame(robot.tip).name)
-    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), data.oMf[frame].translation])
+    data, tip = robot.model.createData(), robot.frame(robot.tip)
+    pin.forwardKinematics(robot.model, data, robot.configuration(np.asarray(q, dtype=float)))
+    end = data.oMi[tip.parentJoint].act(tip.placement.translation)
+    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), end])
 
 
 def _thinned(motion: Trajectory) -> Trajectory:

@@ -6,8 +6,6 @@ import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import numpy as np
-
 from armdyn.arguments import expect
 from armdyn.errors import ContactError
 from armdyn.files import write_whole
@@ -41,14 +39,7 @@ def write_contacts(error: ContactError, path: str | os.PathLike[str]) -> Path:
 def contacts_report(error: ContactError) -> Report:
     """The page of `write_contacts` as a value."""
     robot = expect(error, ContactError, "error").robot
-    q = np.tile(error.q, (2, 1))
-    still = Trajectory(
-        t=np.array([0.0, 1.0]),
-        q=q,
-        v=0 * q,
-        tau=np.tile(robot.holding_torque(error.q), (2, 1)),
-        joint_names=robot.joint_names,
-    )
+    still = Trajectory.at_rest(error.q, robot.holding_torque(error.q), 1.0, robot.joint_names)
     names = frozenset(name for one in error.contacts for name in (one.body, one.other))
     facts = Facts({"contact": asdict(error.contacts[0])})
     subject = replace(Subject.of(robot, error.obstacles), touching=names)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.files import write_whole
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.show.markup import Html, element, fill, join
@@ -18,8 +18,6 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import section_html, tile_html
 from armdyn.show.page.sections import Section, listed, making_section, stacked, td, th
 from armdyn.show.page.verdict import Tile
-
-Array = NDArray[np.float64]
 
 _PAGE = Html(
     '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" '
@@ -77,6 +75,9 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 
 def _verdict(estimate: Estimate) -> tuple[str, str, str]:
     """Level, headline and sentence."""
+    if estimate.warnings:
+        said = estimate.warnings[0]
+        return "fair", "Other inertias than the file's", f"{said[:1].upper()}{said[1:]}."
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
@@ -18,8 +17,6 @@ from armdyn.models import JointLimits
 from armdyn.show.figures.limit_lines import Panel, draw_limits, draw_ranges, scales
 from armdyn.show.figures.style import INK, LOOK, Style, color, literal, styles
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _DENSE = 1200
 _MOST_TICKS = 40

@@ -49,21 +49,19 @@ def write_html(
         ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
         OSError: the folder cannot be written.
     """
-    made = replay_of(robot, trajectories, fps=fps, slow_motion=slow_motion, obstacles=obstacles)
+    made = replay_of(robot, trajectories, obstacles, Replay(fps, slow_motion))
     return write_whole(path, report_html(made).encode())
 
 
 def replay_of(
     robot: Robot,
     trajectories: Sequence[Trajectory | Solution | ShownMotion],
-    *,
-    fps: float = 60,
-    slow_motion: float | None = None,
     obstacles: Sequence[Obstacle] = (),
+    replay: Replay | None = None,
 ) -> Report:
     """A replay as a value; arguments and errors as of `write_html`."""
     moves = [_move(one, k) for k, one in enumerate(trajectories)]
-    return report_of(Subject.of(robot, obstacles), moves, replay=Replay(fps, slow_motion))
+    return report_of(Subject.of(robot, obstacles), moves, replay=replay or Replay())
 
 
 def _move(one: Trajectory | Solution | ShownMotion, k: int) -> ShownMotion:

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from armdyn.arguments import listener
 from armdyn.files import write_whole
 from armdyn.models.scene.obstacles import obstacle_entry
 from armdyn.show.results import result_head, save_results
@@ -60,7 +61,7 @@ def write_run(
     Raises:
         OSError: the folder cannot be written.
     """
-    progress = progress or (lambda text: None)
+    progress = listener(progress)
     folder.mkdir(parents=True, exist_ok=True)
     own = {
         # A controller's reference was made for its own model of the arm.

@@ -9,21 +9,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
+import coal
 import numpy as np
 import pinocchio as pin
 from meshcat import geometry as mg
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning
 from armdyn.models import Robot
-from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
+from armdyn.models.scene.bodies import elements_of_links
 from armdyn.models.values.spec import BodyShape, Payload
 
 if TYPE_CHECKING:
     import trimesh
 
-Array = NDArray[np.float64]
 Rgba = tuple[float, float, float, float]
 
 _GREY = (0.62, 0.66, 0.70, 1.0)
@@ -34,7 +35,7 @@ _PAYLOAD = (0.80, 0.15, 0.18, 1.0)
 _CARRIED = (0.20, 0.45, 0.72, 1.0)
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
 _CREASE = np.radians(35.0)  # faces that meet at a sharper angle show an edge
-_THREE_CYLINDER = pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0)
+_THREE_CYLINDER = pin.SE3(pin.rpy.rpyToMatrix(np.pi / 2, 0.0, 0.0), np.zeros(3)).homogeneous
 """three.js has a cylinder's axis along y, a URDF along z."""
 
 
@@ -84,22 +85,17 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
     colors = {str(m.get("name")): rgba for m in root.findall("material") if (rgba := _rgba(m))}
     shapes: list[VisualShape] = []
     troubles: list[str] = []
-    for link in root.findall("link"):
-        name = str(link.get("name"))
-        if not robot.model.existFrame(name, pin.FrameType.BODY):
-            continue
-        frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-        for visual in link.findall("visual"):
-            material = visual.find("material")
-            own = None if material is None else _rgba(material) or colors.get(str(material.get("name")))
-            try:
-                at = frame.placement.homogeneous @ origin(visual)
-                shapes += [
-                    replace(shape, joint=frame.parentJoint, placement=at @ shape.placement, name=name)
-                    for shape in _visual_shapes(visual, robot.package_dirs, own)
-                ]
-            except Exception as error:  # whatever a stranger's mesh provokes, the motion is still shown
-                troubles.append(f"link {name!r}: {error}")
+    for name, frame, visual in elements_of_links(robot, root, "visual"):
+        material = visual.find("material")
+        own = None if material is None else _rgba(material) or colors.get(str(material.get("name")))
+        try:
+            at = frame.placement.homogeneous @ origin(visual)
+            shapes += [
+                replace(shape, joint=frame.parentJoint, placement=at @ shape.placement, name=name)
+                for shape in _visual_shapes(visual, robot.package_dirs, own)
+            ]
+        except Exception as error:  # whatever a stranger's mesh provokes, the motion is still shown
+            troubles.append(f"link {name!r}: {error}")
     if troubles:
         warnings.warn(
             f"{robot.source}: drawn without {len(troubles)} of its visuals ({'; '.join(troubles[:3])})",
@@ -121,7 +117,6 @@ def obstacle_shapes(
         frame: placement in the joint's frame of the frame that they are placed in, shape (4, 4) [m]; None: the joint's.
         rgba: their colour.
     """
-    import coal
     import trimesh
 
     shapes: list[VisualShape] = []
@@ -148,15 +143,11 @@ def obstacle_shapes(
 
 def _round(joint: int, placement: Array, solid: Any, rgba: Rgba) -> Iterator[VisualShape]:
     """A sphere, capsule or cylinder of coal."""
-    import coal
-
     half = 0.0 if isinstance(solid, coal.Sphere) else solid.halfLength
     a, b = (placement[:3, 3] + side * half * placement[:3, 2] for side in (-1, 1))
     if not isinstance(solid, coal.Cylinder):
         for end in [a, b] if half else [a]:
-            ball = np.eye(4)
-            ball[:3, 3] = end
-            yield VisualShape(joint, ball, mg.Sphere(solid.radius), rgba)
+            yield VisualShape(joint, pin.SE3(np.eye(3), end).homogeneous, mg.Sphere(solid.radius), rgba)
     yield from _rod(joint, a, b, solid.radius, rgba)
 
 
@@ -166,10 +157,8 @@ def _rod(joint: int, a: Array, b: Array, radius: float, rgba: Rgba) -> Iterator[
     length = float(np.linalg.norm(along))
     if length < 1e-6:
         return
-    placement = np.eye(4)
-    placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), along).matrix()
-    placement[:3, 3] = (a + b) / 2
-    yield VisualShape(joint, placement, mg.Cylinder(length, radius), rgba)
+    turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 1.0, 0.0]), along).matrix()
+    yield VisualShape(joint, pin.SE3(turned, (a + b) / 2).homogeneous, mg.Cylinder(length, radius), rgba)
 
 
 def _rgba(material: Element) -> Rgba | None:
@@ -183,24 +172,16 @@ def _rgba(material: Element) -> Rgba | None:
 
 
 def _visual_shapes(visual: Element, folders: tuple[str, ...], rgba: Rgba | None) -> Iterator[VisualShape]:
-    holder = visual.find("geometry")
-    for body in () if holder is None else holder:
-        placement, geometry = np.eye(4), None
-        if body.tag == "box":
-            geometry = mg.Box(numbers(body.get("size"), 3, 1.0).tolist())
-        elif body.tag == "sphere":
-            geometry = mg.Sphere(float(numbers(body.get("radius"), 1, 1.0)[0]))
-        elif body.tag in ("cylinder", "capsule"):
-            length, radius = (float(numbers(body.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
-            placement[:3, :3] = _THREE_CYLINDER
-            geometry = mg.Cylinder(length, radius)
-        elif body.tag == "mesh":
-            path = resolve_mesh(str(body.get("filename", "")), folders)
-            scale = numbers(body.get("scale"), 3, 1.0)
-            for mesh, color in _load_meshes(path, scale):
+    for tag, sizes, file in geometries(visual, folders):
+        if file is not None:
+            for mesh, color in _load_meshes(file, sizes):
                 yield VisualShape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
-        if geometry is not None:
-            yield VisualShape(0, placement, geometry, rgba or _GREY)
+        elif tag == "box":
+            yield VisualShape(0, np.eye(4), mg.Box(sizes.tolist()), rgba or _GREY)
+        elif tag == "sphere":
+            yield VisualShape(0, np.eye(4), mg.Sphere(float(sizes[0])), rgba or _GREY)
+        elif tag in ("cylinder", "capsule"):
+            yield VisualShape(0, _THREE_CYLINDER, mg.Cylinder(*sizes.tolist()), rgba or _GREY)
 
 
 def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, Rgba]]:
@@ -237,8 +218,7 @@ def body_shapes(robot: Robot, body: Payload) -> Iterator[VisualShape]:
     at, joint = frame.placement.homogeneous, int(frame.parentJoint)
     yield from (replace(shape, name=body.name) for shape in obstacle_shapes(body.shapes, joint, at, rgba))
     if body.mass > 0 and not body.shapes:
-        centre = at.copy()
-        centre[:3, 3] = frame.placement.act(np.array(body.com))
+        centre = pin.SE3(frame.placement.rotation, frame.placement.act(np.array(body.com))).homogeneous
         radius = max(float(np.cbrt(body.mass / _DENSITY * 3 / (4 * np.pi))), 0.016)
         yield VisualShape(joint, centre, mg.Sphere(radius), _PAYLOAD, body.name)
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import listener, number
 from armdyn.arguments import parts as parts_of
+from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
@@ -26,10 +26,8 @@ from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import MonteCarloOptions, PlantRow, PlantStudy
 from armdyn.studies.plants import Plants
 from armdyn.studies.rows import row_store
-from armdyn.studies.run import Progress, run_cases
+from armdyn.studies.run import CaseRun, Progress
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _CONFIDENCE = 0.95
 _SAMPLES = 2000
@@ -103,7 +101,7 @@ class MonteCarlo:
 
         within = number(within, "within", unit="s", sign="not negative", finite=False)
         count = len(self._some())
-        settled = int(np.sum(np.minimum(self.settled_times, np.finfo(float).max) <= min(within, 1e300)))
+        settled = int(np.sum(np.isfinite(self.settled_times) & (self.settled_times <= within)))
         interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
         return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
 
@@ -197,19 +195,13 @@ class MonteCarlo:
         return self.rows
 
 
-_CONTROLLER = Lqr()
-_PLANTS = Plants()
-_LOOP = Loop()
-_OPTIONS = MonteCarloOptions()
-
-
 def monte_carlo(
     robot: Robot,
     reference: Trajectory,
-    controller: Controller = _CONTROLLER,
-    plants: Plants = _PLANTS,
-    loop: Loop = _LOOP,
-    options: MonteCarloOptions = _OPTIONS,
+    controller: Controller = Lqr(),
+    plants: Plants = Plants(),
+    loop: Loop = Loop(),
+    options: MonteCarloOptions = MonteCarloOptions(),
     file: str | os.PathLike[str] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> MonteCarlo:
@@ -246,7 +238,7 @@ def monte_carlo(
 
     with row_store(file, study.description, "normal") as rows, stopping(np.inf) as stop:
         with in_process(study, options.workers) as executor:
-            run_cases(study, rows, executor, stop, told)
+            CaseRun(study, rows, executor, stop, told).go()
         found = list[PlantRow]()
         for row in rows.rows():
             if row.k >= options.count:

@@ -9,7 +9,6 @@ from importlib.metadata import version
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, number, shown, whole
 from armdyn.control.laws.lqr import Lqr
@@ -25,8 +24,6 @@ from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.study import OwnTask
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 FORMAT = "armdyn-monte-carlo-3"
 _MOST = float(np.finfo(float).max)

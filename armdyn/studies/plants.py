@@ -7,15 +7,14 @@ from typing import Self
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.reprs import brief
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 """Least and greatest; uniformly distributed."""
 

@@ -59,12 +59,8 @@ class StudyArm:
 
     def description(self) -> dict[str, object]:
         """The arm as JSON; the text of a file by its checksum."""
-        robot = {
-            key: hashlib.sha256(text.encode()).hexdigest() if key in ("urdf", "mjcf") else text
-            for key, text in self.robot.items()
-        }
         named = {"named": {name: list(q) for name, q in sorted(self.poses.items())}} if self.poses else {}
-        return {"robot": robot, "problem": dict(self.problem), **named}
+        return {"robot": with_checksum(self.robot), "problem": dict(self.problem), **named}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,6 +156,12 @@ def _plain_robot(table: str, payload: float | None) -> Robot:
     """The robot of a table [robot] in JSON, with another mass of its payload [kg]; None: its own."""
     values = json.loads(table)
     return robot_from(Table(str(values.get("name", "robot")), values, {}), payload)
+
+
+def with_checksum(robot: Mapping[str, Any]) -> dict[str, Any]:
+    """A table [robot] whose file is told by its checksum."""
+    texts = {key: robot[key] for key in ("urdf", "mjcf") if key in robot}
+    return {**robot, **{key: hashlib.sha256(text.encode()).hexdigest() for key, text in texts.items()}}
 
 
 def place_of(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:

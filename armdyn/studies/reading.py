@@ -60,7 +60,8 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     check: Check = partial(check_setting, signs=kind.signs, problems=bare)
     fixed = dict[str, Value]()
     for own, name, value in _flat(table.table("fixed"), POSES):
-        fixed[name], where[name] = _checked(own, name, value, check), table.table("fixed")
+        with own.at(name.rpartition(".")[2]):
+            fixed[name], where[name] = check(name, value), table.table("fixed")
     axes = list[Axis]()
     for own, name, value in _flat(table.table("vary"), None):
         axes.append(_axis(own, name, value, check))
@@ -127,11 +128,6 @@ def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
             if names:
                 found[pose] = tuple(names)
     return found
-
-
-def _checked(table: Table, name: str, value: object, check: Check) -> Value:
-    with table.at(name.rpartition(".")[2]):
-        return check(name, value)
 
 
 def _axis(table: Table, name: str, value: object, check: Check) -> Axis:

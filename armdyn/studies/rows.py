@@ -8,7 +8,7 @@ import os
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
@@ -201,14 +201,9 @@ def _dumped(row: StudyRow) -> list[object]:
     return [json.dumps(dict(one), allow_nan=False) if isinstance(one, Mapping) else one for one in values.values()]
 
 
-@contextmanager
-def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+def _connected(path: Path) -> AbstractContextManager[sqlite3.Connection]:
     with _errors(path):
-        connection = sqlite3.connect(path, timeout=30.0)
-    try:
-        yield connection
-    finally:
-        connection.close()
+        return closing(sqlite3.connect(path, timeout=30.0))
 
 
 def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object], replace: bool) -> None:

@@ -8,18 +8,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, one_of, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
-from armdyn.studies.tasks.task import CaseResult, Neighbours, StudyTask
-
-Array = NDArray[np.float64]
+from armdyn.studies.tasks.task import Neighbours, StudyTask
 
 FORMAT = "armdyn-sweep-1"
 MAX_CASES = 10**6
@@ -78,11 +76,9 @@ class Axis:
     @property
     def kind(self) -> Literal["words", "linear", "log"]:
         """Whether the values are words (texts, lists, tables), or numbers on a scale."""
-        return (
-            "linear"
-            if all(isinstance(one, int | float) for one in self.values) and self.values
-            else ("words" if self.values else self.scale)
-        )
+        if not self.values:
+            return self.scale
+        return "linear" if all(isinstance(one, int | float) for one in self.values) else "words"
 
     def value(self, place: float) -> Value:
         """Value at a place from 0 to 1; each member of a list has an equal share of that interval."""
@@ -135,13 +131,9 @@ class OwnTask(Cases):
     neighbours: ClassVar[Neighbours] = "off"
 
     @property
-    def task(self) -> Self:  # type: ignore[override]
+    def task(self) -> Any:  # type: ignore[override]
         """The cases themselves."""
         return self
-
-    def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
-        """Do one case."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

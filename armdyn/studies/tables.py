@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -70,15 +69,10 @@ def write_parquet(rows: RowStore, path: str | os.PathLike[str]) -> Path:
         raise MissingPackageError("pyarrow", "Parquet", "CSV needs nothing") from None
     schema = arrow.schema([(name, _arrow_type(arrow, kinds)) for name, kinds in _columns(rows).items()])
     with writing_whole(path) as scratch, parquet.ParquetWriter(scratch, schema) as file:
-        for piece in _pieces(rows):
+        waiting = rows.rows()
+        while piece := [flat(row) for row in islice(waiting, _PIECE)]:
             file.write_table(arrow.Table.from_pylist(piece, schema=schema))
     return Path(path)
-
-
-def _pieces(rows: RowStore) -> Iterator[list[dict[str, Any]]]:
-    waiting = rows.rows()
-    while piece := [flat(row) for row in islice(waiting, _PIECE)]:
-        yield piece
 
 
 def _columns(rows: RowStore) -> dict[str, set[type]]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array, Index
 
 INTERPOLATIONS = {1: "linear", 2: "cubic", 3: "quintic"}
 """ros2_control's joint_trajectory_controller goes from point to point by the lowest polynomial that has the given
@@ -39,7 +38,7 @@ def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Arr
     return q, v, a
 
 
-def _derivative(powers: NDArray[np.int_], order: int, s: Array | float) -> Array:
+def _derivative(powers: Index, order: int, s: Array | float) -> Array:
     """Derivative of the monomials s^p of some order."""
     factors = np.prod([np.maximum(powers - i, 0) for i in range(order)], axis=0) if order else np.ones(powers.size)
     return np.asarray(factors * np.asarray(s, dtype=float) ** np.maximum(powers - order, 0))

@@ -6,16 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.arrays import Array, Flags
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory.samples import LEAST_STEP
 
 if TYPE_CHECKING:
     from armdyn.trajectory.value import Trajectory
 
-Array = NDArray[np.float64]
 
 JOIN_TOLERANCE = 1e-5
 """Largest difference of a joint's position [rad or m] and velocity [rad/s or m/s] between the end of a motion and the
@@ -94,7 +93,7 @@ def backwards(motion: Trajectory) -> Trajectory:
     )  # fmt: skip
 
 
-def _spaced(t: Array, jumps: NDArray[np.bool_]) -> Array:
+def _spaced(t: Array, jumps: Flags) -> Array:
     """Times whose jumps are one ulp long, and no shorter anywhere [s], shape (n,).
 
     Args:

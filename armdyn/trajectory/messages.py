@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".json", ".yaml", ".yml")
 
@@ -134,7 +132,7 @@ def _stamp(file: Path, k: int, given: object) -> float:
 def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: int) -> Array | None:
     """One kind of number of all points, shape (n, width); None where no point has it: a list without entries."""
     rows = [point.get(kind) or [] for point in points]
-    if not any(isinstance(row, list) and row for row in rows) and all(row == [] for row in rows):
+    if all(row == [] for row in rows):
         return None
     for k, row in enumerate(rows):
         if not isinstance(row, list) or len(row) != width:

@@ -11,15 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import path as path_of
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded, write_whole
 from armdyn.trajectory.pieces import from_text
 
 Made = TypeVar("Made")
 
-_FORMAT = "armdyn-trajectory-2"
-_PIECES_FORMAT = "armdyn-trajectory-3"  # of motions of several pieces
-_OLD_FORMAT = "armdyn-trajectory-1"  # without model_hash and hold, its units not checked
+_FORMAT = "armdyn-trajectory-3"
 _UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 _ARRAYS = ("t", "q", "v", "tau")
 _TEXTS = ("format", "units", "name", "model_hash", "hold", "pieces")
@@ -39,7 +38,7 @@ _LONGEST = 500
 
 def write(
     path: str | os.PathLike[str],
-    arrays: Mapping[str, NDArray[np.float64]],
+    arrays: Mapping[str, Array],
     texts: Mapping[str, str],
     joint_names: Sequence[str],
 ) -> Path:
@@ -47,7 +46,7 @@ def write(
     path = path_of(path, "path of a trajectory", error=TrajectoryError)
     if sum(array.nbytes for array in arrays.values()) > MAX_BYTES:
         raise TrajectoryError(f"{path}: {arrays['t'].size} samples are more than {MAX_BYTES} bytes")
-    said = {"format": _PIECES_FORMAT if "pieces" in texts else _FORMAT, "units": _UNITS, **texts}
+    said = {"format": _FORMAT, "units": _UNITS, **texts}
     members: dict[str, Any] = {name: np.array(text) for name, text in said.items()}
     if sum(member.nbytes for member in members.values()) > _HEADS // 2:
         raise TrajectoryError(f"{path}: names and pieces are more than {_HEADS // 2} bytes")
@@ -86,7 +85,7 @@ def is_own(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
+def numbers_of(file: zipfile.ZipFile, name: str) -> Array:
     """One array of numbers of an untrusted npz file, no larger than the file says that it is.
 
     Raises:
@@ -100,7 +99,7 @@ def numbers_of(file: zipfile.ZipFile, name: str) -> NDArray[np.float64]:
     return array.astype(float)
 
 
-def bounded(array: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def bounded(array: Array, name: str) -> Array:
     """A file's numbers, none of them too large to be reckoned with.
 
     Args:
@@ -125,14 +124,11 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     form = str(_member(file, "format", text=True))
-    if form not in (_PIECES_FORMAT, _FORMAT, _OLD_FORMAT):
+    if form != _FORMAT:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
-    new = form != _OLD_FORMAT
-    known = [f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS) if name != "pieces" or form == _PIECES_FORMAT]
-    optional = ("hold.npy",) if new else ("hold.npy", "model_hash.npy", "units.npy")
-    if len(found) != len(set(found)) or not {*known} - {*optional} <= {*found} <= {*known}:
+    if sorted(found) != sorted(f"{name}.npy" for name in (*_TEXTS, "joint_names", *_ARRAYS)):
         raise TrajectoryError(f"not a readable npz trajectory: it holds {', '.join(map(repr, found[:12]))}")
-    if new and (units := str(_member(file, "units", text=True))) != _UNITS:
+    if (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
     names = _member(file, "joint_names", text=True)
     if names.ndim != 1:
@@ -142,10 +138,8 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     made = make(
         **{field: _member(file, field) for field in _ARRAYS},
         joint_names=tuple(map(str, names)),
-        name=str(_member(file, "name", text=True)),
-        model_hash=str(_member(file, "model_hash", text=True)) if new else "",
-        hold=str(_member(file, "hold", text=True)) if "hold.npy" in found else "linear",
-        pieces=from_text(str(_member(file, "pieces", text=True))) if form == _PIECES_FORMAT else (),
+        **{name: str(_member(file, name, text=True)) for name in ("name", "model_hash", "hold")},
+        pieces=from_text(str(_member(file, "pieces", text=True))),
     )
     for field in _ARRAYS:
         bounded(getattr(made, field), field)

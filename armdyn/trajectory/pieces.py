@@ -8,13 +8,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 MOST_PIECES = 1000
 """Pieces of one motion: a cycle has some ten."""

@@ -10,22 +10,20 @@ import io
 import os
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.files import read_bounded
 from armdyn.reprs import brief
 from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS
-
-Array = NDArray[np.float64]
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
 """Of motions: no robot's file has them."""
@@ -41,6 +39,8 @@ _NAMES = {
     "tau": "tau taus effort efforts torque torques u",
 }
 """Planners' names of time, positions, velocities, accelerations, torques; toppra's examples have ts_sample."""
+
+_USAGE = "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
 
 _MEANS = {word: what for what, words in _NAMES.items() for word in words.split()}
 _HEAD = re.compile(r"\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\])]*)[\])])?\s*")
@@ -101,13 +101,15 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         TrajectoryError: it cannot be read, has no times or positions, or a joint is missing.
     """
     file = Path(path_of(path, "path of a motion", error=TrajectoryError))
+    suffix = file.suffix.lower()
+    read = _arrays if suffix == ".npz" else messages.read_message if suffix in messages.SUFFIXES else _columns
     try:
-        found = _READERS.get(file.suffix.lower(), _columns)(file, joint_names)
+        found = read(file, joint_names)
     except FileError as error:
         raise TrajectoryError(str(error)) from None
     missing = [what for what in ("t", "q") if what not in found]
     if missing:
-        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}; {_usage()}")
+        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}; {_USAGE}")
     try:
         return Planned(**{what: npz.bounded(array, what) for what, array in found.items()})
     except TrajectoryError as error:
@@ -152,10 +154,6 @@ def _bare(file: Path) -> list[str]:
     ]
 
 
-def _usage() -> str:
-    return "a table's first line is such as t,q1,q2,v1,v2; an npz has arrays t and q, and may have v, a, tau"
-
-
 def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     """Known arrays of an npz; their columns are the joints in the robot's order."""
     try:
@@ -187,22 +185,22 @@ def _columns(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     try:
         text = read_bounded(file, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TrajectoryError(f"{file}: not UTF-8 (byte {error.start}); {_usage()}") from None
+        raise TrajectoryError(f"{file}: not UTF-8 (byte {error.start}); {_USAGE}") from None
     head, _, _ = text.lstrip().partition("\n")
     between = max(",;\t", key=head.count)
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), delimiter=between), 1) if row]
     except csv.Error as error:
-        raise TrajectoryError(f"{file}: no table ({error}); {_usage()}") from None
+        raise TrajectoryError(f"{file}: no table ({error}); {_USAGE}") from None
     if len(rows) < 2:
-        raise TrajectoryError(f"{file}: no rows; {_usage()}")
+        raise TrajectoryError(f"{file}: no rows; {_USAGE}")
     names = [name.lstrip("# ") for name in rows[0][1]]
     try:
         [float(name) for name in names]
     except ValueError:
         pass
     else:
-        raise TrajectoryError(f"{file}: its first line is numbers; {_usage()}")
+        raise TrajectoryError(f"{file}: its first line is numbers; {_USAGE}")
     table = _numbers(file, rows[1:], names)
     return _sorted(file, names, table, joint_names)
 
@@ -262,13 +260,6 @@ def _stacked(file: Path, what: str, columns: Mapping[int, Array], joints: Sequen
     first = min(columns)
     if sorted(columns) != list(range(first, first + len(joints))) or first > 1:
         raise TrajectoryError(
-            f"{file}: {len(columns)} columns are {what}, of {len(joints)} joints: {', '.join(joints)}; {_usage()}"
+            f"{file}: {len(columns)} columns are {what}, of {len(joints)} joints: {', '.join(joints)}; {_USAGE}"
         )
     return np.column_stack([columns[i] for i in sorted(columns)])
-
-
-_READERS: dict[str, Callable[[Path, Sequence[str]], dict[str, Array]]] = {
-    ".npz": _arrays,
-    **dict.fromkeys(messages.SUFFIXES, messages.read_message),
-}
-"""By suffix; any other is a table."""

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, numbers, several, text
+from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.reprs import brief
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from armdyn.trajectory.pieces import Piece
     from armdyn.trajectory.value import Trajectory
 
-Array = NDArray[np.float64]
 
 _ARRAYS = ("t", "q", "v", "a", "tau")
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, number, numbers, text
+from armdyn.arrays import Array, Flags
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
@@ -21,7 +22,6 @@ from armdyn.trajectory.samples import LEAST_STEP, Samples, check_fields, samples
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-Array = NDArray[np.float64]
 
 _ARRAYS = ("t", "q", "v", "tau")
 
@@ -214,7 +214,7 @@ class Trajectory:
         return self.tau[:-1] if self.hold == "zero-order" else self.tau[1:]
 
     @property
-    def jumps(self) -> NDArray[np.bool_]:
+    def jumps(self) -> Flags:
         """Mask of intervals without duration, shape (n - 1,): there a linear torque may jump.
 
         `jumps[k]` is of samples k and k + 1: they are one ulp of time apart, or two where a sum of times was rounded.
@@ -260,14 +260,12 @@ class Trajectory:
             FileError: the folder cannot be written.
             TrajectoryError: it is larger than `MAX_BYTES`.
         """
-        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold}
-        if self.pieces:
-            texts["pieces"] = to_text(self.pieces)
+        texts = {"name": self.name, "model_hash": self.model_hash, "hold": self.hold, "pieces": to_text(self.pieces)}
         return npz.write(path, {field: getattr(self, field) for field in _ARRAYS}, texts, self.joint_names)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Trajectory:
-        """Read a file of `save`, also of earlier versions. Nothing in the file is executed.
+        """Read a file of `save`. Nothing in the file is executed.
 
         Raises:
             TrajectoryError: the file is missing, no regular file, no trajectory, of an unknown version or in other

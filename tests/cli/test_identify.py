@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.models.scene.collision import CollisionModel
 from cli.command import answer, run_here
 from oracles import robot_named
 from simulated_logs import simulated_log
@@ -72,6 +73,27 @@ def test_an_identified_arm_is_planned_with_at_once(tmp_path):
     assert many["settled"] == many["count"] == 6 and many["worst"]["payload"] == 1
 
 
+def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
+    links = {
+        joint: 1.5 * body.toDynamicParameters()
+        for joint, body in zip(RRR.joint_names, RRR.model.inertias[1:], strict=True)
+    }
+    told = answer(
+        run_here(
+            "identify",
+            "rrr",
+            table_of(RRR.with_inertias(links), tmp_path),
+            "--payload-only",
+            "--out",
+            tmp_path,
+            "--json",
+        )
+    )
+    assert told["status"] == "identified"
+    assert re.fullmatch(r"the logs ask for other inertias .*: leave out --payload-only", *told["warnings"])
+    assert "The logs ask for other inertias of the links" in Path(told["files"][1]).read_text()
+
+
 def test_what_follows_is_run_only_after_success(log, tmp_path):
     line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
     assert run_here(*line, "--then", "bnd").returncode == 2
@@ -122,6 +144,15 @@ def test_an_exciting_motion_is_written(tmp_path):
     assert motion.duration == pytest.approx(2.0) and not np.any(motion.v[[0, -1]])
 
 
+def test_an_exciting_motion_is_clear_of_obstacles_and_accepted_by_the_preset(tmp_path):
+    scene = ["--obstacle", "plane:0,0,1@0,0,-0.05", "--self-collision", "--clearance", "0.008", "--preset", "ur5"]
+    told = answer(run_here("identify", "ur5", "--exciting", 2, "--payload-only", *scene, "--out", tmp_path, "--json"))
+    motion, ur5 = ad.Trajectory.load(told["files"][0]), robot_named("ur5")
+    assert ad.ControllerPreset.named("ur5").check(motion).ok
+    model = CollisionModel(ur5, [ad.Plane((0, 0, -0.05), (0, 0, 1))], True)
+    assert np.min(model.distances(motion.q)) >= 0.008
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -130,6 +161,8 @@ def test_an_exciting_motion_is_written(tmp_path):
         (["log.csv", "--payload-only", "--friction-only"], "give one of them"),
         (["log.csv", "--held-out", "2"], "--held-out is 2"),
         (["--exciting", "0.1"], "0.1 s"),
+        (["log.csv", "--obstacle", "sphere:0.1@1,0,0"], "--obstacle is of a motion to log: give --exciting"),
+        (["log.csv", "--preset", "ur5"], "--preset is of a motion to log"),
         (["--exciting", "2", "--then", "mintime"], "--then needs an identified arm"),
         (["log.csv", "--likely", "1000"], "--likely is 1000"),
     ],

@@ -106,6 +106,24 @@ def test_tune_writes_what_it_has_chosen(tmp_path):
     assert json.loads((tmp_path / "result.json").read_text())["values"] == told["values"]
 
 
+def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(tmp_path):
+    arms = "".join(f"[[robot.likely]]\npayload = {{ mass = {0.1 + k / 1000} }}\n" for k in range(5))
+    file = tmp_path / "identified.toml"
+    file.write_text(f"[robot]\nname = 'r'\npayload = {{ mass = 0.1 }}\n{arms}")
+    ends = ("--q-start", 0, "--q-goal", 1, "--json", "--out", tmp_path)
+    told = answer(run_here("tune", file, *TUNE[4:], *ends))
+    assert (told["training"]["count"], told["held_out"]["count"]) == (3, 3)
+    track = ("track", file, "--ramp", 0.5, "--no-figure", "--no-report", *ends)
+    errors = [
+        answer(run_here(*track, *more))["overshoot"] for more in ((), ("--plant-likely", 0), ("--plant-likely", 4))
+    ]
+    assert errors[0] == errors[1] != errors[2]
+    for more, said in (((5,), "--plant-likely is 5; it must be at most 4"), ((1, "--plant-payload", 1), "give one of")):
+        assert said in answer(run_here(*track, "--plant-likely", *more), 2)["message"]
+    none = ("track", "r", "--ramp", 0.5, "--plant-likely", 0, "--json")
+    assert "this one has no likely arms" in answer(run_here(*none), 2)["message"]
+
+
 def test_tune_tells_people_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
     done = run_here(*TUNE, "--controller", "computed-torque", "--out", tmp_path, "--duration", "0.6")
     words = " ".join(done.stdout.split())

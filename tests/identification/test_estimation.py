@@ -1,5 +1,7 @@
 """Identification against simulated logs of known arms."""
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -76,6 +78,16 @@ def test_payload(name):
     assert found.mass == pytest.approx(payload.mass, rel=0.01)
     seen = [0, 2] if name == "rrr" else [0, 1, 2]  # a planar arm feels nothing of y
     np.testing.assert_allclose(np.take(found.com, seen), np.take(payload.com, seen), atol=5e-3)
+
+
+@pytest.mark.parametrize("what", ["payload", "friction"])
+def test_a_payload_or_friction_that_makes_up_for_wrong_inertias_is_warned_of(what):
+    prior = robot_named("ur5")
+    right, wrong = (one.with_friction(0.5, 1) for one in (prior, stirred(prior)))
+    assert identify(prior, simulated_log(right, duration=4.0), what, QUICK).warnings == ()
+    (said,) = identify(prior, simulated_log(wrong, duration=4.0), what, QUICK).warnings
+    assert re.search(rf"other inertias of the links.* shoulder_lift_joint to \d+ %.*the {what} alone", said)
+    assert identify(prior, simulated_log(wrong, duration=4.0), "all", QUICK).warnings == ()
 
 
 def test_confidence_covers_the_truth():

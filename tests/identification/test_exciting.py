@@ -7,6 +7,7 @@ from armdyn.errors import ProblemError
 from armdyn.identification import ExcitingOptions, Log, exciting_motion, identify
 from armdyn.models import Box, ControllerPreset, Payload, Plane
 from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.proof_of_clearance import prove_clearance
 from oracles import robot_named
 
 
@@ -34,8 +35,15 @@ def test_it_is_clear_of_obstacles():
     motion = exciting_motion(
         robot, 4.0, ExcitingOptions(generations=3, candidates=20, obstacles=[table], self_collision=True)
     )
-    model = CollisionModel(robot, [table], True)
-    assert all(model.is_free(q, 0.01) for q in motion.q)
+    proof = prove_clearance(CollisionModel(robot, [table], True), motion, 0.005)
+    assert proof.nearest.sure and proof.nearest.distance >= 0.005
+    # The upper arm cannot keep away from this plane; it may touch it.
+    near = {"candidates": 1, "generations": 0, "obstacles": [Plane((0, 0, 0.05), (0, 0, 1), name="bench")]}
+    with pytest.raises(ProblemError, match="none of 1 motions"):
+        exciting_motion(robot, 4.0, ExcitingOptions(**near))
+    allowed = [(link, "bench") for link in ("base_link", "shoulder_link", "upper_arm_link", "forearm_link")]
+    allowed += [(f"wrist_{k}_link", "bench") for k in (1, 2, 3)]
+    assert exciting_motion(robot, 4.0, ExcitingOptions(**near, allowed_contacts=allowed)).duration == 4.0
 
 
 def test_what_cannot_be_is_refused():
@@ -49,3 +57,5 @@ def test_what_cannot_be_is_refused():
     with pytest.raises(ProblemError, match="obstacles"):
         ExcitingOptions(obstacles=["box"])
     assert ExcitingOptions(obstacles=[Box((1, 1, 1), (0, 0, 0))]).obstacles
+    with pytest.raises(ProblemError, match=r"allowed_contacts\[0\]: no link of rrr and no obstacle is named 'arm'"):
+        exciting_motion(robot, 2.0, ExcitingOptions(allowed_contacts=[("arm", "box")]))

@@ -192,8 +192,7 @@ def test_an_inertia_in_three_forms():
 def test_pieces_are_saved(cycle, tmp_path):
     loaded = Trajectory.load(cycle.save(tmp_path / "cycle.npz"))
     assert equal(loaded, cycle) and loaded.pieces[1].load == PART
-    with np.load(cycle.save(tmp_path / "c.npz")) as file, np.load(bang().save(tmp_path / "b.npz")) as plain:
-        assert (str(file["format"]), str(plain["format"])) == ("armdyn-trajectory-3", "armdyn-trajectory-2")
+    assert Trajectory.load(bang().save(tmp_path / "plain.npz")).pieces == ()
 
 
 @pytest.mark.parametrize(
@@ -214,19 +213,6 @@ def test_pieces_of_a_stranger_are_refused(cycle, tmp_path, pieces):
     with pytest.raises(TrajectoryError, match=r"cycle\.npz: ") as caught:
         Trajectory.load(path)
     assert len(str(caught.value)) < 700
-
-
-def test_pieces_in_a_file_of_an_older_format_are_refused(cycle, tmp_path):
-    path = cycle.save(tmp_path / "cycle.npz")
-    with np.load(path) as file:
-        members = dict(file)
-    np.savez(path, **members | {"format": np.array("armdyn-trajectory-2")})
-    with pytest.raises(TrajectoryError, match="it holds"):
-        Trajectory.load(path)
-    members.pop("pieces")
-    np.savez(path, **members)
-    with pytest.raises(TrajectoryError, match="it holds"):
-        Trajectory.load(path)
 
 
 def test_texts_too_long_for_a_file_are_not_saved(tmp_path):

@@ -232,10 +232,12 @@ UNITS = "t s; q rad or m; v rad/s or m/s; tau N m or N"
 
 def content(**changes):
     good = {
-        "format": "armdyn-trajectory-2",
+        "format": "armdyn-trajectory-3",
         "units": UNITS,
         "name": "x",
         "model_hash": "abc",
+        "hold": "linear",
+        "pieces": "[]",
         "joint_names": np.array([], dtype=str),
         "t": T,
         "q": position(T),
@@ -254,20 +256,15 @@ def test_what_is_written_by_hand_is_read(tmp_path):
     assert Trajectory.load(tmp_path / "x.npz").model_hash == "abc"
 
 
-@pytest.mark.parametrize("units", [UNITS, None])
-def test_version_1_is_read_still(motion, tmp_path, units):
-    write(tmp_path / "old.npz", format="armdyn-trajectory-1", units=units, model_hash=None)
-    old = Trajectory.load(tmp_path / "old.npz")
-    assert old.model_hash == "" and np.array_equal(old.q, motion.q)
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"format": "other-1"}, "not a trajectory of format"),
         ({"format": None}, "not a trajectory of format"),
         ({"format": "armdyn-trajectory-4"}, "'armdyn-trajectory-4'; a newer armdyn may read it"),
-        ({"format": np.array(["armdyn-trajectory-2"])}, "format has shape"),
+        ({"format": np.array(["armdyn-trajectory-3"])}, "format has shape"),
+        ({"hold": None}, "not a readable npz trajectory"),
+        ({"pieces": None}, "not a readable npz trajectory"),
         ({"format": 2.0}, "format is of type"),
         ({"units": "t ms; q deg; v deg/s; tau N cm"}, "in units 't ms;"),
         ({"units": None}, "not a readable npz trajectory"),

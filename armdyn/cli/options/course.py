@@ -64,16 +64,11 @@ class RateOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathConstraintOptions:
-    """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
+class SceneOptions:
+    """Obstacles, and the clearance from them: the texts of the options."""
 
     panel: ClassVar[str] = SCENE
 
-    via: list[str] | None = option(
-        "Q,Q,…|NAME",
-        "Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
-        rich_help_panel=TASK,
-    )
     obstacle: list[str] | None = option(
         "SHAPE|FILE.json",
         "Something to keep clear of, in the world \\[m]: box:SX,SY,SZ@X,Y,Z (edges, centre), sphere:R@X,Y,Z, "
@@ -89,10 +84,45 @@ class PathConstraintOptions:
     allow_contact: list[str] | None = option(
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
     )
+    clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
+
+    def scene_arguments(self, robot: Robot) -> dict[str, Any]:
+        """The scene as arguments of a `MinimumTimeProblem`, or of `ExcitingOptions`.
+
+        Args:
+            robot: that moves.
+
+        Raises:
+            ProblemError: a text does not fit its option.
+        """
+        from armdyn.models.scene.scenes import load_scene
+
+        scenes = [load_scene(file, robot) for file in self.scene or ()]
+        allowed = (pair for scene in scenes for pair in scene.allowed_contacts)
+        return {
+            "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
+            "self_collision": self.self_collision,
+            "allowed_contacts": [*_pairs(self.allow_contact), *allowed],
+            "clearance": self.clearance,
+        }
+
+
+def _pairs(texts: Sequence[str] | None) -> list[tuple[str, ...]]:
+    return [tuple(name.strip() for name in text.split(",")) for text in texts or ()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathConstraintOptions(SceneOptions):
+    """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
+
+    via: list[str] | None = option(
+        "Q,Q,…|NAME",
+        "Pose to pass through, at any time and speed, like --q-start; may be given again, in order.",
+        rich_help_panel=TASK,
+    )
     end_contact: list[str] | None = option(
         "A,B", "Names that may touch at the start or the goal, as a payload and its table. May be given again."
     )
-    clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
     rates: RateOptions = field(default_factory=RateOptions)
     limit: Limits = None
 
@@ -105,21 +135,12 @@ class PathConstraintOptions:
         Raises:
             ProblemError: a text does not fit its option.
         """
-        from armdyn.models.scene.scenes import load_scene
         from armdyn.optimal.path_constraints.registry import path_constraint_from
 
-        scenes = [load_scene(file, robot) for file in self.scene or ()]
-        contacts, at_ends = (
-            [tuple(name.strip() for name in text.split(",")) for text in texts or ()]
-            for texts in (self.allow_contact, self.end_contact)
-        )
         return {
             "via": [positions(text, "--via", robot) for text in self.via or ()],
-            "obstacles": (*obstacles_of(self.obstacle or ()), *(one for scene in scenes for one in scene.obstacles)),
-            "self_collision": self.self_collision,
-            "allowed_contacts": [*contacts, *(pair for scene in scenes for pair in scene.allowed_contacts)],
-            "end_contacts": at_ends,
-            "clearance": self.clearance,
+            **self.scene_arguments(robot),
+            "end_contacts": _pairs(self.end_contact),
             **self.rates.problem_arguments(),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }

@@ -52,7 +52,9 @@ def problem_file(name: str) -> ProblemFile:
     return read_problem_file(name)
 
 
-def likely_arms(robot: RobotArgument, payload: PayloadOptions, joints: FastJointOptions) -> tuple[ad.Robot, ...]:
+def likely_arms(
+    robot: RobotArgument, payload: PayloadOptions, joints: JointOptions | FastJointOptions
+) -> tuple[ad.Robot, ...]:
     """The likely arms of a file of `armdyn identify`, with the payload and limits of the options; none: no such file.
 
     Raises:
@@ -166,6 +168,10 @@ class ArmOptions:
             self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
         )
 
+    def likely(self) -> tuple[ad.Robot, ...]:
+        """The robot's likely arms; see `likely_arms`."""
+        return likely_arms(self.robot, self.payload, self.joints)
+
     def ends(self, kind: Kind = "minimum_time") -> tuple[list[float], list[float]]:
         """Start and goal [rad or m].
 
@@ -202,7 +208,3 @@ class FastArmOptions(ArmOptions):
         start, goal = self.ends()
         kept = self.joints.problem_arguments()
         return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()
-
-    def likely(self) -> tuple[ad.Robot, ...]:
-        """The robot's likely arms; see `likely_arms`."""
-        return likely_arms(self.robot, self.payload, self.joints)

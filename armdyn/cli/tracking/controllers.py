@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
-from armdyn.arguments import one_of
+from armdyn.arguments import one_of, whole
 from armdyn.cli.options.groups import flag, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
@@ -93,6 +94,7 @@ class PlantOptions:
     panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
     plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
+    plant_likely: int | None = option("K", "Likely arm number K, from 0, of identified.toml of armdyn identify.")
     plant_damping: str | None = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
     plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
@@ -105,9 +107,17 @@ class PlantOptions:
         Raises:
             ArmdynError: a value does not fit the robot.
         """
-        arm = task.carrying(self.plant_payload)
+        arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(task.likely())
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))
         )
         return arm.with_friction(damping, friction, None)
+
+    def _likely(self, arms: Sequence[ad.Robot]) -> ad.Robot:
+        """The likely arm of the option's number."""
+        if self.plant_payload is not None:
+            raise ProblemError("--plant-likely and --plant-payload: give one of them; a likely arm has its own payload")
+        if not arms:
+            raise ProblemError("--plant-likely needs the file of armdyn identify as ROBOT: this one has no likely arms")
+        return arms[whole(self.plant_likely, "--plant-likely", 0, len(arms) - 1)]

@@ -16,6 +16,9 @@ from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 
+_CHOSEN_ON = 10
+"""Likely arms that gains are chosen on, at most half of them: the others are held out."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyOptions:
@@ -55,7 +58,7 @@ class TuningOptions:
     generations: int = option("N", "Most of them.", default=60)
     time_limit: float = option("S", "Of the search \\[s].", default=300.0)
     search_seed: int = option("N", "Of the search.", default=0)
-    held_out: int = option("N", "Random arms on which only the answer is run.", default=100)
+    held_out: int = option("N", "Random arms, or likely ones of a file, on which only the answer is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
         """The options of `tune`.
@@ -81,23 +84,27 @@ def tune(
     """The gains, and the ramp, with which the worst of some arms settles soonest in the loop as it is built.
 
     They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
-    then tried on random arms. Ctrl-C gives the best so far, and the same command goes on. Exit code 0: all arms that
-    they were chosen on settle; 3: some do not.
+    then tried on random arms. ROBOT may be identified.toml of armdyn identify: they are chosen on half of its likely
+    arms, at most 10, and tried on the others. Ctrl-C gives the best so far, and the same command goes on. Exit code 0:
+    all arms that they were chosen on settle; 3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
     armdyn tune problem.toml --controller lqr
+    armdyn tune results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     with answering(output.json) as answer:
         model, (start, goal) = task.arm, task.ends()
-        plants, options = arms.plants(model), search.options()
+        likely, options = task.likely(), search.options()
+        plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
+        first, others = (replace(plants, likely=own) for own in (likely[:half], likely[half:] or likely))
         folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
         folder.mkdir(parents=True, exist_ok=True)
         options = replace(options, file=folder / ROWS)
         with working(f"tuning {family.controller} for {model.name}") as progress:
             found = ad.tune(
                 model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
-                plants.corners(model), plants.arms(model, search.held_out), loop.joined(), options, progress,
+                first.corners(model), others.arms(model, search.held_out), loop.joined(), options, progress,
             )  # fmt: skip
         summary = _summary(found)
         files = _write(folder, model, found, summary)

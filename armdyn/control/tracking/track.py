@@ -18,16 +18,13 @@ from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot, expect_robots
 from armdyn.trajectory import Trajectory
 
-_LOOP = Loop()
-_CONTROLLER = Lqr()
-
 
 def track(
     robot: Robot,
     reference: Trajectory,
-    controller: Controller = _CONTROLLER,
+    controller: Controller = Lqr(),
     plant: Robot | Sequence[Robot] | None = None,
-    loop: Loop = _LOOP,
+    loop: Loop = Loop(),
     duration: float = 2.0,
     *,
     tolerance: float = 0.005,

@@ -9,13 +9,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import path, several
+from armdyn.arrays import Array
 from armdyn.errors import FileError, SpecError
 from armdyn.files import read_bounded
-
-Array = NDArray[np.float64]
 
 _MAX_MESH_BYTES = 256 * 2**20
 _MESH_FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")  # no archives: they may hold anything
@@ -43,6 +41,33 @@ def origin(element: Element) -> Array:
     rpy = numbers(at.get("rpy"), 3, 0.0)
     matrix: Array = pin.SE3(pin.rpy.rpyToMatrix(rpy), numbers(at.get("xyz"), 3, 0.0)).homogeneous
     return matrix
+
+
+def geometries(
+    element: Element, folders: tuple[str, ...], missing: str | None = None
+) -> Iterator[tuple[str, Array, Path | None]]:
+    """Shapes of a visual or collision element: tag, sizes, and of a mesh its scale and file.
+
+    Sizes are three edges of a box [m], the radius of a sphere, a length and a radius of other shapes.
+
+    Args:
+        element: of the URDF.
+        folders: see `mesh_folders`.
+        missing: in place of a missing size; None: a metre.
+
+    Raises:
+        ValueError: a size is no number.
+        OSError: there is no such mesh.
+    """
+    holder = element.find("geometry")
+    for shape in () if holder is None else holder:
+        if shape.tag == "mesh":
+            file = resolve_mesh(str(shape.get("filename", "")), folders)
+            yield shape.tag, numbers(shape.get("scale"), 3, 1.0), file
+        else:
+            keys = {"box": {"size": 3}, "sphere": {"radius": 1}}.get(shape.tag, {"length": 1, "radius": 1})
+            sizes = [numbers(shape.get(key, missing), count, 1.0) for key, count in keys.items()]
+            yield shape.tag, np.concatenate(sizes), None
 
 
 def folders_of(package_dirs: object) -> tuple[str, ...]:

@@ -6,25 +6,26 @@ from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
 
+import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.locks import built_once
-from armdyn.models.reading.meshes import load_meshes, numbers, origin, resolve_mesh
+from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
 from armdyn.models.scene.obstacles import Capsule
 
-Array = NDArray[np.float64]
-
 _ROUND = 24
 """Corners of the polygon around a cylinder's circle."""
 ROUND_FINE = 128
 """The same of an obstacle or an attached body: 0.03 % larger, and computed once."""
+EqualBalls = tuple[Array, float]
+"""Centres [m], shape (m, 3), and radius [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,23 +68,13 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     root = parse_urdf(robot.urdf, robot.source)
     for tag in ("collision", "visual"):
         found: list[Body] = []
-        for link in root.findall("link"):
-            name = str(link.get("name"))
-            if not robot.model.existFrame(name, pin.FrameType.BODY):
-                continue
-            frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
-            for element in link.findall(tag):
-                try:
-                    at = frame.placement.homogeneous @ origin(element)
-                    shapes = list(_shapes(element, robot.package_dirs))
-                except Exception as error:  # whatever a stranger's mesh provokes: without it nothing is known
-                    raise ProblemError(
-                        f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}"
-                    ) from None
-                for geometry, points, thickness in shapes:
-                    moved = points @ at[:3, :3].T + at[:3, 3]
-                    capsule = _around_once(moved.tobytes(), thickness)
-                    found.append(Body(name, int(frame.parentJoint), at, geometry, capsule, moved, thickness))
+        for name, frame, element in elements_of_links(robot, root, tag):
+            try:
+                at = frame.placement.homogeneous @ origin(element)
+                shapes = list(_shapes(element, robot.package_dirs))
+            except Exception as error:  # whatever a stranger's mesh provokes: without it nothing is known
+                raise ProblemError(f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}") from None
+            found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
         if any(body.joint for body in found):
             return (*found, *_attached(robot))
     raise ProblemError(
@@ -91,28 +82,33 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
-def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, Array, float]]:
-    """Geometry of coal, and centres and radius of balls whose convex hull contains it."""
-    import coal
+def elements_of_links(robot: Robot, root: Element, tag: str) -> Iterator[tuple[str, pin.Frame, Element]]:
+    """Elements "visual" or "collision" of a URDF, each with name and frame of its link, of links that the robot has."""
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        if robot.model.existFrame(name, pin.FrameType.BODY):
+            frame = robot.model.frames[robot.model.getFrameId(name, pin.FrameType.BODY)]
+            yield from ((name, frame, element) for element in link.findall(tag))
 
-    holder = element.find("geometry")
-    for shape in () if holder is None else holder:
-        if shape.tag == "box":
-            geometry = coal.Box(*numbers(shape.get("size"), 3, 1.0))
-        elif shape.tag == "sphere":
-            geometry = coal.Sphere(float(numbers(shape.get("radius"), 1, 1.0)[0]))
-        elif shape.tag in ("cylinder", "capsule"):
-            length, radius = (float(numbers(shape.get(key), 1, 1.0)[0]) for key in ("length", "radius"))
-            geometry = (coal.Capsule if shape.tag == "capsule" else coal.Cylinder)(radius, length)
-        elif shape.tag == "mesh":
-            path = resolve_mesh(str(shape.get("filename", "")), folders)
-            for mesh, _ in load_meshes(path, numbers(shape.get("scale"), 3, 1.0)):
-                for corners in convex_parts(mesh):
-                    yield convex_hull(corners), corners, 0.0
-            continue
-        else:
-            continue
-        yield geometry, *balls_around(geometry, _ROUND)
+
+def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBalls, attached: bool = False) -> Body:
+    """A body on a frame's joint; the balls are in the geometry's own axes."""
+    points, radius = balls
+    moved = points @ at[:3, :3].T + at[:3, 3]
+    capsule = _around(moved.tobytes(), radius)
+    return Body(name, int(frame.parentJoint), at, geometry, capsule, moved, radius, attached)
+
+
+def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, EqualBalls]]:
+    """Geometry of coal, and balls whose convex hull contains it."""
+    kinds = {"box": coal.Box, "sphere": coal.Sphere, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
+    for tag, sizes, file in geometries(element, folders):
+        if file is not None:
+            corners_of = (corners for mesh, _ in load_meshes(file, sizes) for corners in convex_parts(mesh))
+            yield from ((convex_hull(corners), (corners, 0.0)) for corners in corners_of)
+        elif tag in kinds:
+            geometry = kinds[tag](*(sizes if tag == "box" else sizes[::-1]))  # coal has the radius first
+            yield geometry, balls_around(geometry, _ROUND)
 
 
 def _attached(robot: Robot) -> Iterator[Body]:
@@ -121,30 +117,23 @@ def _attached(robot: Robot) -> Iterator[Body]:
     Raises:
         ProblemError: a shape has no end.
     """
-    import coal
-
     for body in robot.attached:
         frame = robot.frame_of(body)
         for shape in body.shapes:
             for placement, geometry in shape.solids():
                 if isinstance(geometry, coal.Halfspace) or not isinstance(geometry, coal.ShapeBase):
                     raise ProblemError(f"{body.name}: {shown(shape)} is no solid that an arm could carry")
-                points, radius = balls_around(geometry, ROUND_FINE)
                 at = frame.placement.homogeneous @ placement
-                moved = points @ at[:3, :3].T + at[:3, 3]
-                capsule = _around(moved, radius)
-                yield Body(body.name, int(frame.parentJoint), at, geometry, capsule, moved, radius, attached=True)
+                yield _body(body.name, frame, at, geometry, balls_around(geometry, ROUND_FINE), attached=True)
 
 
-def balls_around(geometry: Any, corners: int) -> tuple[Array, float]:
-    """Centres, shape (m, 3) [m], and radius of balls whose convex hull contains a geometry of coal.
+def balls_around(geometry: Any, corners: int) -> EqualBalls:
+    """Balls whose convex hull contains a geometry of coal.
 
     Args:
         geometry: a convex solid.
         corners: of the polygon around a cylinder's circle.
     """
-    import coal
-
     if isinstance(geometry, coal.Box):
         return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, -1).T * np.array(geometry.halfSide), 0.0
     if isinstance(geometry, coal.Sphere):
@@ -152,46 +141,34 @@ def balls_around(geometry: Any, corners: int) -> tuple[Array, float]:
     if isinstance(geometry, coal.Capsule):
         return np.array([[0, 0, -geometry.halfLength], [0, 0, geometry.halfLength]]), float(geometry.radius)
     if isinstance(geometry, coal.Cylinder):
-        return around_cylinder(geometry.radius, geometry.halfLength, corners), 0.0
+        angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+        circle = geometry.radius / np.cos(np.pi / corners) * np.array([np.cos(angle), np.sin(angle)]).T
+        half = geometry.halfLength
+        return np.vstack([np.column_stack([circle, np.full(corners, z)]) for z in (-half, half)]), 0.0
     return np.array(geometry.points()), 0.0
 
 
-def around_cylinder(radius: float, half_length: float, corners: int) -> Array:
-    """Corners of a prism that contains a cylinder along z around the origin [m], shape (2 * corners, 3)."""
-    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-    circle = radius / np.cos(np.pi / corners) * np.array([np.cos(angle), np.sin(angle)]).T
-    ends = (np.column_stack([circle, np.full(corners, z)]) for z in (-half_length, half_length))
-    return np.vstack(list(ends))
-
-
-@built_once(maxsize=1000)
-def _around_once(points: bytes, radius: float) -> Capsule:
-    """`_around` of a link, whatever the arm carries: it takes ten milliseconds."""
-    return _around(np.frombuffer(points).reshape(-1, 3), radius)
-
-
-def _around(points: Array, thickness: ArrayLike) -> Capsule:
+@built_once(maxsize=1000)  # a link's is the same whatever the arm carries, and takes ten milliseconds
+def _around(centres: bytes, thickness: float) -> Capsule:
     """The smallest capsule around balls, as found from their centres' principal axes.
 
     Args:
-        points: centres [m], shape (m, 3).
-        thickness: radii [m], one or shape (m,).
+        centres: [m], floats of an array of shape (m, 3).
+        thickness: radius [m].
     """
     # Loaded here, for a third of a second is much for the many problems without obstacles.
     from scipy.optimize import minimize
     from scipy.spatial import ConvexHull, QhullError
 
-    radii = np.broadcast_to(np.asarray(thickness, dtype=float), len(points))
-    if not np.ptp(radii):
-        with suppress(QhullError, ValueError):  # flat, or too few: all of them then
-            points = points[ConvexHull(points).vertices]
-        radii = radii[: len(points)]
+    points = np.frombuffer(centres).reshape(-1, 3)
+    with suppress(QhullError, ValueError):  # flat, or too few: all of them then
+        points = points[ConvexHull(points).vertices]
     centre = points.mean(axis=0)
     arms = points - centre
-    size = float(np.max(np.ptp(points, axis=0)) + np.max(radii))
+    size = float(np.max(np.ptp(points, axis=0)) + thickness)
 
     def cost(ends: Array) -> float:
-        radius = float(np.max(_distances(ends, points) + radii))
+        radius = float(np.max(_distances(ends, points)) + thickness)
         return float(np.pi * radius**2 * (np.linalg.norm(ends[3:] - ends[:3]) + 4 / 3 * radius))
 
     starts = []
@@ -207,7 +184,7 @@ def _around(points: Array, thickness: ArrayLike) -> Capsule:
         simplex = np.vstack([best, best + 0.1 * size * np.eye(6)])
         best = minimize(cost, best, method="Nelder-Mead", options={"maxfev": 1500, "initial_simplex": simplex}).x
     a, b = (tuple(end.tolist()) for end in (best[:3], best[3:]))
-    return Capsule(a, b, float(np.max(_distances(best, points) + radii)))
+    return Capsule(a, b, float(np.max(_distances(best, points)) + thickness))
 
 
 def _distances(ends: Array, points: Array) -> Array:

@@ -9,17 +9,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
-from armdyn.models.reading.meshes import mesh_folders, numbers, origin, resolve_mesh
+from armdyn.models.reading.meshes import geometries, mesh_folders, origin
 from armdyn.models.reading.urdf_check import dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.scene.mesh import Mesh, grouped
 from armdyn.models.scene.shapes import Obstacle, primitive
-
-Array = NDArray[np.float64]
 
 
 def cell_obstacles(
@@ -77,12 +75,8 @@ def _link_placements(root: Element, source: str, lock: Mapping[str, float]) -> d
 
 def _solids(element: Element, pose: Array, folders: tuple[str, ...], name: str) -> Iterator[Obstacle]:
     """Obstacles of a `<collision>` or `<visual>` element, placed in the world."""
-    holder = element.find("geometry")
-    for shape in () if holder is None else holder:
-        if shape.tag == "mesh":
-            path = resolve_mesh(str(shape.get("filename", "")), folders)
-            yield Mesh.from_file(path, pose, scale=numbers(shape.get("scale"), 3, 1.0), name=name)
+    for tag, sizes, mesh in geometries(element, folders, missing=""):
+        if mesh is None:
+            yield primitive(tag, sizes, pose, name)
         else:
-            keys = {"box": ("size",), "sphere": ("radius",)}.get(shape.tag, ("length", "radius"))
-            sizes = [numbers(shape.get(key, ""), 3 if key == "size" else 1, 0.0) for key in keys]
-            yield primitive(shape.tag, np.concatenate(sizes), pose, name)
+            yield Mesh.from_file(mesh, pose, scale=sizes, name=name)

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array, Index
 from armdyn.locks import built_once, one_at_a_time
+from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.balls import Balls
 from armdyn.models.scene.bodies import bodies
@@ -15,9 +17,6 @@ from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.separation import chain_of, gap, hulls
 from armdyn.models.values.placement import Point
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _BLOCK = 20_000
 """Pairs whose bounds are computed at once: a few megabytes."""
@@ -81,6 +80,8 @@ class CollisionModel:
         obstacles: in the world.
         pairs: of names, in the order of `distances`.
         touching: indices of the pairs that may touch at the given poses, shape (m,).
+        joints: indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the
+            world.
     """
 
     def __init__(
@@ -108,23 +109,19 @@ class CollisionModel:
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
         known = {frozenset(pair) for pair in touching}
         self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
-        self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
+        self._scene, self._balls = scene, Balls(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
-        self._joints = np.array([solid.parentJoint for solid in scene.model.geometryObjects], dtype=int)[scene.pairs]
+        self.joints: Index = np.array([one.parentJoint for one in scene.model.geometryObjects], dtype=int)[scene.pairs]
         self._carried = np.zeros((robot.model.njoints, robot.model.nv))
         for joint in range(1, robot.model.njoints):
             self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
+        self._configuration = configurations(robot.model)
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
         for k in self.touching:  # `is_free` compares their distances
             self._geometry.deactivateCollisionPair(int(k))
         self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
             robot.model, scene.model, self._geometry
         )
-
-    @property
-    def joints(self) -> Index:
-        """Indices in `robot.model.joints` of the two joints that carry each pair, shape (pairs, 2); 0 is the world."""
-        return self._joints
 
     def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
         """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).
@@ -181,13 +178,11 @@ class CollisionModel:
         """
         with one_at_a_time:
             self.distances_of(pairs, q)
-            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(np.asarray(q)), np.asarray(v))
-            results = self._geometry.distanceResults
-            return np.array([self._gap(int(k), np.array(results[int(k)].normal), times) for k in pairs])
-
-    def _gap(self, k: int, normal: Array, times: Array) -> Array:
-        first, second = self._scene.pairs[k]
-        return gap(self._data, self.robot.model, (self._hulls[first], self._hulls[second]), normal, times)
+            pin.forwardKinematics(self.robot.model, self._data, self._configuration(np.asarray(q)), np.asarray(v))
+            normals = [np.array(self._geometry.distanceResults[int(k)].normal) for k in pairs]
+            both = [(self._hulls[first], self._hulls[second]) for first, second in self._scene.pairs[pairs]]
+            each = zip(both, normals, strict=True)
+            return np.array([gap(self._data, self.robot.model, pair, normal, times) for pair, normal in each])
 
     def near(self, poses: Array, within: float, most: int) -> NearPairs:
         """The nearest pairs at several poses and how their distances change.
@@ -244,7 +239,7 @@ class CollisionModel:
         out, block = np.empty((len(poses), len(self.pairs))), 1 + _BLOCK // max(len(self.pairs), 1)
         frames = np.empty((len(poses), self.robot.model.njoints, 3, 4))
         for here, pose in zip(frames, poses, strict=True):
-            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(pose))
+            pin.forwardKinematics(self.robot.model, self._data, self._configuration(pose))
             for k, frame in enumerate(self._data.oMi):
                 here[k, :, :3], here[k, :, 3] = frame.rotation, frame.translation
         for first in range(0, len(poses), block):
@@ -262,7 +257,7 @@ class CollisionModel:
         return near
 
     def _place(self, q: ArrayLike) -> None:
-        configuration = self.robot.configuration(np.asarray(q))
+        configuration = self._configuration(np.asarray(q))
         pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
 
     def _gradients(self, pairs: Index, points: Array, jacobians: Array) -> Array:
@@ -277,7 +272,7 @@ class CollisionModel:
         for side, sign in ((0, -1.0), (1, 1.0)):
             turning = np.cross(points[:, 1 + side], normal)  # n . (w x p) = (p x n) . w
             forward = np.einsum("mi,min->mn", np.concatenate([normal, turning], axis=1), jacobians)
-            out += sign * self._carried[self._joints[pairs, side]] * forward
+            out += sign * self._carried[self.joints[pairs, side]] * forward
         return out
 
 

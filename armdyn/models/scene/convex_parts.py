@@ -10,15 +10,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.codegen.cache import cache_directory, protected
 from armdyn.errors import ArmdynError, SettingError
 from armdyn.files import read_sealed, write_sealed
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 Surface = tuple[Array, Index]
 """Vertices [m], shape (m, 3), and the indices of each triangle's, shape (k, 3)."""
 
@@ -63,9 +62,9 @@ def convex_parts(mesh: Any) -> list[Array]:
 
 
 def _cut(mesh: Any, whole: Surface) -> list[Array]:
-    saved = _SAVED * _volume(whole[0])
+    saved = _SAVED * hull_volume(whole[0])
     parts = cut_where_it_saves(whole, saved)
-    if mesh.is_watertight and sum(_volume(part[0]) for part in parts) > _LOOSE * mesh.volume:
+    if mesh.is_watertight and sum(hull_volume(part[0]) for part in parts) > _LOOSE * mesh.volume:
         parts = cut_where_it_saves(whole, saved, _BLIND)
     return [corners_of_hull(points) for points, _ in parts]
 
@@ -81,7 +80,7 @@ def cut_where_it_saves(part: Surface, saved: float, blind: int | None = None) ->
         axis, left = int(np.argmax(high - low)), blind - 1
         at = float(low[axis] + high[axis]) / 2
     pieces = [piece for half in _halves(part, axis, at) for piece in cut_where_it_saves(half, saved, left)]
-    smaller = sum(_volume(piece[0]) for piece in pieces) <= _volume(part[0]) - saved
+    smaller = sum(hull_volume(piece[0]) for piece in pieces) <= hull_volume(part[0]) - saved
     return pieces if smaller else [part]
 
 
@@ -122,16 +121,16 @@ def _halves(part: Surface, axis: int, at: float) -> list[Surface]:
 
 def _rough_volume(points: Array) -> float:
     """Volume of the hull of the farthest points [m³], to compare cuts by."""
-    return _volume(points[np.unique(np.argmax(points @ _DIRECTIONS.T, axis=0))])
+    return hull_volume(points[np.unique(np.argmax(points @ _DIRECTIONS.T, axis=0))])
 
 
-def _volume(points: Array) -> float:
-    """Volume of the hull of points [m³]."""
+def hull_volume(points: Array) -> float:
+    """Volume of the hull of points, shape (m, 3) [m³]; 0 if they are flat."""
     from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
 
     try:
         return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):  # flat
+    except (QhullError, ValueError):
         return 0.0
 
 
@@ -149,9 +148,6 @@ def corners_of_hull(points: Array) -> Array:
 
 def convex_hull(corners: Array) -> Any:
     """Geometry of coal around corners, shape (m, 3) [m]."""
-    import coal
-
     kept = coal.StdVec_Vec3s()
-    for corner in corners:
-        kept.append(corner)
+    kept.extend(list(corners))
     return coal.ConvexBase.convexHull(kept, True, "Qt")

@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import Body, bodies
 from armdyn.models.scene.obstacles import Obstacle
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _POSES = 60
 _ALWAYS = 0.95

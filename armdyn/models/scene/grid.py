@@ -5,13 +5,9 @@ from itertools import pairwise, permutations, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags, Index
 from armdyn.models.scene.convex_parts import Surface, corners_of_hull, cut_where_it_saves
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
-Flags = NDArray[np.bool_]
 
 MOST_BOXES = 1000
 """Of a point cloud or a height map: a Panda's solve takes 2 s among 40 of them, 7 s among 900."""

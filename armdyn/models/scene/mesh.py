@@ -9,19 +9,18 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import numbers, several, shown, text
 from armdyn.arguments import path as path_of
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.reading.meshes import load_meshes
-from armdyn.models.scene.convex_parts import convex_hull, convex_parts
+from armdyn.models.scene.convex_parts import convex_hull, convex_parts, hull_volume
 from armdyn.models.scene.grid import hollow_parts
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 MAX_TRIANGLES = 100_000
 """Of a mesh: cutting so many takes up to half a minute."""
@@ -149,33 +148,22 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
             )
         for body in mesh.split(only_watertight=False):  # bodies of an assembly, such as the boards of a shelf
             found = convex_parts(body)
-            if (volume := _volume(found)) > _LOOSE * body.volume:
+            if (volume := sum(map(hull_volume, found))) > _LOOSE * body.volume:
                 better = hollow_parts(body)
-                found = better if better and _volume(better) < volume else found
+                found = better if better and sum(map(hull_volume, better)) < volume else found
             parts += found
     return parts
 
 
-def _volume(parts: Sequence[Array]) -> float:
-    """Volume of the hulls of corners, shape (m, 3), together [m³]."""
-    from scipy.spatial import ConvexHull  # loaded for meshes alone
-
-    return float(sum(ConvexHull(part).volume for part in parts))
-
-
 def _corners(part: object, what: str) -> Array:
     """Corners of a convex part, shape (m, 3)."""
-    from scipy.spatial import ConvexHull, QhullError  # loaded for meshes alone
-
     points = numbers(part, what, "corners [m], shape (m, 3)")
     if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)) or len(points) > MAX_CORNERS:
         raise ProblemError(
             f"{what} is {shown(part)}; it must be finite corners, shape (m, 3), of at most {MAX_CORNERS}"
         )
-    try:
-        ConvexHull(points)
-    except (QhullError, ValueError):
-        raise ProblemError(f"{what} is flat: its {len(points)} corners enclose no volume") from None
+    if not hull_volume(points):
+        raise ProblemError(f"{what} is flat: its {len(points)} corners enclose no volume")
     return points
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.files import read_bounded
 from armdyn.models.scene.mesh import Mesh, grouped
@@ -19,14 +19,12 @@ from armdyn.models.scene.shapes import Obstacle, Plane, primitive
 from armdyn.models.values.placement import pose_of
 from armdyn.parsing.yaml_text import MAX_BYTES, read_yaml
 
-Array = NDArray[np.float64]
 Read = tuple[tuple[Obstacle, ...], tuple[tuple[str, str], ...]]
 """Obstacles, and pairs of names that may touch."""
 
 _KINDS = {"1": "box", "2": "sphere", "3": "cylinder", "4": "cone"}
 """Numbers of shape_msgs/SolidPrimitive."""
 _ADD = ("", "0", "\0", "ADD")
-_DEFAULTS = ("names", "values")
 _MOST_OBJECTS = 2000
 _MOST_NAMES = 500
 
@@ -168,7 +166,8 @@ def _allowed(matrix: Any, names: Sequence[str]) -> tuple[tuple[str, str], ...]:
             f"allowed_collision_matrix: entry_values must be {len(own)} rows of {len(own)}, as entry_names"
         )
     entries = {frozenset((a, b)): _flag(rows[i][j]) for (i, a), (j, b) in combinations(enumerate(own), 2)}
-    defaults = (_list(known.get(f"default_entry_{key}"), f"default_entry_{key}", _MOST_NAMES) for key in _DEFAULTS)
+    keys = ("default_entry_names", "default_entry_values")
+    defaults = (_list(known.get(key), key, _MOST_NAMES) for key in keys)
     usual = {str(name): _flag(value) for name, value in zip_longest(*defaults)}
     everything = list(dict.fromkeys([*own, *names]))
     for name in usual:

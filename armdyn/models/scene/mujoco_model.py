@@ -9,9 +9,9 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, flag
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.reading.nearest_inertia import nearest_physical
 from armdyn.models.reading.urdf_check import POINT_MASS
@@ -19,8 +19,6 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.bodies import Body, bodies
 from armdyn.trajectory.formats.mujoco import Mujoco, xml_name
 from armdyn.trajectory.samples import Samples
-
-Array = NDArray[np.float64]
 
 _LEAST_MASS = 1e-9
 """Mass that a moving body without one gets [kg]: MuJoCo refuses zero."""
@@ -96,10 +94,9 @@ def _body(parent: Element, robot: Robot, joint: int) -> Element:
     written = {key: _words(values) for key, values in numbers.items()}
     SubElement(body, "joint", {"name": name, "type": "slide" if robot.slides[i] else "hinge", **written})
     tensor = np.array(inertia.inertia)
-    if np.max(np.abs(tensor)) < POINT_MASS or inertia.mass <= 0:
-        tensor = tensor + POINT_MASS * np.eye(3)
-    else:
-        tensor = nearest_physical(inertia.mass, tensor, thinnest=0.0) + POINT_MASS * np.eye(3)
+    if np.max(np.abs(tensor)) >= POINT_MASS and inertia.mass > 0:
+        tensor = nearest_physical(inertia.mass, tensor, thinnest=0.0)
+    tensor = tensor + POINT_MASS * np.eye(3)
     full = [*np.diag(tensor), tensor[0, 1], tensor[0, 2], tensor[1, 2]]
     mass = _words([max(inertia.mass, _LEAST_MASS)])
     SubElement(body, "inertial", pos=_words(inertia.lever), mass=mass, fullinertia=_words(full))
@@ -113,12 +110,9 @@ def _geometry(body: Element, asset: Element, name: str, solid: Body) -> None:
     if kind == "mesh":
         SubElement(asset, "mesh", name=name, vertex=_words(np.array(shape.points()).ravel(), digits=6))
         what = {"mesh": name}
-    elif kind == "box":
-        what = {"size": _words(shape.halfSide)}
-    elif kind == "sphere":
-        what = {"size": _words([shape.radius])}
     else:
-        what = {"size": _words([shape.radius, shape.halfLength])}
+        size = shape.halfSide if kind == "box" else [shape.radius]
+        what = {"size": _words(size if kind in ("box", "sphere") else [*size, shape.halfLength])}
     shown = {"contype": "0", "conaffinity": "0", "group": "2"}
     SubElement(body, "geom", {"type": kind, **what, **_pose(solid.placement), **shown})
 

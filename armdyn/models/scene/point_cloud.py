@@ -8,11 +8,14 @@ from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+import coal
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import numbers, text
 from armdyn.arguments import path as path_of
+from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
 from armdyn.files import read_bounded
 from armdyn.locks import built_once
@@ -20,9 +23,6 @@ from armdyn.models.scene.grid import MOST_BOXES, few_boxes
 from armdyn.models.scene.shapes import Obstacle
 from armdyn.models.values.placement import Placement, Point, homogeneous
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _MAX_BYTES = 64 * 2**20
 _FARTHEST = 2**20
@@ -189,14 +189,8 @@ def _column_boxes(ground: HeightMap) -> tuple[Index, Index]:
 
 def _placed(low: Any, high: Any) -> list[tuple[Array, Any]]:
     """Boxes between corners in the world [m], shape (k, 3)."""
-    import coal
-
-    out: list[tuple[Array, Any]] = []
-    for centre, edges in zip((low + high) / 2, high - low, strict=True):
-        pose = np.eye(4)
-        pose[:3, 3] = centre
-        out.append((pose, coal.Box(*edges)))
-    return out
+    boxes = zip((low + high) / 2, high - low, strict=True)
+    return [(np.array(pin.SE3(np.eye(3), centre).homogeneous), coal.Box(*edges)) for centre, edges in boxes]
 
 
 def _points(data: bytes, kind: str) -> Array:

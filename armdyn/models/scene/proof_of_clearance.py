@@ -9,14 +9,12 @@ falls with the square of the time.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array, Flags, Index
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.models.scene.separation import MotionBounds, chain_of, reaches
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 PIECES = 64
 """Equal parts of a motion that are looked at first: most need no second look at an arm's usual speeds."""
@@ -65,7 +63,7 @@ class _Piece:
     pairs: Index
     distances: Array
 
-    def only(self, which: NDArray[np.bool_]) -> "_Piece":
+    def only(self, which: Flags) -> "_Piece":
         """The piece with some of its pairs."""
         return _Piece(self.ends, self.pairs[which], self.distances[:, which])
 
@@ -75,7 +73,7 @@ class _Search:
 
     def __init__(self, model: CollisionModel, motion: Trajectory, asked: Array):
         self.model, self.motion, self.asked = model, motion, asked
-        self.bounds = MotionBounds.of(model.robot, motion)
+        self.bounds = MotionBounds(model.robot, motion)
         # Bounds on the relative motion of every pair until each sample [m], shape (n, pairs).
         self.moved = self.bounds.travel @ relative_reach(model).T
         self.missed, self.looks = set[float](), 0
@@ -126,7 +124,7 @@ class _Search:
         proven = self._separated(left, left.ends[0], 1.0) & self._separated(left, left.ends[1], -1.0)
         return None if np.all(proven) else left.only(~proven)
 
-    def _separated(self, piece: _Piece, end: float, sign: float) -> NDArray[np.bool_]:
+    def _separated(self, piece: _Piece, end: float, sign: float) -> Flags:
         """Which pairs keep their distances in the half of a piece at one of its ends, shape (m,)."""
         half, at = (piece.ends[1] - piece.ends[0]) / 2, self.motion(end)
         first, last = self._steps(piece)

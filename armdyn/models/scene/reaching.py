@@ -6,16 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import number, numbers, shown, text
+from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.placement import Placement, homogeneous
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 _STARTS = 80
 _STEPS = 100
@@ -122,8 +121,7 @@ def poses_reaching(
     missed: list[tuple[float, float]] = []
     for start in starts:
         q, error = _approach(robot, goal, frame, start, limits)
-        size = float(np.linalg.norm(error))
-        if size <= REACHED:
+        if np.linalg.norm(error) <= REACHED:
             found.append(_unwound(robot, q, near, limits))
         else:
             missed.append((float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))))
@@ -192,15 +190,12 @@ def deviations_of(robot: Robot, goal: GoalPose, q: Array) -> Array:
     return out
 
 
-def moving_directions(robot: Robot, goal: GoalPose, seed: int = 0) -> NDArray[np.bool_]:
+def moving_directions(robot: Robot, goal: GoalPose, seed: int = 0) -> Flags:
     """Directions along and about the axes of a goal in which the frame can move, shape (6,): of a planar arm three."""
     fixed, data, random = robot.frame(goal.frame), robot.model.createData(), np.random.default_rng(seed)
     most, back = np.zeros(6), goal.pose.rotation.T
     for q in random.uniform(-1, 1, (3, robot.nv)):
-        pin.computeJointJacobians(robot.model, data, robot.configuration(q))
-        frame = data.oMi[fixed.parentJoint] * fixed.placement
-        jacobian = pin.getJointJacobian(robot.model, data, fixed.parentJoint, pin.ReferenceFrame.LOCAL)
-        own = fixed.placement.toActionMatrixInverse() @ jacobian
+        frame, own = _frame_jacobian(robot, fixed, data, q)
         rows = np.vstack([back @ frame.rotation @ own[:3], back @ frame.rotation @ own[3:]])
         most = np.maximum(most, np.max(np.abs(rows), axis=1))
     return np.asarray(most > REACHED)
@@ -216,17 +211,20 @@ def _turn(goal: GoalPose, rotation: Array) -> Array:
 
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
     """How far a frame is from its goal or its region [m, rad], and the Jacobian of the way there by q."""
-    model = robot.model
-    pin.computeJointJacobians(model, data, robot.configuration(q))
-    here = data.oMi[frame.parentJoint] * frame.placement
-    jacobian = pin.getJointJacobian(model, data, frame.parentJoint, pin.ReferenceFrame.LOCAL)
-    jacobian = frame.placement.toActionMatrixInverse() @ jacobian
+    here, jacobian = _frame_jacobian(robot, frame, data, q)
     if not goal.exact:
         return _outside(goal, goal.pose.actInv(here), jacobian)
     if goal.oriented:
         off = here.actInv(goal.pose)
         return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ jacobian
     return here.actInv(goal.pose.translation), jacobian[:3]
+
+
+def _frame_jacobian(robot: Robot, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[pin.SE3, Array]:
+    """Placement of a frame in the world, and its Jacobian in its own axes, shape (6, nv)."""
+    pin.computeJointJacobians(robot.model, data, robot.configuration(q))
+    jacobian = pin.getJointJacobian(robot.model, data, frame.parentJoint, pin.ReferenceFrame.LOCAL)
+    return data.oMi[frame.parentJoint] * frame.placement, frame.placement.toActionMatrixInverse() @ jacobian
 
 
 def _outside(goal: GoalPose, off: pin.SE3, jacobian: Array) -> tuple[Array, Array]:
@@ -306,9 +304,7 @@ def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limi
 def _unwound(robot: Robot, q: Array, near: Array, limits: JointLimits) -> Array:
     """The same pose with every angle as near as whole turns within the limits bring it."""
     out = q.copy()
-    for i, joint in enumerate(list(robot.model.joints)[1:]):
-        if np.any(np.ravel(joint.createData().S)[:3]):
-            continue
+    for i in np.flatnonzero(~robot.slides):
         turned = q[i] - 2 * np.pi * np.round((q[i] - near[i]) / (2 * np.pi))
         if limits.position_lower[i] <= turned <= limits.position_upper[i]:
             out[i] = turned

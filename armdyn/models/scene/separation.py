@@ -7,17 +7,15 @@ distance, and equal to it where n is the normal of their nearest points and both
 from dataclasses import dataclass
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import ROUND_FINE, balls_around, bodies
 from armdyn.models.scene.geometry import SceneGeometry
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +43,6 @@ def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
 
 def _hull(solid: Any) -> Hull:
     """Hull of an obstacle, in the world."""
-    import coal
-
     shape = solid.geometry
     if isinstance(shape, coal.Halfspace):
         outward = solid.placement.rotation @ shape.n
@@ -89,31 +85,24 @@ def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: A
     return np.asarray(at + times[:, None] * speed)
 
 
-@dataclass(frozen=True, eq=False)
 class MotionBounds:
     """Bounds on the motion of the bodies on every joint between the samples of a trajectory.
+
+    The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
+    acceleration is J a plus the second derivatives of its position times the velocities, and a second
+    derivative by two joints is no longer than the arm to the axis of the outer one.
 
     Attributes:
         travel: how far each joint has come until each sample at most [rad or m], shape (n, nv).
         acceleration: of any point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
     """
 
-    travel: Array
-    acceleration: Array
-
-    @classmethod
-    def of(cls, robot: Robot, motion: Trajectory) -> "MotionBounds":
-        """Bounds for a motion whose joints follow cubics between its samples.
-
-        The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
-        acceleration is J a plus the second derivatives of its position times the velocities, and a second
-        derivative by two joints is no longer than the arm to the axis of the outer one.
-        """
+    def __init__(self, robot: Robot, motion: Trajectory):
         (v, a), h = _joint_bounds(motion), np.diff(motion.t)[:, None]
-        reach, out = reaches(robot), np.zeros((len(h), robot.model.njoints))
+        reach, self.acceleration = reaches(robot), np.zeros((len(h), robot.model.njoints))
         for body in range(1, robot.model.njoints):
-            out[:, body] = _point_acceleration(robot, body, reach[body], v, a)
-        return cls(np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)]), out)
+            self.acceleration[:, body] = _point_acceleration(robot, body, reach[body], v, a)
+        self.travel: Array = np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)])
 
 
 def frame_accelerations(robot: Robot, motion: Trajectory, frame: str) -> tuple[Array, tuple[Array, Array]]:
@@ -131,7 +120,7 @@ def frame_accelerations(robot: Robot, motion: Trajectory, frame: str) -> tuple[A
     v, a = _joint_bounds(motion)
     fixed = robot.frame(frame)
     joint, far = fixed.parentJoint, float(np.linalg.norm(fixed.placement.translation))
-    chain = [one - 1 for one in sorted(chain_of(robot, joint)) if not robot.slides[one - 1]]
+    chain = [one - 1 for one in chain_of(robot, joint) if not robot.slides[one - 1]]
     speed, turning = np.sum(v[:, chain], axis=1), np.sum(a[:, chain], axis=1)
     for i, outer in enumerate(chain):  # an axis is turned by the joints inside of it
         turning += v[:, outer] * np.sum(v[:, chain[:i]], axis=1)
@@ -151,20 +140,16 @@ def _joint_bounds(motion: Trajectory) -> tuple[Array, Array]:
 
 def _point_acceleration(robot: Robot, joint: int, reach: Array, v: Array, a: Array) -> Array:
     """Largest acceleration of points on a joint in each step [m/s²], shape (n - 1,); reach: from the axes, (nv,)."""
-    chain, out = [one - 1 for one in sorted(chain_of(robot, joint))], np.asarray(a @ reach)
-    for i, outer in enumerate(chain):  # joints are numbered from the base outwards
+    chain, out = [one - 1 for one in chain_of(robot, joint)], np.asarray(a @ reach)
+    for i, outer in enumerate(chain):
         inner = np.sum(v[:, chain[:i]], axis=1)
         out += reach[outer] * v[:, outer] * (v[:, outer] + 2 * inner)
     return out
 
 
 def chain_of(robot: Robot, joint: int) -> list[int]:
-    """A joint and those that carry it, outermost first, without the world."""
-    out = []
-    while joint:
-        out.append(joint)
-        joint = int(robot.model.parents[joint])
-    return out
+    """A joint and those that carry it, from the base outwards, without the world."""
+    return list(robot.model.supports[joint])[1:]
 
 
 def reaches(robot: Robot) -> Array:
@@ -189,7 +174,7 @@ def _reach_of(robot: Robot, last: int, far: float) -> Array:
         far: their distance from its origin [m].
     """
     out = np.zeros(robot.model.nv)
-    for joint in chain_of(robot, last):
+    for joint in reversed(chain_of(robot, last)):
         slides = robot.slides[joint - 1]
         out[joint - 1] = 1.0 if slides else far
         far += float(np.linalg.norm(robot.model.jointPlacements[joint].translation))

@@ -6,15 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
+import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown, text
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.values.placement import Placement, Point, homogeneous, point
-
-Array = NDArray[np.float64]
 
 
 class Obstacle:
@@ -86,13 +85,33 @@ class Sphere(Obstacle):
 
     def solid(self) -> tuple[Array, Any]:
         """Placement at the centre, and coal's sphere."""
-        import coal
-
         return homogeneous(self.center, "center"), coal.Sphere(self.radius)
 
 
 @dataclass(frozen=True)
-class Capsule(Obstacle):
+class _Round(Obstacle):
+    """A solid of revolution around a segment."""
+
+    a: Point
+    b: Point
+    radius: float
+    _: KW_ONLY
+    name: str = "capsule"
+
+    sizes, places = {"radius": "R"}, ("a", "b")
+    geometry: ClassVar[Any] = coal.Capsule
+
+    def __post_init__(self) -> None:
+        self._check(points=["a", "b"], lengths=["radius"])
+
+    def solid(self) -> tuple[Array, Any]:
+        """Placement in the middle with z from a to b, and coal's geometry."""
+        way = np.subtract(self.b, self.a)
+        return _along(np.add(self.a, self.b) / 2, way), self.geometry(self.radius, float(np.linalg.norm(way)))
+
+
+@dataclass(frozen=True)
+class Capsule(_Round):
     """All points within a radius of a segment: a cylinder with round ends.
 
     Attributes:
@@ -102,42 +121,15 @@ class Capsule(Obstacle):
         name: what messages call it.
     """
 
-    a: Point
-    b: Point
-    radius: float
-    _: KW_ONLY
-    name: str = "capsule"
-
-    sizes, places = {"radius": "R"}, ("a", "b")
-
-    def __post_init__(self) -> None:
-        self._check(points=["a", "b"], lengths=["radius"])
-
-    def solid(self) -> tuple[Array, Any]:
-        """Placement whose z axis is the capsule's, and coal's capsule."""
-        import coal
-
-        placement, length = _between(self.a, self.b)
-        return placement, coal.Capsule(self.radius, length)
-
-
-def _between(a: Point, b: Point) -> tuple[Array, float]:
-    """Placement in the middle of two points with its z axis from a to b, shape (4, 4), and their distance [m]."""
-    way = np.subtract(b, a)
-    return _along(np.add(a, b) / 2, way), float(np.linalg.norm(way))
-
 
 def _along(place: Array, z: Array) -> Array:
     """Placement with its z axis along a vector, shape (4, 4); any where the vector is 0."""
-    placement = np.eye(4)
-    placement[:3, 3] = place
-    if np.any(z):
-        placement[:3, :3] = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix()
-    return placement
+    turned = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).matrix() if np.any(z) else np.eye(3)
+    return np.array(pin.SE3(turned, place).homogeneous)
 
 
 @dataclass(frozen=True)
-class Cylinder(Obstacle):
+class Cylinder(_Round):
     """A cylinder with flat ends.
 
     Attributes:
@@ -147,25 +139,15 @@ class Cylinder(Obstacle):
         name: what messages call it.
     """
 
-    a: Point
-    b: Point
-    radius: float
     _: KW_ONLY
     name: str = "cylinder"
 
-    sizes, places = {"radius": "R"}, ("a", "b")
+    geometry = coal.Cylinder
 
     def __post_init__(self) -> None:
-        self._check(points=["a", "b"], lengths=["radius"])
+        super().__post_init__()
         if self.a == self.b:
             raise ProblemError(f"a and b of obstacle {self.name!r} are the same point; a cylinder has two ends")
-
-    def solid(self) -> tuple[Array, Any]:
-        """Placement whose z axis is the cylinder's, and coal's cylinder."""
-        import coal
-
-        placement, length = _between(self.a, self.b)
-        return placement, coal.Cylinder(self.radius, length)
 
 
 @dataclass(frozen=True)
@@ -192,8 +174,6 @@ class Plane(Obstacle):
 
     def solid(self) -> tuple[Array, Any]:
         """Placement on the plane with z along its normal, and coal's half space."""
-        import coal
-
         return _along(np.array(self.point), np.array(self.normal)), coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
 
 
@@ -227,8 +207,6 @@ class Box(Obstacle):
 
     def solid(self) -> tuple[Array, Any]:
         """Placement at the centre, and coal's box."""
-        import coal
-
         return self.pose, coal.Box(*self.size)
 
 

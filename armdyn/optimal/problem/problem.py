@@ -9,13 +9,15 @@ from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, flag, number, path, several
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel, collision_model
 from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
@@ -30,10 +32,8 @@ from armdyn.optimal.problem.checks import (
     check_motors_everywhere,
     check_path_constraints,
     check_poses,
-    check_scene,
     check_state,
     clear_goals,
-    contacts,
     unheld_joints,
     warn_if_not_held,
 )
@@ -46,8 +46,6 @@ from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @brief

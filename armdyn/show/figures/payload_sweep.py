@@ -32,17 +32,15 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
         A figure of its own: pyplot knows nothing of it.
     """
     from matplotlib import rc_context
-    from matplotlib.figure import Figure
 
-    from armdyn.show.figures.style import COLORS, LOOK
+    from armdyn.show.figures.style import COLORS, LOOK, one_panel
 
     landed = [row for row in rows if row["success"]]
     grams = np.array([1e3 * row["payload_kg"] for row in landed])
     times = np.array([row["duration_s"] for row in landed])
     certified = np.array([row["certified"] for row in landed], dtype=bool)
     with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-        axes = figure.subplots()
+        figure, axes = one_panel(title, height=4.2)
         axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
         for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "usable, not certified")):
             if np.any(of):
@@ -59,8 +57,6 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
         axes.set_ylabel("minimum time [s]")
         if landed:
             axes.legend(loc="upper left")
-        if title:
-            axes.set_title(title, fontsize=12, fontweight="bold")
     return figure
 
 

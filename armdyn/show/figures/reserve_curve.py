@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from armdyn.show.figures.style import COLORS, INK, LOOK
+from armdyn.show.figures.style import COLORS, INK, LOOK, one_panel
 
 
 @rc_context(LOOK)
@@ -27,8 +27,7 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
         A figure of its own: pyplot knows nothing of it.
     """
     names = list(dict.fromkeys(row["controller"] for row in rows))
-    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = one_panel(title)
     times = sorted({(100 * row["reserve"], row["duration"]) for row in rows})
     axes.plot(*zip(*times, strict=True), color=INK, linewidth=1.2, linestyle=(0, (4, 3)), label="the motion itself")
     for place, (name, color) in enumerate(zip(names, COLORS, strict=False)):
@@ -43,8 +42,6 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
     axes.set_ylabel("time until settled [s]")
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper right")
-    if title:
-        axes.set_title(title, fontsize=12, fontweight="bold")
     return figure
 
 
@@ -59,14 +56,6 @@ def _draw(axes: Axes, rows: Sequence[Mapping[str, Any]], color: str, place: int)
     axes.plot(r, mean, color=color, linewidth=1, alpha=0.6, label=f"{rows[0]['controller']}, mean")
     for row in rows:
         if row["worst"] is None:
-            axes.annotate(
-                f"{row['settled']} of {row['arms']}",
-                (100 * row["reserve"], 1),
-                (0, -10 - 11 * place),
-                ("data", "axes fraction"),
-                "offset points",
-                ha="center",
-                va="top",
-                color=color,
-                fontsize=8,
-            )
+            told, at, off = f"{row['settled']} of {row['arms']}", (100 * row["reserve"], 1), (0, -10 - 11 * place)
+            look: dict[str, Any] = {"ha": "center", "va": "top", "color": color, "fontsize": 8}
+            axes.annotate(told, at, off, ("data", "axes fraction"), "offset points", **look)

@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import Any, Literal
 
-from matplotlib import rc_params_from_file
+from matplotlib import rc_context, rc_params_from_file
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 COLORS = ("#2970b8", "#ed8a24", "#33a05c", "#cc2936", "#7b52ab", "#12a4b4", "#8a5a3b", "#d65fa5")
 """One per joint; the first three are the links' colours in the replay."""
@@ -26,6 +28,16 @@ def color(joint: int) -> str:
 def styles(count: int) -> list[Style]:
     """A line style for each of so many motions."""
     return [STYLES[i % len(STYLES)] for i in range(count)]
+
+
+def one_panel(title: str | None, height: float = 4.4) -> tuple[Figure, Axes]:
+    """A figure with one panel, and a title above it if there is one."""
+    with rc_context(LOOK):
+        figure = Figure(figsize=(7.0, height), layout="constrained")
+        axes = figure.subplots()
+        if title:
+            axes.set_title(literal(title), fontsize=12, fontweight="bold")
+    return figure, axes
 
 
 def literal(text: str) -> str:

@@ -9,11 +9,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from armdyn.show.figures.style import COLORS, INK, LOOK, literal
+from armdyn.arrays import Array, Flags
+from armdyn.show.figures.style import COLORS, INK, LOOK, literal, one_panel
 
-Array = NDArray[np.float64]
 Row = Mapping[str, Any]
 Named = Callable[[str], str]
 """Axis labels by column."""
@@ -29,7 +28,7 @@ _TICKED = 8
 """Rows or columns of a map that each have a tick, at most."""
 
 
-def pareto(points: Array) -> NDArray[np.bool_]:
+def pareto(points: Array) -> Flags:
     """Pareto front of points with two numbers, of which the least is best: a mask of shape (n,).
 
     Args:
@@ -62,7 +61,7 @@ def plot_curve(
     Returns:
         A figure of its own: pyplot knows nothing of it.
     """
-    figure, axes = _begun(title)
+    figure, axes = one_panel(title)
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
         groups.setdefault(tuple(row[name] for name in by), []).append(row)
@@ -139,7 +138,7 @@ def plot_pareto(
         log: settings whose colours are logarithmic.
         title: above the axes.
     """
-    figure, axes = _begun(title)
+    figure, axes = one_panel(title)
     whole = [row for row in rows if row[x] is not None and row[y] is not None]
     points = np.array([[row[x], row[y]] for row in whole], dtype=float).reshape(-1, 2)
     front = pareto(points)
@@ -167,16 +166,6 @@ def _colored(numbers: Sequence[float]) -> tuple[float, float]:
         return 0.0, 1.0
     low, most, high = min(numbers), float(np.quantile(numbers, _MOST)), max(numbers)
     return low, (most if high - low > _FAR * (most - low) > 0 else high)
-
-
-def _begun(title: str | None) -> tuple[Figure, Axes]:
-
-    with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-        axes = figure.subplots()
-        if title:
-            axes.set_title(literal(title), fontsize=12, fontweight="bold")
-    return figure, axes
 
 
 def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span: tuple[float, float], none: str) -> Any:

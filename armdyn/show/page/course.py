@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.scene import finite_pairs
+from armdyn.show.page.scene import finite_pairs, packed
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Sample
-
-Array = NDArray[np.float64]
 
 NEAR_LIMIT = 0.005
 """Part of a limit that a sample may be beside it to count as on it, where arcs are not known."""
@@ -72,7 +69,7 @@ def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequ
     """
     times = np.unique(np.concatenate([_times(move.motion) for move in moves]))
     return {
-        "t": _packed(times, "<f8"),
+        "t": packed(times, "<f8"),
         "sliding": list(sliding),
         "limits": {
             "q": finite_pairs(limits.position_lower, limits.position_upper),
@@ -106,7 +103,7 @@ def _curves(move: ShownMotion, times: Array, limits: JointLimits) -> dict[str, A
     curves = {}
     for name, values in zip(("q", "v", "tau"), sample, strict=True):
         values[beyond] = np.nan
-        curves[name] = _packed(values.T, "<f4")
+        curves[name] = packed(values.T)
     return {
         "name": move.name,
         "duration": motion.duration,
@@ -213,16 +210,11 @@ def _left(limits: JointLimits, facts: Facts) -> JointLimits:
     kept = _kept(facts, limits.velocity.size)
     if kept is None:
         return limits
-    effort, velocity = 1 - np.array(kept["tau"]), 1 - np.array(kept["v"])
-    left = limits.actuators.reserving(1 - effort)
+    left = limits.actuators.reserving(np.array(kept["tau"]))
     return replace(
         limits,
-        velocity=limits.velocity * velocity,
+        velocity=limits.velocity * (1 - np.array(kept["v"])),
         effort_lower=left.lower,
         effort_upper=left.upper,
         actuators=left,
     )
-
-
-def _packed(array: Array, kind: str) -> str:
-    return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
 from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.sections import Section, stacked, td, th
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _DENSE = 4000
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
 from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.sections import Section
-
-Array = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _EDGE = 260.0, 170.0, 6.0
 """Width, height and edge of a picture [px]."""

@@ -20,30 +20,14 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
+from armdyn.show.page import joints, sections
 from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.carried import parts_in
 from armdyn.show.page.course import ShownMotion, course_data, until
 from armdyn.show.page.cycle import costs_section, step_data, steps_section
-from armdyn.show.page.joints import (
-    Compared,
-    compared,
-    comparison_section,
-    comparison_tiles,
-    joint_section,
-    worth_seeing,
-)
 from armdyn.show.page.motors import motor_section
 from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
-from armdyn.show.page.sections import (
-    Section,
-    course_section,
-    deciding_section,
-    making_section,
-    model_section,
-    optima_section,
-    sensitivity_section,
-    verdict_section,
-)
+from armdyn.show.page.sections import Section
 from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of
 
 MOST_MOVES = 5
@@ -158,9 +142,9 @@ def report_of(
         lead += dict.fromkeys(f"{one.payload.name}, {one.payload.mass:g} kg" for one in parts_in(first.facts))
     if len(moves) > 1:
         lead.append(f"{first.name} beside {', '.join(move.name for move in moves[1:])}")
-    rows = compared(moves, subject.limits)
+    rows = joints.compared(moves, subject.limits)
     judged = len(moves) > 1 and all(move.facts.values for move in moves)  # a run's own reference is not
-    tiles = comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration)
+    tiles = joints.comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration)
     return Report(
         title or subject.name,
         " · ".join(lead),
@@ -173,32 +157,32 @@ def report_of(
 
 
 def _sections(
-    subject: Subject, moves: Sequence[ShownMotion], verdict: Verdict, rows: Sequence[Compared]
+    subject: Subject, moves: Sequence[ShownMotion], verdict: Verdict, rows: Sequence[joints.Compared]
 ) -> list[Section]:
     facts, duration = moves[0].facts, moves[0].motion.duration
     others = [(k, move) for k, move in enumerate(moves) if k]
-    sections = [
+    found = [
         steps_section(facts),
-        comparison_section(rows),
-        verdict_section(verdict),
-        *(verdict_section(verdict_of(move.facts), f"-{k}", move.name) for k, move in others),
-        deciding_section(facts, duration),
+        joints.comparison_section(rows),
+        sections.verdict_section(verdict),
+        *(sections.verdict_section(verdict_of(move.facts), f"-{k}", move.name) for k, move in others),
+        sections.deciding_section(facts, duration),
         costs_section(facts),
-        sensitivity_section(facts, subject.joints),
-        optima_section(facts, duration),
-        course_section(facts),
-        *(joint_section(move, subject.joints, subject.limits, subject.sliding) for move in moves[:1]),
+        sections.sensitivity_section(facts, subject.joints),
+        sections.optima_section(facts, duration),
+        sections.course_section(facts),
+        joints.joint_section(moves[0], subject.joints, subject.limits, subject.sliding),
         motor_section(moves[0], subject.joints, subject.limits, subject.sliding),
-        model_section(subject.name, facts),
-        making_section(facts),
-        *(making_section(move.facts, f"-{k}", move.name) for k, move in others),
+        sections.model_section(subject.name, facts),
+        sections.making_section(facts),
+        *(sections.making_section(move.facts, f"-{k}", move.name) for k, move in others),
     ]
-    return [section for section in sections if section is not None]
+    return [section for section in found if section is not None]
 
 
 def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, replay: Replay | None) -> dict[str, Any]:
     """Data of the scripts: curves up to a time, the span seen at first [s], the scene, compressed."""
-    seen = worth_seeing(moves, end) if replay is None else None
+    seen = joints.worth_seeing(moves, end) if replay is None else None
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]
     speed = playing_speed([min(motion.duration, seen or np.inf) for motion in motions])

@@ -12,9 +12,9 @@ import numpy as np
 import pinocchio as pin
 import umsgpack  # type: ignore[import-untyped]
 from meshcat import geometry as mg
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
@@ -22,8 +22,6 @@ from armdyn.show.page.carried import CarriedPart, shown_parts
 from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 COLORS = ((0.86, 0.20, 0.27), (0.13, 0.45, 0.80), (0.14, 0.62, 0.40), (0.52, 0.32, 0.68), (0.90, 0.55, 0.10))
 """One per trajectory."""
@@ -56,7 +54,7 @@ def scene_data(
 
     Args:
         robot: the arm that moves.
-        trajectories: one or more motions of it; they start together.
+        trajectories: one or more motions of its joints; they start together.
         fps: frames per second of playing time that are stored; the page interpolates between them.
         slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
         obstacles: drawn where they stand.
@@ -65,16 +63,10 @@ def scene_data(
         parts: that the first trajectory grasps and releases; drawn instead of the robot's payload.
 
     Raises:
-        TrajectoryError: there is no trajectory, or one has another number of joints than the robot.
+        TrajectoryError: one has a number beyond `LARGEST`.
         ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
     """
-    if not trajectories:
-        raise TrajectoryError("nothing to replay: no trajectory given")
     for trajectory in trajectories:
-        if trajectory.v.shape[1] != robot.nv or trajectory.q.shape[1] != robot.nv:
-            raise TrajectoryError(
-                f"a trajectory of {trajectory.v.shape[1]} joints cannot move {robot.name!r} with {robot.nv}"
-            )
         if (most := max(np.max(np.abs(x)) for x in (trajectory.t, *trajectory(trajectory.t)))) > LARGEST:
             raise TrajectoryError(f"a trajectory has the number {most:g}; beyond {LARGEST:g} nothing can be shown")
     for name, value, most in (("fps", fps, 1e3), ("slow_motion", slow_motion, 1e6)):
@@ -153,8 +145,9 @@ def _packed(command: Mapping[str, Any]) -> str:
     return base64.b64encode(umsgpack.packb(command)).decode("ascii")
 
 
-def _floats(array: Array) -> str:
-    return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode("ascii")
+def packed(array: Array, kind: str = "<f4") -> str:
+    """Numbers in base64, as floats of 32 bits or of another kind."""
+    return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")
 
 
 def _set_object(path: str, shape: VisualShape) -> list[dict[str, Any]]:
@@ -187,8 +180,8 @@ def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str,
         "duration": trajectory.duration,
         "color": list(COLORS[i % len(COLORS)]),
         "frames": n,
-        "poses": _floats(poses),
-        "trail": _floats(tips[np.r_[0 : n - 1 : -(-n // _MAX_TRAIL), n - 1]]),
+        "poses": packed(poses),
+        "trail": packed(tips[np.r_[0 : n - 1 : -(-n // _MAX_TRAIL), n - 1]]),
     }
 
 

@@ -143,14 +143,8 @@ def course_section(facts: Facts) -> Section | None:
     for kept, what in (("effort", "of torque limits"), ("velocity", "of velocity limits")):
         parts = [x for x in facts.part("reserve").numbers(kept) if x]
         if parts:
-            rows.append(
-                (
-                    "kept for feedback",
-                    f"{100 * min(parts):.3g} to {100 * max(parts):.3g} % {what}"
-                    if min(parts) < max(parts)
-                    else f"{100 * parts[0]:.3g} % {what}",
-                )
-            )
+            ends = " to ".join(f"{100 * part:.3g}" for part in sorted({min(parts), max(parts)}))
+            rows.append(("kept for feedback", f"{ends} % {what}"))
     worst = [
         [
             th(one.text("name"), "row"), td(one.text("said"), class_="words"), _percent(one.number("share") or 0.0),
@@ -237,10 +231,7 @@ def titled(title: str, of: str) -> str:
 
 def listed(rows: Sequence[tuple[str, str]]) -> Html:
     """HTML list of names and values; rows without a value are left out."""
-    return element(
-        "dl",
-        *(join([element("dt", name), element("dd", value)]) for name, value in rows if value),
-    )
+    return element("dl", *(join([element("dt", name), element("dd", value)]) for name, value in rows if value))
 
 
 def stacked(head: Sequence[Html], rows: Sequence[Sequence[Html]]) -> Html:

@@ -228,15 +228,11 @@ def _check(client: Client, address: str) -> None:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:
         raise ClusterError(f"the scheduler at {address} has no worker: start some, dask worker {address}") from None
-    own, versions = _version(), client.run(_version, on_error="return")
+    own, versions = version("armdyn"), client.run(partial(version, "armdyn"), on_error="return")
     for worker, other in versions.items():
         if other != own:
             told = f"armdyn {other}" if isinstance(other, str) else f"no armdyn ({other})"
             raise ClusterError(f"worker {worker} has {told}; this is armdyn {own}: install the same there")
-
-
-def _version() -> str:
-    return version("armdyn")
 
 
 def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[Ended], str]:

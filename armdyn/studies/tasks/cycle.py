@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from armdyn.optimal import MinimumTimeOptions, Status
 from armdyn.optimal.problem.robot_tables import robot_from, robot_table
 from armdyn.optimal.problem_files import OPTIONS
 from armdyn.parsing.toml import Table, read_toml
-from armdyn.studies.problems import place_of
+from armdyn.studies.problems import place_of, with_checksum
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.minimum_time import torque_squared
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
@@ -108,9 +107,6 @@ class CycleTask:
 
     def description(self) -> dict[str, object]:
         """The task as JSON; the text of the robot's file by its checksum."""
-        robot = {
-            key: hashlib.sha256(text.encode()).hexdigest() if key in ("urdf", "mjcf") else text
-            for key, text in self.tables["robot"].items()
-        }
+        robot = with_checksum(self.tables["robot"])
         options = {name: getattr(self.options, name) for name in OPTIONS}
         return {"task": self.name, "cycle": {**self.tables, "robot": robot}, "search": options}

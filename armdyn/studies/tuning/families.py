@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, flag, interval, number, one_of, several, text
+from armdyn.arrays import Array
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import FORMS, Form, Pid, PidGains
@@ -21,8 +22,6 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 Values = Mapping[str, float]
 """Parameters by their names."""

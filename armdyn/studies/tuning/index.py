@@ -5,13 +5,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 Index = Literal["settled", "itae", "ise"]
 """Performance index of the worst arm, to be minimised; e is the distance from the goal:
@@ -98,9 +95,9 @@ def index_of(run: Run, setup: Setup, index: Index) -> float:
             return run.settled_time
         late = away[motion.t >= (1 - _LAST) * motion.t[-1]].max()
         return float(end * (1 + np.log1p(late / setup.tolerance)) + max(end - motion.t[-1], 0.0))
-    total = away.sum(axis=1) if index == "itae" else np.sum(away**2, axis=1)
     left = max(end - motion.t[-1], 0.0)
     if index == "itae":
-        rest = total[-1] * left * (end + motion.t[-1]) / 2
-        return float(np.trapezoid(motion.t * total, motion.t) + rest)
+        total = away.sum(axis=1)
+        return float(np.trapezoid(motion.t * total, motion.t) + total[-1] * left * (end + motion.t[-1]) / 2)
+    total = np.sum(away**2, axis=1)
     return float(np.trapezoid(total, motion.t) + total[-1] * left)

@@ -7,9 +7,9 @@ from importlib.metadata import version
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener, number, one_of, path, whole
+from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.tracking.setup import Setup, expect_own_payload
@@ -21,19 +21,16 @@ from armdyn.studies.executors.executor import Executor
 from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
-from armdyn.studies.run import run_cases
+from armdyn.studies.run import CaseRun
 from armdyn.studies.study import OwnTask
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
 from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
 from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
-
 FORMAT = "armdyn-tune-1"
 _WITHOUT_EFFECT = ("time_limit", "workers", "file")
 """Options without an effect on the controllers that are tried."""
-_LOOP = Loop()
 _NEVER = 1e6
 """Cost of a controller that cannot be run."""
 _SPREAD = 0.01
@@ -89,9 +86,6 @@ class TuneOptions:
             object.__setattr__(self, "file", path(self.file, "file"))
 
 
-_OPTIONS = TuneOptions()
-
-
 @brief
 @dataclass(frozen=True, eq=False)
 class Tuned:
@@ -126,8 +120,8 @@ def tune(
     family: ControllerFamily,
     plants: Sequence[Robot],
     held_out: Sequence[Robot] = (),
-    loop: Loop = _LOOP,
-    options: TuneOptions = _OPTIONS,
+    loop: Loop = Loop(),
+    options: TuneOptions = TuneOptions(),
     progress: Callable[[str], None] | None = None,
 ) -> Tuned:
     """Choose the controller of a family that is best on the worst of some arms, in the loop as it is built.
@@ -241,7 +235,7 @@ class GainSearch(OwnTask):
             """Costs of points, in their order: the `map` that scipy calls."""
             first = len(self.tried)
             self.tried += [by_name(parameters, np.array(x)) for x in points]
-            run_cases(self, rows, executor, stop)
+            CaseRun(self, rows, executor, stop).go()
             costs = [_NEVER] * (len(self.tried) - first)
             for row in rows.rows(first):
                 if row.k < len(self.tried):

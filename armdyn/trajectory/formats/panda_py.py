@@ -22,16 +22,6 @@ def refuse_unless_ready(panda):
             raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the arm's joint limits")
 
 
-def go_to_start(panda, moves):
-    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
-    away = distance(panda.q, Q[0])
-    if away > TOLERANCE and moves:
-        panda.move_to_joint_position(Q[0], speed_factor=APPROACH_SPEED)
-        away = distance(panda.q, Q[0])
-    if away > TOLERANCE:
-        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
-
-
 def run(panda, controller, first, last):
     """Show the controller the target of each moment; panda-py raises the arm's errors, and the arm stops by itself."""
     panda.start_controller(controller)
@@ -62,10 +52,7 @@ def occur(panda, kind, name, load):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Run a motion that armdyn planned on a Franka arm.")
-    parser.add_argument("host", help="IP address of the robot")
-    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
-    asked = parser.parse_args()
+    asked = options("a Franka arm")
     import panda_py
     from panda_py import controllers
 
@@ -76,7 +63,8 @@ def main():
     if events and events[0][0] < 0:
         occur(panda, *events.pop(0)[1:])
     refuse_unless_ready(panda)
-    go_to_start(panda, asked.to_start)
+    approach = lambda q: panda.move_to_joint_position(q, speed_factor=APPROACH_SPEED)
+    go_to_start(lambda: panda.q, approach, asked.to_start)
     for (first, *event), last in zip([(0, "", "", None)] + events, [event[0] for event in events] + [len(Q) - 1]):
         occur(panda, *event)
         if last > first:

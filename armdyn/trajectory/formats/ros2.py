@@ -23,9 +23,6 @@ _BETWEEN = 8
 
 _FIELDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 
-_EVENT = ("name", "event", "load")
-"""Fields of `Piece` in a file's events."""
-
 _NO_YAML = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
 """Characters that YAML does not have unescaped in a text, and more: https://yaml.org/spec/1.1/#c-printable."""
 
@@ -74,18 +71,13 @@ class Ros2:
     def text(self, samples: Samples) -> str:
         """The message of `joint_trajectory`, and events."""
         message = joint_trajectory(samples)
-        names = ", ".join(map(_quoted, message["joint_names"]))
-        points = []
-        for point in message["points"]:
-            rows = [f'"{what}": [{", ".join(map(_decimal, point[what]))}]' for what in _FIELDS]
-            points.append(f'{{{", ".join(rows)}, "time_from_start": {json.dumps(point["time_from_start"])}}}')
-        head = f'{{"header": {json.dumps(message["header"])},\n"joint_names": [{names}],\n"points": [\n'
-        events = ",\n".join(
-            _written({"time_from_start": _stamp(round(one.start * 1e9)), **{name: at[name] for name in _EVENT}})
-            for one in samples.pieces
-            for at in [asdict(one)]
-        )
-        return head + ",\n".join(points) + (f'\n],\n"events": [\n{events}' if events else "") + "\n]}\n"
+        events = [
+            {"time_from_start": _stamp(round(one.start * 1e9)), "name": one.name, "event": one.event,
+             "load": one.load and asdict(one.load)} for one in samples.pieces
+        ]  # fmt: skip
+        points, told = (",\n".join(map(_written, rows)) for rows in (message["points"], events))
+        head = f'{{"header": {_written(message["header"])},\n"joint_names": {_written(message["joint_names"])}'
+        return f'{head},\n"points": [\n{points}' + (f'\n],\n"events": [\n{told}' if events else "") + "\n]}\n"
 
 
 def joint_trajectory(samples: Samples) -> dict[str, Any]:

@@ -144,16 +144,32 @@ def joined(base, load):
     return m + n, [(m * a + n * b) / (m + n) for a, b in zip(c, d)], inertia
 '''
 
-_DISTANCE = '''
+_START = '''
 
 def distance(actual, wanted):
     """Largest distance of a joint [rad]."""
     return max(abs(a - b) for a, b in zip(actual, wanted))
+
+
+def options(arm):
+    """Arguments of this program."""
+    parser = argparse.ArgumentParser(description=f"Run a motion that armdyn planned on {arm}.")
+    parser.add_argument("host", help="IP address of the robot")
+    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
+    return parser.parse_args()
+
+
+def go_to_start(where, move, asked):
+    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
+    if asked and distance(where(), Q[0]) > TOLERANCE:
+        move(Q[0])
+    if (away := distance(where(), Q[0])) > TOLERANCE:
+        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
 '''
 
 
 def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str, tuple[object, str]]) -> str:
-    """Beginning of a Python program: docstring, motion and constants as literals of ASCII, distance of two poses.
+    """Beginning of a Python program: docstring, motion and constants as literals of ASCII, the way to the start.
 
     Args:
         arm: name of the arm, in words.
@@ -180,4 +196,4 @@ def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str
         *(f"    {row}," for row in samples.q.tolist()),
         "]",
     ]
-    return "\n".join(lines) + "\n" + _ON_EVENT + _DISTANCE
+    return "\n".join(lines) + "\n" + _ON_EVENT + _START

@@ -185,16 +185,6 @@ def refuse_unless_ready(control, receive):
             raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the controller's safety limits")
 
 
-def go_to_start(control, receive, moves):
-    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
-    away = distance(receive.getActualQ(), Q[0])
-    if away > TOLERANCE and moves:
-        control.moveJ(Q[0], APPROACH_VELOCITY, APPROACH_ACCELERATION)
-        away = distance(receive.getActualQ(), Q[0])
-    if away > TOLERANCE:
-        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
-
-
 def payload_of(receive):
     """The payload that is set on the robot: mass, centre of mass, inertia."""
     if PAYLOAD is not None:
@@ -225,10 +215,7 @@ def run(control, base):
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Run a motion that armdyn planned on a UR arm.")
-    parser.add_argument("host", help="IP address of the robot")
-    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
-    asked = parser.parse_args()
+    asked = options("a UR arm")
     from rtde_control import RTDEControlInterface
     from rtde_receive import RTDEReceiveInterface
 
@@ -240,7 +227,8 @@ def main():
         base = payload_of(receive) if any(load for *_, load in EVENTS) else None
         occur(control, -1, base)
         refuse_unless_ready(control, receive)
-        go_to_start(control, receive, asked.to_start)
+        approach = lambda q: control.moveJ(q, APPROACH_VELOCITY, APPROACH_ACCELERATION)
+        go_to_start(receive.getActualQ, approach, asked.to_start)
         run(control, base)
         print(f"done; a joint is {distance(receive.getActualQ(), Q[-1]):.4f} rad from the goal at most")
     finally:
