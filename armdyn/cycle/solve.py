@@ -23,16 +23,11 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.cycle import CyclePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
 Report = Callable[[str], None]
-
-QUICK = 0.5
-"""Part of the duration by which other tours may still be shorter when a quick search ends: the bounds know nothing of
-straight segments and obstacles, so that most tours would have to be solved."""
-LEAST = 5.0
-"""Time that the bound of the whole cycle gets at least [s]; else as much as the search took."""
 
 
 def solve_cycle(
@@ -64,7 +59,9 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
-        seconds = min(max(time.perf_counter() - started, LEAST), max(stop.deadline - time.perf_counter(), 0.0))
+        seconds = min(
+            max(time.perf_counter() - started, CyclePolicy().bound), max(stop.deadline - time.perf_counter(), 0.0)
+        )
         answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
 
@@ -75,7 +72,7 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
     The tour that is the shortest by what is known is worked out, again and again, until all its edges are solved.
     """
     bounded, known = dict[Edge, float | None](), Tour(np.inf, (), ())
-    enough = 1 + QUICK if options.search == "quick" else 1.0
+    enough = 1 + CyclePolicy().quick if options.search == "quick" else 1.0
     while True:
         tour = graph.best(graph.lengths)
         edges = graph.open(tour)

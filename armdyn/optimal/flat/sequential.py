@@ -6,7 +6,7 @@ with sequential convex optimization and convex collision checking", IJRR 33(9), 
 trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -140,7 +140,7 @@ class Sequential:
             eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
         """
-        policy, iterations = self.policy, 0
+        policy, iterations, first = self.policy, 0, trust
         eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
         merit, step, status, word = self._merit(at), None, Status.ITERATION_LIMIT, "iteration limit"
@@ -150,6 +150,10 @@ class Sequential:
                 break
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
+            if taken is None and at.penalties[2] > policy.distance * policy.distance_left and self._raised():
+                at = self._point(at.x)
+                merit, trust = self._merit(at), first
+                continue
             if taken is None:
                 status, word = (
                     (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
@@ -163,6 +167,13 @@ class Sequential:
                 word = "another way is faster"
                 break
         return self._outcome(at, step, status, word, iterations)
+
+    def _raised(self) -> bool:
+        """Raise the price of rows beyond their limits: slow arms gain more by missing them; False: it is the highest."""
+        if self.policy.other >= self.policy.dearest:
+            return False
+        self.policy = replace(self.policy, other=10 * self.policy.other)
+        return True
 
     def _step(
         self, at: _Iterate, merit: float, trust: float, eager: bool
