@@ -150,7 +150,11 @@ class Sequential:
                 break
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
-            if taken is None and at.penalties[2] > policy.distance * policy.distance_left and self._raised():
+            missed = (
+                at.penalties[2] > policy.distance * policy.distance_left and policy.other < policy.dearest * self._whole
+            )
+            if taken is None and missed:  # a slow arm gains more by missing rows than their price
+                policy = self.policy = replace(policy, other=10 * policy.other)
                 at = self._point(at.x)
                 merit, trust = self._merit(at), first
                 continue
@@ -167,13 +171,6 @@ class Sequential:
                 word = "another way is faster"
                 break
         return self._outcome(at, step, status, word, iterations)
-
-    def _raised(self) -> bool:
-        """Raise the price of rows beyond their limits: slow arms gain more by missing them; False: it is the highest."""
-        if self.policy.other >= self.policy.dearest:
-            return False
-        self.policy = replace(self.policy, other=10 * self.policy.other)
-        return True
 
     def _step(
         self, at: _Iterate, merit: float, trust: float, eager: bool

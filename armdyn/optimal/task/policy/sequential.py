@@ -52,7 +52,10 @@ class SequentialPolicy:
     distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose", TRAINED)
     other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", TRAINED)
     dearest: float = tuned(
-        10.0, "s", "the same, raised tenfold where a sequence ends with rows missed", "25/300/25 mm: Kinova"
+        10.0,
+        "of the duration",
+        "the same, raised tenfold where a sequence ends with rows missed",
+        "25/300/25 mm: Kinova",
     )
     torque_left: float = tuned(0.5, "of half the range", "sum over the points that slowing down mends later", TRAINED)
     distance_left: float = tuned(1e-3, "m", "sum over the poses that later rounds mend", TRAINED)
