@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.actuator_limits import ActuatorLimits
-
-Array = NDArray[np.float64]
 
 
 class Plant(NamedTuple):
@@ -85,7 +83,7 @@ class Driven(NamedTuple):
     """Torques that act from there on [N m or N], likewise; the last row is the one before."""
     estimate: Array
     """Velocities as the controller sees them, likewise."""
-    clipped: NDArray[np.bool_]
+    clipped: Flags
     """Whether the torque decided at a tick was clipped, shape (ticks, nv)."""
     shortest: float
     """Step of Runge and Kutta's method, as a part of a tick."""

@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
+from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (nv,)."""
@@ -19,15 +18,11 @@ def forward_dynamics(robot: Robot) -> StateFunction:
 
     For one thread: Pinocchio's work space belongs to the function. A result is the caller's own.
     """
-    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    configuration = configurations(model)
 
-    def plain(q: Array, v: Array, tau: Array) -> Array:
-        return np.array(pin.aba(model, data, q, v, tau))
-
-    def turning(q: Array, v: Array, tau: Array) -> Array:
+    def free(q: Array, v: Array, tau: Array) -> Array:
         return np.array(pin.aba(model, data, configuration(q), v, tau))
-
-    free = plain if model.nq == model.nv else turning  # the most called function of all
 
     def rubbing(q: Array, v: Array, tau: Array) -> Array:
         return free(q, v, tau - friction.torque(v))
@@ -41,7 +36,8 @@ def forward_dynamics_derivatives(robot: Robot) -> Callable[[Array, Array, Array]
     Pinocchio's derivatives of the articulated-body algorithm: J. Carpentier, N. Mansard, Analytical Derivatives of
     Rigid Body Dynamics Algorithms, RSS 2018. For one thread, like `forward_dynamics`.
     """
-    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    configuration = configurations(model)
 
     def derivatives(q: Array, v: Array, tau: Array) -> tuple[Array, Array, Array, Array]:
         a, (by_q, by_v, inverse) = np.empty_like(v), np.empty((3, *v.shape, v.shape[-1]))
@@ -62,7 +58,7 @@ def joint_inertia(robot: Robot) -> Callable[[Array], Array]:
 
     For one thread, like `forward_dynamics`.
     """
-    model, data, configuration = robot.model, robot.model.createData(), robot.configuration
+    model, data, configuration = robot.model, robot.model.createData(), configurations(robot.model)
     lower = np.tril_indices(robot.nv, -1)
 
     def inertia(q: Array) -> Array:
@@ -78,7 +74,8 @@ def inverse_dynamics(robot: Robot) -> StateFunction:
 
     For one thread, like `forward_dynamics`.
     """
-    model, data, configuration, friction = robot.model, robot.model.createData(), robot.configuration, robot.friction
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    configuration = configurations(model)
 
     def free(q: Array, v: Array, a: Array) -> Array:
         return np.array(pin.rnea(model, data, configuration(q), v, a))

@@ -1,20 +1,20 @@
 """From a URDF's text to Pinocchio's model of an arm."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.errors import UrdfError
 from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, locked_joints
 from armdyn.models.reading.nearest_inertia import MARK
 from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
-
-Array = NDArray[np.float64]
 
 _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""
@@ -75,13 +75,16 @@ def _mimics(root: Element, source: str) -> dict[str, Mimic]:
 
 def configuration(model: pin.Model, q: ArrayLike) -> Array:
     """Pinocchio's configuration of joint coordinates: (cos, sin) for a continuous joint."""
-    q = np.asarray(q, dtype=float)
-    if model.nq == model.nv:
-        return q
-    full = np.empty(model.nq)
-    for joint, angle in zip(list(model.joints)[1:], q, strict=True):
-        full[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-    return full
+    return configurations(model)(np.asarray(q, dtype=float))
+
+
+def configurations(model: pin.Model) -> Callable[[Array], Array]:
+    """The same as a function of q, shape (nv,), for inner loops."""
+    return _same if model.nq == model.nv else partial(pin.integrate, model, pin.neutral(model))
+
+
+def _same(q: Array) -> Array:
+    return q
 
 
 def check_inertia(model: pin.Model, source: str) -> None:

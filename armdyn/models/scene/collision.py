@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import built_once, one_at_a_time
+from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.balls import Balls
 from armdyn.models.scene.bodies import bodies
@@ -108,12 +109,13 @@ class CollisionModel:
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
         known = {frozenset(pair) for pair in touching}
         self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
-        self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
+        self._scene, self._balls = scene, Balls(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
         self.joints: Index = np.array([one.parentJoint for one in scene.model.geometryObjects], dtype=int)[scene.pairs]
         self._carried = np.zeros((robot.model.njoints, robot.model.nv))
         for joint in range(1, robot.model.njoints):
             self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
+        self._configuration = configurations(robot.model)
         self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
         for k in self.touching:  # `is_free` compares their distances
             self._geometry.deactivateCollisionPair(int(k))
@@ -176,7 +178,7 @@ class CollisionModel:
         """
         with one_at_a_time:
             self.distances_of(pairs, q)
-            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(np.asarray(q)), np.asarray(v))
+            pin.forwardKinematics(self.robot.model, self._data, self._configuration(np.asarray(q)), np.asarray(v))
             normals = [np.array(self._geometry.distanceResults[int(k)].normal) for k in pairs]
             both = [(self._hulls[first], self._hulls[second]) for first, second in self._scene.pairs[pairs]]
             each = zip(both, normals, strict=True)
@@ -237,7 +239,7 @@ class CollisionModel:
         out, block = np.empty((len(poses), len(self.pairs))), 1 + _BLOCK // max(len(self.pairs), 1)
         frames = np.empty((len(poses), self.robot.model.njoints, 3, 4))
         for here, pose in zip(frames, poses, strict=True):
-            pin.forwardKinematics(self.robot.model, self._data, self.robot.configuration(pose))
+            pin.forwardKinematics(self.robot.model, self._data, self._configuration(pose))
             for k, frame in enumerate(self._data.oMi):
                 here[k, :, :3], here[k, :, 3] = frame.rotation, frame.translation
         for first in range(0, len(poses), block):
@@ -255,7 +257,7 @@ class CollisionModel:
         return near
 
     def _place(self, q: ArrayLike) -> None:
-        configuration = self.robot.configuration(np.asarray(q))
+        configuration = self._configuration(np.asarray(q))
         pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
 
     def _gradients(self, pairs: Index, points: Array, jacobians: Array) -> Array:

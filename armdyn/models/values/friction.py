@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.models.values.per_joint import per_joint
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 FRICTION_WIDTH = 0.05
 """Default of `JointFriction.width` [rad/s or m/s]: one or two per cent of the speed of industrial joints."""

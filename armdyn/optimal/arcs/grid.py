@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +42,7 @@ class Density:
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
-def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[NDArray[np.int_], Array]:
+def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[Index, Array]:
     """Number of intervals of every arc: a few at least, the rest in proportion to weights.
 
     Args:

@@ -7,21 +7,16 @@ of the segment. The same linear equations yield how a segment's end state depend
 torque (variational equations; Hairer, Nørsett, Wanner, Solving ODEs I, II.17 and IV.8).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from armdyn.dynamics.numeric import forward_dynamics_derivatives
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _AGREES = 1e-9
 """Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: the step's own error
@@ -139,11 +134,8 @@ class _GaussStep:
     """One step of Gauss collocation through each of many segments. For one thread, with a work space of Pinocchio."""
 
     def __init__(self, robot: Robot) -> None:
-        self.robot, self.data = robot, robot.model.createData()
         self.derivatives = forward_dynamics_derivatives(robot)
-        self.configuration: Callable[[Array], Array] = robot.configuration
-        if robot.model.nq != robot.model.nv:  # the same in a fifth of the time
-            self.configuration = partial(pin.integrate, robot.model, pin.neutral(robot.model))
+        self.acceleration = forward_dynamics(robot)
 
     def __call__(self, h: Array, x: Array, tau: Array) -> tuple[Array, Array, Array]:
         """Integrate each segment by one Gauss step, and differentiate its end state.
@@ -202,9 +194,5 @@ class _GaussStep:
 
     def _accelerations(self, q: Array, v: Array, tau: Array) -> Array:
         """Forward dynamics, friction included, of many states, each array of shape (..., nv)."""
-        model, data, configuration, shape = self.robot.model, self.data, self.configuration, q.shape
-        free = (tau - self.robot.friction.torque(v) if self.robot.friction.present else tau).reshape(-1, shape[-1])
-        found, places, speeds = np.empty_like(free), q.reshape(free.shape), v.reshape(free.shape)
-        for k in range(len(free)):
-            found[k] = pin.aba(model, data, configuration(places[k]), speeds[k], free[k])
-        return found.reshape(shape)
+        states = zip(*(np.broadcast_to(x, tau.shape).reshape(-1, tau.shape[-1]) for x in (q, v, tau)), strict=True)
+        return np.array([self.acceleration(*state) for state in states]).reshape(tau.shape)

@@ -9,9 +9,6 @@ from armdyn.optimal.solve.attempt import Attempt
 
 Item = TypeVar("Item")
 
-_LOOKED_AT = np.array([0.25, 0.5, 0.75])
-"""Parts of a motion's duration."""
-
 
 def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
     """Items in groups: each joins the first group whose first member it is like, or begins one.
@@ -52,14 +49,8 @@ def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) ->
 
     def one(first: Attempt, item: Attempt) -> bool:
         return alike(first.trajectory.duration, item.trajectory.duration) and (
-            apart == np.inf or _between(first, item) <= apart
+            apart == np.inf or float(np.max(np.abs(first.quarters - item.quarters))) <= apart
         )
 
     groups = grouped((attempt for attempt in ranked(attempts) if attempt.usable), one)
     return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
-
-
-def _between(first: Attempt, other: Attempt) -> float:
-    """How far two motions are from each other, where each has gone through a quarter, a half and three of its time."""
-    one, two = (motion(motion.t[0] + _LOOKED_AT * motion.duration).q for motion in (first.trajectory, other.trajectory))
-    return float(np.max(np.abs(one - two)))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from armdyn.optimal.search.distinct import distinct
+from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
@@ -64,7 +64,8 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         task.progress(f"search: guess {len(own)} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
         asked = task.options.search != "thorough" and len(own) % max(1, count // numbers.asks) == 0
-        if task.stop or (asked and enough(len(solved), len(distinct(own, task.policy.same.coarse)), numbers.least)):
+        optima = len(grouped(sorted(solved), within(task.policy.same.coarse))) if asked else 0
+        if task.stop or (asked and enough(len(solved), optima, numbers.least)):
             break
     return attempts
 

@@ -1,17 +1,16 @@
 """Result of one guess on one mesh."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,6 +46,12 @@ class Attempt:
     def mesh(self) -> Array:
         """The knots as parts of the duration, shape (intervals + 1,)."""
         return mesh(self.intervals) if self.knots is None else self.knots
+
+    @cached_property
+    def quarters(self) -> Array:
+        """Positions after a quarter, a half and three quarters of the duration [rad or m], shape (3, nv)."""
+        t = self.trajectory.t
+        return self.trajectory(t[0] + np.array([0.25, 0.5, 0.75]) * (t[-1] - t[0])).q
 
     @property
     def usable(self) -> bool:
