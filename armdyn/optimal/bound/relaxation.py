@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
-from scipy.sparse import block_diag, csr_matrix, eye, hstack, vstack
+from scipy.sparse import block_diag, csr_matrix, eye, hstack, kron, vstack
 
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
@@ -87,7 +87,7 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
-    ways = hstack([eye(nv) * (time / duration) for time in times])
+    ways = kron(times / duration, eye(nv))
     away = leg.away.centre / (duration * leg.velocity)
     slacks = len(kinds) * nodes * nv
     closing, free = _within_ends(leg, duration)

@@ -171,7 +171,7 @@ class Sequential:
         policy, iterations = self.policy, 0
         rows = self._rows(at)
         while True:
-            step = solve_step(self._convex(at, rows, trust))
+            step = solve_step(self._convex(at, rows, trust), policy.near)
             iterations += 1
             if step.found:
                 x = at.x.copy()
@@ -324,13 +324,12 @@ class Sequential:
             s, weights = leg.basis.gauss(2)
             second = leg.basis.local(s.ravel(), derivatives=2)[:, 2]
             window = leg.basis.interval_of(s.ravel())[:, None] + np.arange(second.shape[1])
-            points = problem.shape.points(k)
-            rows = np.arange(second.shape[0])[:, None] * np.ones(second.shape[1], dtype=int)
-            for joint in range(points.shape[1]):
-                matrix = sp.csr_matrix(
-                    (second.ravel(), (rows.ravel(), points[window, joint].ravel())), (rows.shape[0], size)
-                )
-                out = out + matrix.T @ sp.diags(smooth[k] * weights.ravel() / velocity[joint] ** 2) @ matrix
+            points = problem.shape.points(k)[window]
+            weight = (smooth[k] * weights.ravel()[:, None] / velocity**2).ravel()
+            rows = np.broadcast_to(np.arange(weight.size).reshape(len(points), 1, -1), points.shape)
+            values = np.broadcast_to(second[:, :, None], points.shape)
+            matrix = sp.csr_matrix((values.ravel(), (rows.ravel(), points.ravel())), (weight.size, size))
+            out = out + matrix.T @ sp.diags(weight) @ matrix
         return out.tocsr()
 
     def _outcome(self, at: _Iterate, step: QpSolution | None, status: Status, word: str, iterations: int) -> NlpResult:
