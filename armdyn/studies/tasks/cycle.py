@@ -19,7 +19,7 @@ from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import place_of, with_checksum
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.minimum_time import torque_squared
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +90,8 @@ class CycleTask:
         most = next(iter(solution.decides), None)
         facts = {
             "duration_s": solution.duration if solution.usable else None,
-            "gap": finite(solution.gap),
-            "lower_bound_s": finite(solution.lower_bound),
+            "gap": solution.gap,
+            "lower_bound_s": solution.lower_bound,
             "limited_most_by": most[0] if most else None,
             "torque_squared": torque_squared(solution.trajectory) if solution.usable else None,
             **{f"step_{leg.leg.step}_s": leg.duration for leg in solution.legs if solution.usable},

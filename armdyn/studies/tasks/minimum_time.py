@@ -19,7 +19,7 @@ from armdyn.parsing.toml import Table
 from armdyn.studies.problems import ProblemSource
 from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.settings import SIGNS
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite, motion_bytes, motion_from
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, motion_bytes, motion_from
 from armdyn.trajectory import Trajectory
 
 NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
@@ -114,8 +114,8 @@ def _facts(solution: Solution) -> dict[str, Any]:
     return {
         "duration_s": solution.duration if moves else None,
         "certified": solution.certified,
-        "gap": finite(solution.gap),
-        "lower_bound_s": finite(solution.lower_bound),
+        "gap": solution.gap,
+        "lower_bound_s": solution.lower_bound,
         "limited_most_by": most.name if most else None,
         "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
         "peak_speed": float(np.abs(motion.v).max()) if moves else None,
