@@ -197,8 +197,7 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
                 axes.annotate(said, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.12)
-        axes.set_xlabel(f"{_AXES[across]} [m]")
-        axes.set_ylabel(f"{_AXES[up]} [m]")
+        axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")
         axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
     return _clear(figure)
 
