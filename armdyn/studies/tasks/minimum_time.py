@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from armdyn.arguments import expect, one_of
+from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
@@ -75,16 +76,8 @@ class MinimumTimeTask:
         facts = _facts(solution)
         if self.neighbours == "chain":
             facts |= _chain_facts(solution)
-        status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
         kept = solution.success if self.neighbours == "chain" else solution.usable and self.neighbours != "off"
-        return CaseResult(
-            status=INTERRUPTED if solution.status is Status.INTERRUPTED else status,
-            good=solution.usable,
-            message=solution.message,
-            facts=facts,
-            motion=motion_bytes(solution.trajectory) if kept else b"",
-            value=solution,
-        )
+        return replace(result_with(solution, facts), motion=motion_bytes(solution.trajectory) if kept else b"")
 
     def description(self) -> dict[str, object]:
         """The task as JSON."""
@@ -105,6 +98,13 @@ class MinimumTimeTask:
         if own["landed"] != its["landed"]:
             return bool(own["landed"])
         return bool(own["cost"] < its["cost"] * (1 - self.same.resolved))
+
+
+def result_with(solution: Solution | CycleSolution, facts: Mapping[str, Any]) -> CaseResult:
+    """Result of a case that was solved, usable or not."""
+    status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
+    status = INTERRUPTED if solution.status is Status.INTERRUPTED else status
+    return CaseResult(status=status, good=solution.usable, message=solution.message, facts=facts, value=solution)
 
 
 def _facts(solution: Solution) -> dict[str, Any]:
