@@ -23,7 +23,7 @@ class Plant(NamedTuple):
     """a(q, v, tau, p)."""
     parameters: Array
     """p: ten dynamic parameters of the last joint's body; with friction also damping and Coulomb friction of every
-    joint, and the width of its jump."""
+    joint, and the width of its jump in every joint."""
 
 
 def limited(plant: Plant, actuators: Sequence[ActuatorLimits]) -> Plant:
@@ -43,15 +43,15 @@ def plant_of(robot: Robot) -> Plant:
     smooth = Dynamics(robot.with_friction(0.0, 0.0) if friction.present else robot, free_last_body=True)
     if not friction.present:
         return Plant(smooth.functions["aba"], smooth.last_body)
-    numbers = (smooth.last_body, *friction.per_joint(robot.nv), [friction.width])
+    numbers = (smooth.last_body, *friction.per_joint(robot.nv), np.broadcast_to(friction.width, robot.nv))
     return Plant(_rubbing(smooth), np.concatenate(numbers))
 
 
 @built_once(maxsize=64)
 def _rubbing(dynamics: Dynamics) -> ca.Function:
     nv = dynamics.nv
-    q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 11 + 2 * nv)))
-    body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 11 + 2 * nv])
+    q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 10 + 3 * nv)))
+    body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 10 + 3 * nv])
     turn = 1 - 2 / (ca.exp(2 * v / width) + 1)  # tanh, in a third of its time
     lost = damping * v + coulomb * turn
     return ca.Function("rubbing", [q, v, tau, p], [dynamics.functions["aba"](q, v, tau - lost, body)])

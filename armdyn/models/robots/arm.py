@@ -207,7 +207,7 @@ class Arm:
         self,
         damping: FrictionValue | None = None,
         friction: FrictionValue | None = None,
-        width: float | None = None,
+        width: ArrayLike | None = None,
     ) -> Self:
         """This robot with other friction in its joints; None keeps its own.
 
@@ -234,7 +234,7 @@ class Arm:
             friction=JointFriction(
                 damping=chosen(damping, own.damping, self.model.damping, "damping"),
                 coulomb=chosen(friction, own.coulomb, self.model.upperDryFrictionLimit, "friction"),
-                width=own.width if width is None else width,
+                width=own.width if width is None else self._read(width, "friction_width", "rad/s"),
             ),
         )
 

@@ -276,13 +276,5 @@ class CollisionModel:
         return out
 
 
-@built_once(maxsize=16)
-def collision_model(
-    robot: Robot,
-    obstacles: tuple[Obstacle, ...],
-    self_collision: bool,
-    allowed: tuple[tuple[str, str], ...] = (),
-    touching: tuple[tuple[str, str], ...] = (),
-) -> CollisionModel:
-    """A `CollisionModel`, built once for the same arguments."""
-    return CollisionModel(robot, obstacles, self_collision, allowed, touching)
+collision_model = built_once(maxsize=16)(CollisionModel)
+"""A `CollisionModel`, built once for the same hashable arguments."""

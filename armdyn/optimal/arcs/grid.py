@@ -110,7 +110,8 @@ def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> 
     samples, reach, part = numbers.layer_samples, numbers.layer_reach, numbers.in_layers
     t = np.linspace(0, guess.duration, samples + 1)
     v = guess(guess.t[0] + t).v[:, dry]
-    change = np.sum(np.abs(np.diff(np.tanh(v / (reach * friction.width)), axis=0)), axis=1)
+    width = np.broadcast_to(friction.width, dry.shape)[dry]
+    change = np.sum(np.abs(np.diff(np.tanh(v / (reach * width)), axis=0)), axis=1)
     if not np.any(change):
         return None
     return Density(t, (1 - part) / samples + part * change / np.sum(change))
