@@ -126,7 +126,7 @@ def test_a_motion_between_two_sets():
 
 
 def test_a_motion_of_an_endless_arm_between_two_sets():
-    """The first stop is meant but for whole turns; members of the sets, other turns among them, make no faster motion."""
+    """Members of the sets, other turns among them, make no faster motion."""
     robot = paper_arm("rr").with_limits(None, 2.0)
     goals = [ad.GoalPose(robot.tip, placement(robot, q).translation) for q in ([2.9, 0.5], [-2.5, -0.7])]
     limits = {kind: {"position_limit": (-most, most)} for kind, most in (("endless", np.inf), ("wide", 4 * np.pi))}
