@@ -16,10 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from armdyn.errors import ArmdynError, ProblemError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+    from armdyn.arrays import Array
 
 Kind = TypeVar("Kind")
 Function = TypeVar("Function", bound=Callable[..., object])

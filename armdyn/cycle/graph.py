@@ -18,16 +18,13 @@ from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.policy.cycle import CyclePolicy
 
 Array = NDArray[np.float64]
 Arc = tuple[int, int]
 """A move from a stop: the numbers of the stop and of the move, from 0 on."""
 Edge = tuple[int, int, int, int]
 """A move from a stop, from a branch of the stop to one of the move's end."""
-
-ALIKE = 8
-"""Pairs of branches that are refused for one and the same reason before all of the move are: without whole turns there
-are eight branches at most, and a UR5 has thousands of pairs with them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +121,7 @@ class CycleGraph:
             self.refused[edge] = error
             self.learn(edge, np.inf, exact=True)
             alike = [str(one) == str(error) for other, one in self.refused.items() if other[:2] == edge[:2]]
-            if sum(alike) >= ALIKE and not any(other[:2] == edge[:2] for other in self.solutions):
+            if sum(alike) >= CyclePolicy().alike and not any(other[:2] == edge[:2] for other in self.solutions):
                 self.lengths[edge[:2]][:] = np.inf
                 self.exact[edge[:2]][:] = True
             return None

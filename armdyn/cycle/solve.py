@@ -15,22 +15,19 @@ from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
-from armdyn.optimal.minimum_time import solve_minimum_time
+from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.cycle import CyclePolicy
+from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
 Report = Callable[[str], None]
-
-QUICK = 0.5
-"""Part of the duration by which other tours may still be shorter when a quick search ends: the bounds know nothing of
-straight segments and obstacles, so that most tours would have to be solved."""
-LEAST = 5.0
-"""Time that the bound of the whole cycle gets at least [s]; else as much as the search took."""
 
 
 def solve_cycle(
@@ -62,7 +59,9 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
-        seconds = min(max(time.perf_counter() - started, LEAST), max(stop.deadline - time.perf_counter(), 0.0))
+        seconds = min(
+            max(time.perf_counter() - started, CyclePolicy().bound), max(stop.deadline - time.perf_counter(), 0.0)
+        )
         answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
 
@@ -72,8 +71,8 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
 
     The tour that is the shortest by what is known is worked out, again and again, until all its edges are solved.
     """
-    bounded, known = set[Edge](), Tour(np.inf, (), ())
-    enough = 1 + QUICK if options.search == "quick" else 1.0
+    bounded, known = dict[Edge, float | None](), Tour(np.inf, (), ())
+    enough = 1 + CyclePolicy().quick if options.search == "quick" else 1.0
     while True:
         tour = graph.best(graph.lengths)
         edges = graph.open(tour)
@@ -83,34 +82,44 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
             return known if edges and known.edges else tour
         chosen = [edge for edge in edges if edge not in bounded and np.sum(~graph.exact[edge[:2]]) > 1]
         if chosen:
-            bounded.update(chosen)
-            _bound(graph, chosen, options, stop)
+            bounded |= _bound(graph, chosen, options, stop)
         else:
-            _solve(graph, edges, options, stop, report)
+            _solve(graph, edges, bounded, options, stop, report)
             solved = graph.best({arc: np.where(graph.exact[arc], own, np.inf) for arc, own in graph.lengths.items()})
             known = min(known, solved, key=lambda one: one.length)
 
 
-def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> None:
-    """Bound the durations of edges, in parallel."""
+def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> dict[Edge, float | None]:
+    """Lower bounds on the durations of edges [s], in parallel; None: of those that pose no problem, or unknown."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
     jobs = [partial(_bound_of, problem, stop) for _, problem in posed]
+    found = dict[Edge, float | None].fromkeys(edges)
     for (edge, _), bound in zip(posed, in_processes(jobs, options.workers), strict=True):
-        graph.learn_bound(edge, bound)
-        graph.learn(edge, max(bound, graph.lengths[edge[:2]][edge[2:]]), exact=False)
+        found[edge] = bound
+        if bound is not None:
+            graph.learn_bound(edge, bound)
+            graph.learn(edge, max(bound, graph.lengths[edge[:2]][edge[2:]]), exact=False)
+    return found
 
 
-def _bound_of(problem: MinimumTimeProblem, stop: Stop) -> float:
+def _bound_of(problem: MinimumTimeProblem, stop: Stop) -> float | None:
     bound = lower_bound(problem, stop.__bool__)
-    return 0.0 if bound is None else bound.duration
+    return None if bound is None else bound.duration
 
 
-def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop, report: Report) -> None:
-    """Solve edges, in parallel where there are several."""
+def _solve(
+    graph: CycleGraph,
+    edges: list[Edge],
+    bounds: dict[Edge, float | None],
+    options: MinimumTimeOptions,
+    stop: Stop,
+    report: Report,
+) -> None:
+    """Solve edges, in parallel where there are several, given the lower bounds of some of them [s]."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
     options = replace(options, time_limit=max(stop.deadline - time.perf_counter(), 1e-3))
     alone = report if len(posed) == 1 else None
-    jobs = [partial(solve_minimum_time, problem, options, alone) for _, problem in posed]
+    jobs = [partial(_solved, Task.of(problem, options, progress=alone), bounds.get(edge)) for edge, problem in posed]
     for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
         leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge
         graph.solutions[edge] = solution
@@ -121,6 +130,14 @@ def _solve(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, st
         graph.learn(edge, solution.duration if solution.usable else np.inf, exact=True)
         if solution.status is Status.INTERRUPTED:
             stop.interrupt()
+
+
+def _solved(task: Task, bound: float | None) -> Solution:
+    """The solution of a move whose lower bound is perhaps known [s]."""
+    if bound is not None and task.policy.strategy.bounded:
+        policy = task.policy.changed("strategy", bounded=False)
+        task = replace(task, policy=policy, lower_bound=lambda: bound)
+    return solve_task(task)
 
 
 def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:

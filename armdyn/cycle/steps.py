@@ -90,9 +90,21 @@ class Move:
         text(self.name, "name of a step")
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Rest:
+    """A step at rest."""
+
+    dwell: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        number(self.dwell, "dwell", unit="s", sign="not negative")
+        text(self.name, "name of a step")
+
+
 @brief
 @dataclass(frozen=True)
-class Grasp:
+class Grasp(_Rest):
     """The arm, at rest, takes a part: from then on it carries the part.
 
     Attributes:
@@ -102,19 +114,15 @@ class Grasp:
     """
 
     part: Payload
-    _: KW_ONLY
-    dwell: float = 0.0
-    name: str = ""
 
     def __post_init__(self) -> None:
         expect(self.part, Payload, "part of a grasp", "such as Payload(mass=1.0)")
-        number(self.dwell, "dwell", unit="s", sign="not negative")
-        text(self.name, "name of a step")
+        super().__post_init__()
 
 
 @brief
 @dataclass(frozen=True)
-class Release:
+class Release(_Rest):
     """The arm, at rest, lets go of the part that it carries.
 
     Attributes:
@@ -124,15 +132,11 @@ class Release:
     """
 
     part: Payload | None = None
-    _: KW_ONLY
-    dwell: float = 0.0
-    name: str = ""
 
     def __post_init__(self) -> None:
         if self.part is not None:
             expect(self.part, Payload, "part of a release", "the part that was grasped")
-        number(self.dwell, "dwell", unit="s", sign="not negative")
-        text(self.name, "name of a step")
+        super().__post_init__()
 
 
 @brief

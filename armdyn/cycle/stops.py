@@ -16,14 +16,10 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import unheld_joints
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
 from armdyn.optimal.search.sliding import slid_chain
+from armdyn.optimal.task.policy.cycle import CyclePolicy
 from armdyn.optimal.task.policy.search import GoalPolicy
 
 Array = NDArray[np.float64]
-
-BRANCHES = 8
-"""Joint positions of a goal pose, without whole turns, that are tried at most: a six-axis arm has eight branches."""
-MOST = 100
-"""Of each with whole turns of its joints: four joints, three ways each, and more."""
 
 
 def limits_of(cycle: Cycle) -> JointLimits:
@@ -54,7 +50,7 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
             if positions is None:
                 with told(stop.step, stop.name):
                     at = near if isinstance(first, GoalPose) else first
-                    positions = tuple(poses_reaching(cycle.robot, stop.target, at, limits, most=BRANCHES))
+                    positions = tuple(poses_reaching(cycle.robot, stop.target, at, limits))
                 known.append((stop.target, positions))
         else:
             positions = (stop.target,)
@@ -73,7 +69,7 @@ def _turned(robot: Robot, branch: Array, limits: JointLimits) -> list[Array]:
         [q] + [q + way for way in (turn, -turn) if way and lower <= q + way <= upper]
         for q, turn, lower, upper in zip(branch, turns, limits.position_lower, limits.position_upper, strict=True)
     ]
-    return [np.array(way) for way in islice(product(*ways), MOST)]
+    return [np.array(way) for way in islice(product(*ways), CyclePolicy().turned)]
 
 
 def redundant(cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> list[GoalPose | None]:

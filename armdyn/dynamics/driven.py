@@ -7,15 +7,13 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.actuator_limits import ActuatorLimits
-
-Array = NDArray[np.float64]
 
 
 class Plant(NamedTuple):
@@ -25,7 +23,7 @@ class Plant(NamedTuple):
     """a(q, v, tau, p)."""
     parameters: Array
     """p: ten dynamic parameters of the last joint's body; with friction also damping and Coulomb friction of every
-    joint, and the width of its jump."""
+    joint, and the width of its jump in every joint."""
 
 
 def limited(plant: Plant, actuators: Sequence[ActuatorLimits]) -> Plant:
@@ -45,15 +43,15 @@ def plant_of(robot: Robot) -> Plant:
     smooth = Dynamics(robot.with_friction(0.0, 0.0) if friction.present else robot, free_last_body=True)
     if not friction.present:
         return Plant(smooth.functions["aba"], smooth.last_body)
-    numbers = (smooth.last_body, *friction.per_joint(robot.nv), [friction.width])
+    numbers = (smooth.last_body, *friction.per_joint(robot.nv), np.broadcast_to(friction.width, robot.nv))
     return Plant(_rubbing(smooth), np.concatenate(numbers))
 
 
 @built_once(maxsize=64)
 def _rubbing(dynamics: Dynamics) -> ca.Function:
     nv = dynamics.nv
-    q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 11 + 2 * nv)))
-    body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 11 + 2 * nv])
+    q, v, tau, p = (ca.SX.sym(name, size) for name, size in (("q", nv), ("v", nv), ("tau", nv), ("p", 10 + 3 * nv)))
+    body, damping, coulomb, width = ca.vertsplit(p, [0, 10, 10 + nv, 10 + 2 * nv, 10 + 3 * nv])
     turn = 1 - 2 / (ca.exp(2 * v / width) + 1)  # tanh, in a third of its time
     lost = damping * v + coulomb * turn
     return ca.Function("rubbing", [q, v, tau, p], [dynamics.functions["aba"](q, v, tau - lost, body)])
@@ -85,7 +83,7 @@ class Driven(NamedTuple):
     """Torques that act from there on [N m or N], likewise; the last row is the one before."""
     estimate: Array
     """Velocities as the controller sees them, likewise."""
-    clipped: NDArray[np.bool_]
+    clipped: Flags
     """Whether the torque decided at a tick was clipped, shape (ticks, nv)."""
     shortest: float
     """Step of Runge and Kutta's method, as a part of a tick."""

@@ -4,12 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (nv,)."""

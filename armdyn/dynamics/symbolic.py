@@ -75,10 +75,11 @@ class Dynamics:
             self.last_body = np.array(robot.model.inertias[robot.model.njoints - 1].toDynamicParameters())
         self._tree = _tree(robot.model, joint, without_body=free_last_body)
         friction = robot.friction
-        rubs: tuple[bytes, bytes, float] | tuple[()] = ()
+        rubs: tuple[bytes, bytes, float | bytes] | tuple[()] = ()
         if friction.present:
             damping, coulomb = friction.per_joint(self.nv)
-            rubs = (damping.tobytes(), coulomb.tobytes(), friction.width)
+            width = friction.width if isinstance(friction.width, float) else friction.width.tobytes()
+            rubs = (damping.tobytes(), coulomb.tobytes(), width)
         self.functions = _with_friction(self._tree, *rubs) if rubs else _functions(*self._tree)
         present = tuple((self.last_body != 0).tolist())
         data = repr((self._tree, rubs, present, ca.CasadiMeta.version())).encode()
@@ -256,16 +257,19 @@ def _functions(
 
 
 @built_once(maxsize=64)
-def _with_friction(tree: tuple[Any, ...], damping: bytes, coulomb: bytes, width: float) -> dict[str, ca.Function]:
+def _with_friction(
+    tree: tuple[Any, ...], damping: bytes, coulomb: bytes, width: float | bytes
+) -> dict[str, ca.Function]:
     """The Functions of a tree whose joints lose damping v + coulomb tanh(v / width)."""
     smooth = dict(_functions(*tree))
     viscous, dry = (ca.DM(np.frombuffer(data)) for data in (damping, coulomb))
+    over = ca.DM(np.frombuffer(width)) if isinstance(width, bytes) else width
     for name in ("aba", "rnea", "nle"):
         function = smooth[name]
         names = function.name_in()
         given = [ca.SX.sym(each, function.sparsity_in(i)) for i, each in enumerate(names)]
         q, v = given[:2]
-        lost = viscous * v + dry * ca.tanh(v / width)
+        lost = viscous * v + dry * ca.tanh(v / over)
         out = function(q, v, given[2] - lost, *given[3:]) if name == "aba" else function(*given) + lost
         smooth[name] = ca.Function(name, given, [out], names, function.name_out())
     return smooth

@@ -36,18 +36,18 @@ class Equations:
         robot: the prior; of a payload, the arm without it.
         what: is unknown.
         unknowns: their layout.
-        width: of the smoothed jump of Coulomb friction [rad/s or m/s].
+        width: of the smoothed jump of Coulomb friction [rad/s or m/s], one or shape (nv,).
         replaced: dynamic parameters that the robot has where the unknown bodies are to be, shape (bodies, 10).
     """
 
     robot: Robot
     what: What
     unknowns: Unknowns
-    width: float
+    width: float | Array
     replaced: Array
 
     @classmethod
-    def of(cls, robot: Robot, what: What, signals: list[Signals], width: float) -> Equations:
+    def of(cls, robot: Robot, what: What, signals: list[Signals], width: float | Array) -> Equations:
         """The equations of a robot; the scales of unknown friction are those of the logs' torques."""
         torque = np.sqrt(np.mean(np.concatenate([one.tau for one in signals]) ** 2, axis=0)) + 1e-9
         speed = np.sqrt(np.mean(np.concatenate([one.v for one in signals]) ** 2, axis=0)) + 1e-3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,6 +22,9 @@ from armdyn.reprs import brief
 
 Array = NDArray[np.float64]
 
+_OWN_WIDTH = 0.95
+"""Torque residuals of a joint with another width of Coulomb friction, as a part of those with the width that is best
+for all, below which it has its own: less is the scatter of a residual's size over some 500 equations."""
 _EXPLAINED = 0.8
 """Torque residuals with all links identified, as a part of those without, below which the robot's inertias are wrong:
 at least 0.89 on simulated logs of 4 and 10 s where they are right; below 0.8 on 19 of 24 where masses and inertias are
@@ -38,7 +41,8 @@ class IdentifyOptions:
         step: torques and regressors are averaged over so long [s]: the same filter on both sides of the equations.
         held_out: part of each log, its end, on which a fit of its beginning is judged; the estimate itself is of all
             the data. 0: no judgement.
-        widths: of the smoothed jump of Coulomb friction that are tried [rad/s or m/s], where the robot has none.
+        widths: of the smoothed jump of Coulomb friction that are tried [rad/s or m/s], where the robot has none. One is
+            chosen for all joints; a joint whose residuals another one makes clearly less has that one.
         fit: numbers of the robust fit.
 
     Raises:
@@ -96,7 +100,8 @@ def identify(
         check_log(robot, log, own)
     kept = 1 - options.held_out
     first = [one.part(0, int(kept * one.t.size)) for one in signals]
-    systems = _systems(robot, what, first, signals, options)
+    widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
+    systems = _systems(robot, what, first, signals, widths, options.step)
     unmoved = tuple(
         joint for j, joint in enumerate(robot.joint_names) if all(np.ptp(one.q[:, j]) < MOVED for one in signals)
     )
@@ -114,8 +119,8 @@ def _warnings(
     robot: Robot, equations: Equations, found: Fit, signals: list[Signals], options: IdentifyOptions
 ) -> tuple[str, ...]:
     """Whether other inertias of the links explain the residuals of a fit that takes them from the robot."""
-    own = replace(options, widths=(equations.width,), fit=replace(options.fit, weights=(found.weight,)))
-    _, whole = _fitted(_systems(robot, "all", signals, signals, own), own)
+    (links,) = _systems(robot, "all", signals, signals, (equations.width,), options.step)
+    whole = links.fit(replace(options.fit, weights=(found.weight,)))
     parts = zip(robot.joint_names, whole.noise / found.noise, strict=True)
     said = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part in parts if part < _EXPLAINED)
     asked = f"the logs ask for other inertias of the links, with which torque residuals fall in {said}"
@@ -166,12 +171,11 @@ class _System:
 
 
 def _systems(
-    robot: Robot, what: What, first: list[Signals], signals: list[Signals], options: IdentifyOptions
+    robot: Robot, what: What, first: list[Signals], signals: list[Signals], widths: Sequence[float | Array], step: float
 ) -> list[_System]:
     """One system per width that is tried; scales of unknown friction are of the first parts of the logs."""
-    widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
     plain = Equations.of(robot, what, first, widths[0])
-    every = [one.samples_in(options.step) for one in signals]
+    every = [one.samples_in(step) for one in signals]
     parts = [plain.without_coulomb(one.q, one.v, one.a, k) for one, k in zip(signals, every, strict=True)]
     systems = []
     for width in widths:
@@ -184,7 +188,26 @@ def _systems(
 
 
 def _fitted(systems: list[_System], options: IdentifyOptions) -> tuple[Equations, Fit]:
-    """The equations whose width of Coulomb friction leaves the least residuals, and its fit."""
-    trial = FitOptions(weights=(1.0,), rounds=2)
-    best = min(systems, key=lambda one: np.sum(np.log(one.fit(trial).noise))) if len(systems) > 1 else systems[0]
+    """The equations whose widths of Coulomb friction leave each joint the least residuals, and their fit."""
+    best = systems[0]
+    if len(systems) > 1:
+        noise = np.array([one.fit(FitOptions(weights=(1.0,), rounds=2)).noise for one in systems])
+        common = int(np.argmin(np.sum(np.log(noise), axis=1)))
+        better = np.min(noise, axis=0) < _OWN_WIDTH * noise[common]
+        chosen = np.where(better, np.argmin(noise, axis=0), common)
+        best = _joined([systems[k] for k in chosen])
     return best.equations, best.fit(options.fit)
+
+
+def _joined(systems: list[_System]) -> _System:
+    """The system that has the equations of joint j from system j."""
+
+    def own(arrays: list[tuple[Array, ...]]) -> tuple[Array, ...]:
+        logs = zip(*arrays, strict=True)
+        return tuple(np.stack([one[:, j] for j, one in enumerate(log)], axis=1) for log in logs)
+
+    return _System(
+        equations=replace(systems[0].equations, width=np.array([one.equations.width for one in systems])),
+        columns=own([one.columns for one in systems]),
+        torque=own([one.torque for one in systems]),
+    )

@@ -110,7 +110,7 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     if not found:
         raise ProblemError(
             f"none of {options.candidates} motions of {robot.name} in {duration:g} s is within margin × limits and "
-            f"clear of obstacles: give more time, a larger margin or a smaller clearance"
+            "clear of obstacles: give more time, a larger margin or a smaller clearance"
         )
     best = min(found, key=search.condition)
     least, size = search.condition(best), 0.3

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, numbers
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
@@ -26,8 +27,6 @@ from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 BUSY = 0.95
 """A joint works when its torque, from the middle of its range, or its speed is above this part of its limit."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener
+from armdyn.arrays import Array
 from armdyn.optimal.answer.assembly import assembled, ended_in_time, failed, with_certificate
 from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.answer.solution import Solution
@@ -31,8 +31,6 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import concurrently
-
-Array = NDArray[np.float64]
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
     "arcs": minimum_time,

@@ -23,13 +23,13 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.errors import SpecError
 from armdyn.models.values.spec import GRAVITY, ArmSpec, LinkSpec, Payload
 from armdyn.models.values.urdf import TIP
 
-Array = NDArray[np.float64]
 _Triple = tuple[float, float, float]
 MOST_LINKS = 3
 

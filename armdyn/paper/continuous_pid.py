@@ -14,10 +14,11 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import LSODA, OdeSolution
 from scipy.optimize import brentq
 
+from armdyn.arrays import Array
 from armdyn.control.laws.pid import PidGains
 from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.control.tracking.arrival import Arrival
@@ -26,8 +27,6 @@ from armdyn.dynamics import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.paper.printed.loop import DURATION, GAINS
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _RTOL, _ATOL = 1e-9, 1e-10
 """Of the integrator, per component. Arrival times then move by less than 1e-6 s when both shrink tenfold."""

@@ -4,11 +4,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.planning.rrt_connect import IsFree, OutOfChecksError, PlannerOptions, connect, length, shortened
-
-Array = NDArray[np.float64]
 
 NEAR_STRAIGHT = 1.03
 """A path that takes no more than this times the straight line's time is not worth a second one."""

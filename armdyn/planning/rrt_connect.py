@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
+
 IsFree = Callable[[Array], bool]
 """Whether a point, shape (n,), is free of collisions."""
 

@@ -60,7 +60,7 @@ def _robot(robot: Robot) -> Html:
     title = f"{robot.name}: {robot.nv} joint{'s' if robot.nv > 1 else ''}"
     start = np.clip(np.zeros(robot.nv), robot.limits.position_lower, robot.limits.position_upper)
     picture = robot_picture(robot, [start])
-    return _card(title, _facts(facts), _joints(robot.joint_names, robot.limits), _svg(picture, title))
+    return _card(title, facts, _joints(robot.joint_names, robot.limits), _svg(picture, title))
 
 
 @card.register
@@ -75,7 +75,7 @@ def _problem(problem: MinimumTimeProblem) -> Html:
     title = f"Minimum time of {problem.robot.name}"
     picture = robot_picture(problem.robot, list(problem.poses))
     table = _joints(names, problem.limits, {name: np.asarray(value) for name, value in ends.items()})
-    return _card(title, _facts(facts), table, _svg(picture, f"{title}: poses"))
+    return _card(title, facts, table, _svg(picture, f"{title}: poses"))
 
 
 @card.register
@@ -94,7 +94,7 @@ def _solution(solution: Solution) -> Html:
         facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
     title = f"{solution.problem.robot.name}: minimum time"
     picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs))
-    return _card(title, _facts(facts), _svg(picture, f"{title}, the motion"))
+    return _card(title, facts, _svg(picture, f"{title}, the motion"))
 
 
 @card.register
@@ -109,7 +109,7 @@ def _motion(motion: Trajectory) -> Html:
         (name, *(f"{x:.4g}" for x in (q[0, i], q[-1, i], np.abs(motion.v[:, i]).max(), np.abs(motion.tau[:, i]).max())))
         for i, name in enumerate(names[:_MOST_ROWS])
     ]
-    return _card(title, _facts(facts), _table(head, rows), _svg(motion_picture(motion, None), title))
+    return _card(title, facts, _table(head, rows), _svg(motion_picture(motion, None), title))
 
 
 @card.register
@@ -120,15 +120,11 @@ def _run(run: Run) -> Html:
         "settled": "no" if run.settled_time is None else f"after {run.settled_time:.4f} s",
         **run.words(),
     }
-    return _card(title, _facts(facts), _svg(motion_picture(run.trajectory, None), title))
+    return _card(title, facts, _svg(motion_picture(run.trajectory, None), title))
 
 
-def _card(title: str, *parts: Html) -> Html:
-    return element("div", element("b", title), *parts, style="max-width:60em")
-
-
-def _facts(facts: Mapping[str, str]) -> Html:
-    return _table((), list(facts.items()))
+def _card(title: str, facts: Mapping[str, str], *parts: Html) -> Html:
+    return element("div", element("b", title), _table((), list(facts.items())), *parts, style="max-width:60em")
 
 
 def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
@@ -201,8 +197,7 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
                 axes.annotate(said, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.12)
-        axes.set_xlabel(f"{_AXES[across]} [m]")
-        axes.set_ylabel(f"{_AXES[up]} [m]")
+        axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")
         axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
     return _clear(figure)
 

@@ -62,7 +62,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
         "friction": {
             name: each.tolist() for name, each in zip(("damping", "coulomb"), friction.per_joint(robot.nv), strict=True)
         }
-        | {"width": friction.width},
+        | {"width": friction.listed_width},
     }
 
 

@@ -17,11 +17,8 @@ from armdyn.show.report import write_report
 
 def figure(solution: Solution) -> Figure:
     """See `Solution.plot`."""
-    problem = solution.problem
-    unresolved = () if solution.arcs else (0,)
-    return plot_trajectories(
-        [solution.trajectory], limits=problem.limits, title=_title(solution), unresolved=unresolved
-    )
+    limits, unresolved = solution.problem.limits, () if solution.arcs else (0,)
+    return plot_trajectories([solution.trajectory], limits=limits, title=_title(solution), unresolved=unresolved)
 
 
 def report(solution: Solution, path: str | os.PathLike[str]) -> Path:

@@ -14,7 +14,7 @@ from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution
 from armdyn.optimal.problem.stop import stopping
 from armdyn.studies.executors.local import in_process
 from armdyn.studies.rows import StudyRow, Value, row_store
-from armdyn.studies.run import run_cases
+from armdyn.studies.run import CaseRun
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.minimum_time import MinimumTimeTask
 from armdyn.studies.tasks.task import CaseResult
@@ -105,7 +105,7 @@ def continuation(
 
     study = chain("problem", {float(k): one for k, one in enumerate(problems)}, options, count)
     with row_store(None, study.description) as rows, stopping(np.inf) as stop, in_process(study.task) as executor:
-        run_cases(study, rows, executor, stop, ended=keep)
+        CaseRun(study, rows, executor, stop, ended=keep).go()
     return tuple(found[k] for k in sorted(found))
 
 

@@ -26,7 +26,7 @@ from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import MonteCarloOptions, PlantRow, PlantStudy
 from armdyn.studies.plants import Plants
 from armdyn.studies.rows import row_store
-from armdyn.studies.run import Progress, run_cases
+from armdyn.studies.run import CaseRun, Progress
 from armdyn.trajectory import Trajectory
 
 _CONFIDENCE = 0.95
@@ -238,7 +238,7 @@ def monte_carlo(
 
     with row_store(file, study.description, "normal") as rows, stopping(np.inf) as stop:
         with in_process(study, options.workers) as executor:
-            run_cases(study, rows, executor, stop, told)
+            CaseRun(study, rows, executor, stop, told).go()
         found = list[PlantRow]()
         for row in rows.rows():
             if row.k >= options.count:

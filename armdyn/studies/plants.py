@@ -130,10 +130,8 @@ class Plants:
             ProblemError: it carries no payload that could differ.
         """
         self.check(robot)
-        return tuple(
-            self.sample(k, robot.nv).arm(robot, self.likely)
-            for k in range(whole(count, "count", least=0, most=MOST_MEMBERS))
-        )
+        count = whole(count, "count", least=0, most=MOST_MEMBERS)
+        return tuple(self.sample(k, robot.nv).arm(robot, self.likely) for k in range(count))
 
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.

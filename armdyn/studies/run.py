@@ -124,7 +124,7 @@ def run_study(
         chain = study.task.neighbours == "chain"
         if before < len(study) or chain:
             with executor(study.task) as opened:
-                run_cases(study, rows, opened, stop, progress)
+                CaseRun(study, rows, opened, stop, progress).go()
         counts = rows.counts()
     done = sum(counts.values())
     return StudyRun(
@@ -133,17 +133,11 @@ def run_study(
     )  # fmt: skip
 
 
-def run_cases(
-    cases: Cases,
-    rows: RowStore,
-    executor: Executor,
-    stop: Stop,
-    progress: Callable[[Progress], None] = lambda progress: None,
-    ended: Callable[[StudyRow, CaseResult], None] = lambda row, result: None,
-) -> None:
-    """Do the cases that have no row yet, until all have one or `stop` is set.
+@dataclass
+class CaseRun:
+    """Cases done until all have a row or `stop` is set; those that have one are not done again.
 
-    Args:
+    Attributes:
         cases: to be done.
         rows: where they are kept.
         executor: of the cases' task.
@@ -151,26 +145,22 @@ def run_cases(
         progress: called with the progress.
         ended: called with each new row and its result.
     """
-    run = _Run(cases, rows, executor, stop, progress, ended)
-    run.forward()
-    if cases.task.neighbours == "chain" and not stop:
-        run.back()
-
-
-@dataclass
-class _Run:
-    """State of one run."""
 
     cases: Cases
     rows: RowStore
     executor: Executor
     stop: Stop
-    progress: Callable[[Progress], None]
-    ended: Callable[[StudyRow, CaseResult], None]
-    deaths: dict[int, int] = field(default_factory=dict)
-    waiting: deque[int] = field(default_factory=deque)
+    progress: Callable[[Progress], None] = lambda progress: None
+    ended: Callable[[StudyRow, CaseResult], None] = lambda row, result: None
+    deaths: dict[int, int] = field(default_factory=dict, init=False)
 
-    def forward(self) -> None:
+    def go(self) -> None:
+        """Do the cases; of a chain also try later motions on earlier cases."""
+        self._forward()
+        if self.cases.task.neighbours == "chain" and not self.stop:
+            self._back()
+
+    def _forward(self) -> None:
         """Do the cases without a row."""
         self.done, self.moved = self.rows.numbers(), self.rows.moved()
         self.waiting = deque(k for k in range(len(self.cases)) if k not in self.done)
@@ -202,7 +192,7 @@ class _Run:
                 workers = self.executor.size
                 self.progress(Progress(cases=count, done=count - left, bad=bad, left=likely, workers=workers))
 
-    def back(self) -> None:
+    def _back(self) -> None:
         """Try the motions of later cases on earlier ones, from the last to the first, and keep the better rows."""
         task, found = cast(ChainTask, self.cases.task), {row.k: row for row in self.rows.rows()}
         for k in reversed(range(len(self.cases))):

@@ -33,8 +33,7 @@ def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Arr
     data = [h**d * np.asarray(derivatives[d])[k + side] for side in (0, 1) for d in range(m)]
     coefficients = np.einsum("ij,jkl->ikl", np.linalg.inv(at_ends), np.array(data))
     s = ((at - t[k]) / h[:, 0])[:, None]
-    values = (np.einsum("kp,pkl->kl", _derivative(powers, d, s), coefficients) / h**d for d in range(3))
-    q, v, a = values
+    q, v, a = (np.einsum("kp,pkl->kl", _derivative(powers, d, s), coefficients) / h**d for d in range(3))
     return q, v, a
 
 

@@ -6,6 +6,7 @@ https://docs.ros.org/en/rolling/p/trajectory_msgs/msg/JointTrajectory.html
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,17 +15,16 @@ import numpy as np
 
 from armdyn.arguments import shown
 from armdyn.arrays import Array
-from armdyn.errors import FileError, TrajectoryError
+from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.files import read_bounded
+from armdyn.parsing.yaml_text import read_yaml
 
 SUFFIXES = (".json", ".yaml", ".yml")
 
 MAX_BYTES = 32 * 2**20
 """A larger message is refused [bytes]; of JSON each byte may take ten in memory."""
 
-MAX_YAML = 2**20
-"""A larger message that is YAML and not JSON is refused [bytes]: PyYAML reads about 0.1 MB a second."""
-
+_WHOLE = re.compile("-?[0-9]{1,16}")
 _KINDS = {"positions": "q", "velocities": "v", "accelerations": "a", "effort": "tau"}
 _INSIDE = ("trajectory", "joint_trajectory", "goal")
 """Fields of messages that have one inside: FollowJointTrajectory's goal, MoveIt's RobotTrajectory."""
@@ -74,24 +74,17 @@ def _names(file: Path, message: Mapping[Any, Any]) -> list[str]:
 
 
 def _content(file: Path) -> object:
-    """Parsed content of a file: JSON, or else YAML."""
+    """Parsed content of a file: JSON, or else YAML, whose numbers stay text."""
     data = read_bounded(file, MAX_BYTES)
     try:
         return json.loads(data)
     except (ValueError, RecursionError, MemoryError) as error:
         if file.suffix.lower() == ".json":
             raise TrajectoryError(f"{file}: not JSON ({str(error)[:200]})") from None
-    if len(data) > MAX_YAML:
-        raise FileError(file, f"YAML larger than {MAX_YAML} bytes; write it as JSON")
-    import yaml  # type: ignore[import-untyped]  # for YAML alone
-
     try:
-        documents = [each for each in yaml.safe_load_all(data) if each is not None]
-    except (yaml.YAMLError, ValueError, RecursionError, MemoryError) as error:
-        raise TrajectoryError(f"{file}: not YAML ({' '.join(str(error).split())[:200]})") from None
-    if len(documents) != 1:
-        raise TrajectoryError(f"{file}: {len(documents)} messages; it must be one (ros2 topic echo --once)")
-    return documents[0]
+        return read_yaml(file)
+    except ProblemError as error:
+        raise TrajectoryError(str(error)) from None
 
 
 def _message(file: Path, content: object) -> Mapping[Any, Any]:
@@ -121,7 +114,8 @@ def _order(file: Path, names: list[str], joints: Sequence[str]) -> list[int]:
 def _stamp(file: Path, k: int, given: object) -> float:
     """The time of a point [s]; ROS 1 calls the same fields secs and nsecs."""
     fields = given if isinstance(given, Mapping) else {}
-    parts = [fields.get("sec", fields.get("secs")), fields.get("nanosec", fields.get("nsecs"))]
+    told = (fields.get("sec", fields.get("secs")), fields.get("nanosec", fields.get("nsecs")))
+    parts = [int(part) if isinstance(part, str) and _WHOLE.fullmatch(part) else part for part in told]
     if not all(isinstance(part, int) and not isinstance(part, bool) and abs(part) < 2**53 for part in parts):
         raise TrajectoryError(
             f"{file}: time_from_start of points[{k}] is {shown(given)}; it must be sec and nanosec, whole numbers"
@@ -149,7 +143,7 @@ def _columns(file: Path, kind: str, points: Sequence[Mapping[Any, Any]], width: 
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, str)):  # PyYAML takes 1e-05 for a text
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise TypeError
     number = float(value)
     if not abs(number) < float("inf"):

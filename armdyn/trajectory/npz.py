@@ -3,7 +3,8 @@
 import io
 import os
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -63,9 +64,22 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
         make: a trajectory, of its fields.
     """
     path = path_of(path, "path of a trajectory", error=TrajectoryError)
+    with opened(path) as file:
+        return _read(file, make)
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str]) -> Iterator[zipfile.ZipFile]:
+    """Open an untrusted npz file, and raise all its errors as one class, with its path.
+
+    Raises:
+        TrajectoryError: it cannot be read, is no npz file, or its arrays are larger than `MAX_BYTES`.
+    """
     try:
         with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
-            return _read(file, make)
+            if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
+                raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
+            yield file
     except FileError as error:
         raise TrajectoryError(str(error)) from None
     except TrajectoryError as error:
@@ -79,7 +93,7 @@ def read(path: str | os.PathLike[str], make: Callable[..., Made]) -> Made:
 def is_own(path: str | os.PathLike[str]) -> bool:
     """Whether a file looks like one of `write`; its content is not checked."""
     try:
-        with zipfile.ZipFile(io.BytesIO(read_bounded(path, MAX_BYTES + _HEADS))) as file:
+        with opened(path) as file:
             return "format.npy" in file.namelist()
     except Exception:  # no file, or none of these: whoever reads it says so
         return False
@@ -121,8 +135,6 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     found = file.namelist()
     if "format.npy" not in found:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT}")
-    if sum(info.file_size for info in file.infolist()) > MAX_BYTES + _HEADS:
-        raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     form = str(_member(file, "format", text=True))
     if form != _FORMAT:
         raise TrajectoryError(f"not a trajectory of format {_FORMAT} but {form[:80]!r}; a newer armdyn may read it")
@@ -131,8 +143,6 @@ def _read(file: zipfile.ZipFile, make: Callable[..., Made]) -> Made:
     if (units := str(_member(file, "units", text=True))) != _UNITS:
         raise TrajectoryError(f"in units {units[:200]!r}; armdyn writes {_UNITS!r}")
     names = _member(file, "joint_names", text=True)
-    if names.ndim != 1:
-        raise TrajectoryError(f"joint_names has shape {names.shape}; expected (joints,)")
     if sum(_count(file, field) for field in _ARRAYS) * np.dtype(float).itemsize > MAX_BYTES:  # bytes become floats
         raise TrajectoryError(f"larger than {MAX_BYTES} bytes")
     made = make(
@@ -162,7 +172,7 @@ def _count(file: zipfile.ZipFile, name: str, text: bool = False) -> int:
         raise TrajectoryError(f"not a readable npz trajectory: {name} is of type {dtype}")
     if text and info.file_size > _HEADS:
         raise TrajectoryError(f"not a readable npz trajectory: {name} is larger than {_HEADS} bytes")
-    if text and name != "joint_names" and shape != ():
+    if text and len(shape) != (name == "joint_names"):
         raise TrajectoryError(f"not a readable npz trajectory: {name} has shape {shape}")
     return count
 

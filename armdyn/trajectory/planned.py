@@ -9,7 +9,6 @@ import csv
 import io
 import os
 import re
-import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,22 +155,13 @@ def _bare(file: Path) -> list[str]:
 
 def _arrays(file: Path, joint_names: Sequence[str]) -> dict[str, Array]:
     """Known arrays of an npz; their columns are the joints in the robot's order."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(read_bounded(file, npz.MAX_BYTES))) as members:
-            bare = [name.removesuffix(".npy") for name in members.namelist()]
-            names = {name: _MEANS.get(name.lower()) for name in bare}
-            given = [what for what in names.values() if what]
-            if len(given) != len(set(given)):
-                raise TrajectoryError(f"two arrays are {next(what for what in given if given.count(what) > 1)}")
-            if sum(info.file_size for info in members.infolist()) > npz.MAX_BYTES:
-                raise TrajectoryError(f"larger than {npz.MAX_BYTES} bytes")
-            found = {what: npz.numbers_of(members, name) for name, what in names.items() if what}
-    except FileError:
-        raise
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{file}: {error}") from None
-    except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
-        raise TrajectoryError(f"{file}: not a readable npz ({str(error)[:200]})") from None
+    with npz.opened(file) as members:
+        bare = [name.removesuffix(".npy") for name in members.namelist()]
+        names = {name: _MEANS.get(name.lower()) for name in bare}
+        given = [what for what in names.values() if what]
+        if len(given) != len(set(given)):
+            raise TrajectoryError(f"two arrays are {next(what for what in given if given.count(what) > 1)}")
+        found = {what: npz.numbers_of(members, name) for name, what in names.items() if what}
     for what, array in found.items():
         if array.ndim == 1 and what != "t":
             found[what] = array[:, None]

@@ -50,10 +50,11 @@ def check_fields(motion: Any, arrays: Sequence[str]) -> None:
 
     Args:
         motion: whose fields are replaced.
-        arrays: names of the arrays.
+        arrays: names of the arrays, the times first.
 
     Raises:
-        TrajectoryError: a field is no array of finite numbers, or no text.
+        TrajectoryError: a field is no array of finite numbers, or no text; times do not increase, or arrays or names do
+            not fit each other.
     """
     for field in arrays:
         array = numbers(getattr(motion, field), field, "an array of numbers", error=TrajectoryError)
@@ -66,6 +67,15 @@ def check_fields(motion: Any, arrays: Sequence[str]) -> None:
     object.__setattr__(motion, "joint_names", names)
     for field in ("name", "model_hash"):
         text(getattr(motion, field), field, error=TrajectoryError)
+    n = motion.t.size if motion.t.ndim == 1 else 0
+    if n < 2 or not np.all(np.diff(motion.t) > 0):
+        raise TrajectoryError(f"t must be at least two increasing times [s], got shape {motion.t.shape}")
+    for field in arrays[1:]:
+        shape = getattr(motion, field).shape
+        if len(shape) != 2 or shape[0] != n:
+            raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
+    if names and len(names) != motion.v.shape[1]:
+        raise TrajectoryError(f"{len(names)} joint names for {motion.v.shape[1]} joints")
 
 
 @brief
@@ -103,14 +113,11 @@ class Samples:
 
     def __post_init__(self) -> None:
         check_fields(self, _ARRAYS)
-        if self.t.ndim != 1 or self.t.size < 2 or self.t[0] != 0 or not np.all(np.diff(self.t) > 0):
-            raise TrajectoryError(f"t must be at least two increasing stamps [s] from 0 on, got shape {self.t.shape}")
-        for field in _ARRAYS[1:]:
-            shape = getattr(self, field).shape
-            if len(shape) != 2 or shape != (self.t.size, self.q.shape[-1]):
-                raise TrajectoryError(f"{field} has shape {shape}; expected ({self.t.size}, joints) as t and q have")
-        if self.joint_names and len(self.joint_names) != self.q.shape[1]:
-            raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.q.shape[1]} joints")
+        if self.t[0] != 0:
+            raise TrajectoryError(f"t begins at {self.t[0]:g} s; stamps are times [s] from 0 on")
+        for field in ("v", "a", "tau"):
+            if (shape := getattr(self, field).shape) != self.q.shape:
+                raise TrajectoryError(f"{field} has shape {shape}; expected {self.q.shape} as q has")
 
     @property
     def piece_rows(self) -> list[int]:

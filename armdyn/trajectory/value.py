@@ -74,25 +74,16 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         check_fields(self, _ARRAYS)
-        n = self.t.shape[0] if self.t.ndim == 1 else 0
-        if n < 2 or not np.all(np.diff(self.t) > 0):
-            raise TrajectoryError(f"t must be at least two increasing times [s], got shape {self.t.shape}")
         nearest = int(np.argmin(np.diff(self.t)))
         if self.t[nearest + 1] - self.t[nearest] < LEAST_STEP:
             raise TrajectoryError(
                 f"t[{nearest + 1}] is {self.t[nearest + 1] - self.t[nearest]:.3g} s after t[{nearest}]; times are at "
                 f"least {LEAST_STEP:g} s apart, a jump of the torque one ulp of a time that is not 0"
             )
-        for field in _ARRAYS[1:]:
-            shape = getattr(self, field).shape
-            if len(shape) != 2 or shape[0] != n:
-                raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
         if text(self.hold, "hold", error=TrajectoryError) not in HOLDS:
             raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
-        if self.joint_names and len(self.joint_names) != self.v.shape[1]:
-            raise TrajectoryError(f"{len(self.joint_names)} joint names for {self.v.shape[1]} joints")
         object.__setattr__(self, "pieces", check_pieces(self.pieces, self.t))
         if self.pieces:
             own = {one.model_hash for one in self.pieces}

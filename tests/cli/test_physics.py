@@ -92,6 +92,7 @@ def test_doctor_says_what_is_applied(turntable):
         (("--friction", "much"), "'much' is not a number"),
         (("--damping", "-1"), "must not be negative"),
         (("--friction-width", "0"), "must be positive"),
+        (("--friction-width", "0.1,0.2"), "--friction-width has shape (2,)"),
         (("--payload", "1", "--payload-com", "1,2"), "three finite numbers"),
         (("--payload", "1", "--payload-frame", "base"), "does not move"),
     ],

@@ -8,14 +8,13 @@ from oracles import assert_close, random_states, robot_named
 
 TOLERANCE = 1e-10
 """What is promised of `Dynamics` against `pin.aba`."""
-WIDTH = 0.05
 
 
 def rubbing(name):
     """A robot with friction, and that friction written out."""
     bare = robot_named(name)
-    d, f = np.linspace(0.5, 1.5, bare.nv), np.linspace(2.0, 0.0, bare.nv)
-    return bare.with_friction(d, f, WIDTH), lambda v: d * v + f * np.tanh(v / WIDTH)
+    d, f, width = (np.linspace(*ends, bare.nv) for ends in ((0.5, 1.5), (2.0, 0.0), (0.02, 0.1)))
+    return bare.with_friction(d, f, width), lambda v: d * v + f * np.tanh(v / width)
 
 
 @pytest.mark.parametrize("name", ["rr", "ur5", "kinova"])
@@ -79,5 +78,6 @@ def test_only_equal_friction_shares_functions_and_digest():
     assert one == other
     assert Dynamics(bare.with_friction(0.0, 0.0)).functions is Dynamics(bare).functions
     kinds = [(1.0, 2.0, 0.01), (1.0, 2.0, 0.02), (2.0, 1.0, 0.01), (1.0, 0.0, 0.01), (0.0, 0.0, 0.01)]
+    kinds.append((1.0, 2.0, [0.01, 0.02]))
     assert len({Dynamics(bare.with_friction(*kind)).digest() for kind in kinds}) == len(kinds)
     assert Dynamics(bare.with_friction(0.0, 0.0)).digest() == Dynamics(bare).digest()

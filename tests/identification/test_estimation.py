@@ -147,6 +147,18 @@ def test_several_logs_friction_alone_and_a_joint_that_stands_still():
     assert identify(prior, still, "payload", QUICK).unmoved == ("joint3",)
 
 
+def test_a_joint_has_its_own_width_of_coulomb_friction_where_the_log_says_so(tmp_path):
+    prior = robot_named("rrr")
+    log = simulated_log(prior.with_friction(0.02, 0.2, [0.1, 0.1, 0.01]), noise=0.002, duration=6.0)
+    robot = identify(prior, log, "friction", QUICK).robot
+    np.testing.assert_array_equal(robot.friction.width, [0.1, 0.1, 0.01])
+    file = tmp_path / "identified.toml"
+    file.write_text(ad.MinimumTimeProblem(robot, q_start=[0, 0, 0], q_goal=[1, 0, 0]).to_toml())
+    assert ad.read_problem(file).robot.model_hash == robot.model_hash
+    log = simulated_log(prior.with_friction(0.02, 0.2, 0.1), noise=0.002, duration=6.0)
+    assert identify(prior, log, "friction", QUICK).robot.friction.width == 0.1
+
+
 def test_an_identified_arm_goes_through_a_problem_file(tmp_path):
     prior = robot_named("rrr")
     robot = identify(prior, simulated_log(stirred(prior), duration=4.0), options=QUICK).robot

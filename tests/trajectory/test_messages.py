@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory import Trajectory, messages
+from armdyn.parsing import yaml_text
+from armdyn.trajectory import Trajectory
 from armdyn.trajectory.formats import Ros2
 from armdyn.trajectory.planned import read_planned
 
@@ -128,10 +129,10 @@ def test_what_is_no_message(tmp_path, content, words):
 def test_what_is_no_yaml(tmp_path):
     for text, words in (
         ("a: [", "not YAML"),
-        ("joint_names: !!python/object/apply:os.system [ls]", "not YAML"),
-        ("a: 1\n---\nb: 2\n", "2 messages; it must be one"),
-        ("[" * 5000, "not YAML"),
-        (f"# {'x' * messages.MAX_YAML}", "larger than"),
+        ("joint_names: !!python/object/apply:os.system [ls]", "no JointTrajectory"),  # a tag makes no object
+        ("a: 1\n---\nb: 2\n", "2 documents; it must be one"),
+        ("[" * 5000, "deeper than 40"),
+        (f"# {'x' * yaml_text.MAX_BYTES}", "larger than"),
     ):
         with pytest.raises(TrajectoryError, match=r"motion\.yaml: ") as caught:
             read_planned(written(tmp_path, text, "motion.yaml"), JOINTS)

@@ -17,7 +17,7 @@ from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import flag, given, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.task import ProblemOptions
+from armdyn.cli.options.task import ProblemOptions, likely_arms
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
@@ -155,7 +155,7 @@ def mintime(
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
-            solution, curve = search.solved(problem, task.likely, progress)
+            solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
             verdict = ControllerVerdict.of(solution, progress, not no_costs)
             problem = solution.problem
             summary = minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts

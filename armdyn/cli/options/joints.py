@@ -9,7 +9,7 @@ from armdyn.arguments import shown
 from armdyn.cli.options.groups import option
 from armdyn.cli.parsing.panels import LIMITS, ROBOT
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import number, numbers, one_or_more
+from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.models import Robot
@@ -36,7 +36,7 @@ class JointOptions:
         "Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
     )
     friction_width: str | None = option(
-        "V", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
+        "V[,V…]", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
     )
     torque_speed: list[str] | None = option(
         "JOINT=V:T,V:T…",
@@ -65,7 +65,7 @@ class JointOptions:
             .with_friction(
                 _friction(self.damping, "--damping"),
                 _friction(self.friction, "--friction"),
-                None if self.friction_width is None else number(self.friction_width, "--friction-width"),
+                one_or_more(self.friction_width, "--friction-width"),
             )
         )
 
@@ -146,7 +146,7 @@ def friction_facts(robot: Robot) -> dict[str, object]:
     if not own.present:
         return {}
     damping, coulomb = own.per_joint(robot.nv)
-    return {"damping": damping.tolist(), "friction": coulomb.tolist(), "friction_width": own.width}
+    return {"damping": damping.tolist(), "friction": coulomb.tolist(), "friction_width": own.listed_width}
 
 
 def friction_words(robot: Robot) -> dict[str, str]:
@@ -154,10 +154,12 @@ def friction_words(robot: Robot) -> dict[str, str]:
     own = robot.friction
     if not own.present:
         return {}
-    each = [[f"{x:.4g}" for x in values] for values in own.per_joint(robot.nv)]
-    damping, coulomb = (words[0] if len(set(words)) == 1 else ", ".join(words) for words in each)
+    width = own.listed_width
+    widths = width if isinstance(width, list) else [width]
+    each = [[f"{x:.4g}" for x in values] for values in (*own.per_joint(robot.nv), widths)]
+    damping, coulomb, over = (words[0] if len(set(words)) == 1 else ", ".join(words) for words in each)
     text = f"viscous {damping} N m s/rad, Coulomb {coulomb} N m"
-    return {"joint friction": f"{text} (over {own.width:g} rad/s)"}
+    return {"joint friction": f"{text} (over {over} rad/s)"}
 
 
 def carried_facts(robot: Robot) -> dict[str, object]:

@@ -52,21 +52,20 @@ def problem_file(name: str) -> ProblemFile:
     return read_problem_file(name)
 
 
-def likely_arms(
-    robot: RobotArgument, payload: PayloadOptions, joints: JointOptions | FastJointOptions
-) -> tuple[ad.Robot, ...]:
+def likely_arms(task: ProblemOptions | ArmOptions) -> tuple[ad.Robot, ...]:
     """The likely arms of a file of `armdyn identify`, with the payload and limits of the options; none: no such file.
 
     Raises:
         ArmdynError: one of them cannot be made.
     """
-    if not robot.robot.lower().endswith(".toml"):
+    name = task.robot.robot
+    if not name.lower().endswith(".toml"):
         return ()
     from armdyn.optimal.problem.robot_tables import likely_from
     from armdyn.parsing.toml import read_toml
 
-    carried, arms = payload.carried(), likely_from(read_toml(robot.robot).table("robot"))
-    return tuple(joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
+    carried, arms = task.payload.carried(), likely_from(read_toml(name).table("robot"))
+    return tuple(task.joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
 
 
 def refuse_beside_a_file(name: str, *groups: Any) -> None:
@@ -120,10 +119,6 @@ class ProblemOptions:
         kept = self.course.problem_arguments(arm)
         return ad.MinimumTimeProblem(arm, **given, **kept, preset=self.controller.read()), {}
 
-    def likely(self) -> tuple[ad.Robot, ...]:
-        """The robot's likely arms; see `likely_arms`."""
-        return likely_arms(self.robot, self.payload, self.joints)
-
 
 @dataclass(frozen=True, kw_only=True)
 class ArmOptions:
@@ -167,10 +162,6 @@ class ArmOptions:
         return self.joints.fit(
             self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
         )
-
-    def likely(self) -> tuple[ad.Robot, ...]:
-        """The robot's likely arms; see `likely_arms`."""
-        return likely_arms(self.robot, self.payload, self.joints)
 
     def ends(self, kind: Kind = "minimum_time") -> tuple[list[float], list[float]]:
         """Start and goal [rad or m].

@@ -102,7 +102,7 @@ def _solved(
     from armdyn.studies.continuation import chain
     from armdyn.studies.executors.local import in_process
     from armdyn.studies.rows import row_store
-    from armdyn.studies.run import run_cases
+    from armdyn.studies.run import CaseRun
     from armdyn.studies.tasks.task import INTERRUPTED as STOPPED
     from armdyn.studies.tasks.task import motion_from
 
@@ -123,7 +123,7 @@ def _solved(
     study = chain("payload", problems, options, lambda text: progress(f"{len(files) + 1} of {len(problems)}: {text}"))
     with row_store(folder / ROWS, study.description, replace=True) as rows, stopping(inf) as stop:
         with in_process(study.task) as executor:
-            run_cases(study, rows, executor, stop, ended=keep)
+            CaseRun(study, rows, executor, stop, ended=keep).go()
         found = partial | {row.k: row for row in rows.rows()}
         for k in rows.moved() - files.keys():  # of an earlier run
             save(k, replace(motion_from(rows.motion(k), robots[k]), name="minimum time"))

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import armdyn as ad
 from armdyn.arguments import one_of, whole
 from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.task import FastArmOptions, likely_arms
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.cli.options.task import FastArmOptions
     from armdyn.control.loop.law import Controller
 
 _OPTIONS = {"lqr": "weights", "computed-torque": "bandwidth"}
@@ -107,7 +107,7 @@ class PlantOptions:
         Raises:
             ArmdynError: a value does not fit the robot.
         """
-        arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(task.likely())
+        arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(likely_arms(task))
         damping, friction = (
             one_or_more(text, f"--plant-{name}")
             for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))

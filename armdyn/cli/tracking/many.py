@@ -17,7 +17,7 @@ from armdyn.cli.console import (
 )
 from armdyn.cli.options.groups import option
 from armdyn.cli.options.results import NoFigure, OutputOptions
-from armdyn.cli.options.task import FastArmOptions
+from armdyn.cli.options.task import FastArmOptions, likely_arms
 from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
@@ -115,7 +115,7 @@ def monte_carlo(
     """
     with answering(output.json) as answer:
         model = task.arm
-        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, task.likely())
+        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, likely_arms(task))
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
         within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]

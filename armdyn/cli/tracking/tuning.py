@@ -11,7 +11,7 @@ from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
 from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.task import ArmOptions
+from armdyn.cli.options.task import ArmOptions, likely_arms
 from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
@@ -95,7 +95,7 @@ def tune(
     """
     with answering(output.json) as answer:
         model, (start, goal) = task.arm, task.ends()
-        likely, options = task.likely(), search.options()
+        likely, options = likely_arms(task), search.options()
         plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
         first, others = (replace(plants, likely=own) for own in (likely[:half], likely[half:] or likely))
         folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])

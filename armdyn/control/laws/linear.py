@@ -3,16 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
+from armdyn.arrays import Array
 from armdyn.control.loop.ticks import Ticks
 from armdyn.dynamics import inverse_dynamics
 from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class Steps(NamedTuple):

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import Sign, number
+from armdyn.arrays import Array
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.laws.weights import ErrorWeights, bearable, diagonals, half_range
@@ -16,8 +16,6 @@ from armdyn.control.loop.ticks import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint
-
-Array = NDArray[np.float64]
 
 PerJoint = float | tuple[float, ...]
 """One number for all joints, or one per joint."""

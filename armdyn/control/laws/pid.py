@@ -7,9 +7,10 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import MOST_MEMBERS, expect, flag, one_of, whole
+from armdyn.arrays import Array
 from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
@@ -18,8 +19,6 @@ from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint
-
-Array = NDArray[np.float64]
 
 Form = Literal["acceleration", "torque", "computed_torque"]
 """Meaning of the output u of eq. (27):

@@ -6,17 +6,14 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_banded
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
-
 
 _LEFT = 1e-6
 """Part of a filtered velocity that is left when the rows end."""

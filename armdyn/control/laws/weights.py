@@ -3,14 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps
 from armdyn.control.loop.loop import Loop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 class ErrorWeights(NamedTuple):
@@ -80,7 +78,7 @@ def bearable(weights: ErrorWeights, half: Array, plant: Steps, loop: Loop, phase
     return weights._replace(position=np.maximum(weights.position, half * mobility / stiffest))
 
 
-def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], moving: NDArray[np.bool_]) -> Array:
+def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], moving: Flags) -> Array:
     """Diagonals of Q at each tick, for x = (e, ė, ∫e dt, torques decided and not yet felt).
 
     Args:

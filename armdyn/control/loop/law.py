@@ -4,16 +4,13 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, shown
+from armdyn.arrays import Array
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.ticks import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 _SUCH_AS = "Lqr(), ComputedTorque() or Pid(gains)"
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import number
+from armdyn.arrays import Array
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _QUINTIC = Polynomial([0, 0, 0, 10, -15, 6])
 """From 0 to 1 with velocity and acceleration zero at both ends."""

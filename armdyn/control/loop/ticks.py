@@ -4,16 +4,14 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.samples import mean_torques
-
-Array = NDArray[np.float64]
 
 _MOST = 2_000_000
 """Ticks of a reference, beyond which a rate or a duration is a mistake."""

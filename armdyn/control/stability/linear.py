@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from armdyn.arrays import Array
 from armdyn.control.laws.linear import held, slopes
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
@@ -15,8 +16,6 @@ from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-
-Array = NDArray[np.float64]
 
 _NEWTON_STEPS = 20
 _NEAR = 1e-12

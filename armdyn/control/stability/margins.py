@@ -3,13 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
-
-Array = NDArray[np.float64]
 
 _FREQUENCIES = 4000
 """Evaluated frequencies, evenly spaced in the logarithm, from a millionth of Nyquist's frequency up to it."""

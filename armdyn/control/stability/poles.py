@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, one_of
+from armdyn.arrays import Array
 from armdyn.control.laws.linear import slopes
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-
-Array = NDArray[np.float64]
 
 
 class ArmAtGoal(NamedTuple):

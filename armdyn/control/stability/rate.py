@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import interval, whole
 from armdyn.control.loop.law import Controller
@@ -15,8 +15,6 @@ from armdyn.control.stability.linear import BeyondNumbersError, Rest, continuous
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
-
-Array = NDArray[np.float64]
 
 RATES = (10.0, 2e5)
 """Scanned rates [Hz]."""

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, interval, number, numbers, one_of
+from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import Rest
@@ -18,8 +19,6 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 _PER_DECADE = 60
 """Factors that are looked at, of which all above the answer are stable."""
@@ -79,7 +78,7 @@ class GainRegion:
         cubic = (self.inertia, d + self.damping, p + self.stiffness, i)
         return cubic if i else cubic[:3]
 
-    def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> NDArray[np.bool_]:
+    def stable(self, kp: ArrayLike, ki: ArrayLike, kd: ArrayLike) -> Flags:
         """Whether the loop is stable with given gains, of one shape or shapes that broadcast."""
         p, i, d = (numbers(gain, name) for gain, name in ((kp, "kp"), (ki, "ki"), (kd, "kd")))
         damping, stiffness = d + self.damping, p + self.stiffness

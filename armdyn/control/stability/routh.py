@@ -9,13 +9,11 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import numbers, shown
 from armdyn.errors import ProblemError
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 Remedy = Literal["", "leading zero", "zero row"]
 """Treatment of a row on which Routh's scheme breaks down:

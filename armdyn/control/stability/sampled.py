@@ -6,17 +6,16 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 
 @brief

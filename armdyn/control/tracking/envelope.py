@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arguments import parts as parts_of
+from armdyn.arrays import Array
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 
 @brief

@@ -14,10 +14,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.control.loop.law import Law
 from armdyn.dynamics.driven import Driven, Plant, Tables, drive
-
-Array = NDArray[np.float64]
 
 
 class Loaded(NamedTuple):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import MOST_SAMPLES, flag, number, whole
+from armdyn.arrays import Array
 from armdyn.control.laws.pid import DEFAULT_GAINS, Form, Pid, PidGains
 from armdyn.control.loop.law import expect_motors
 from armdyn.control.loop.loop import MOST_RATE, Loop
@@ -19,8 +20,6 @@ from armdyn.control.tracking.setup import MOST_ROWS, Setup
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-
-Array = NDArray[np.float64]
 
 _SHORTEST, _LONGEST = 1e-5, 1e4
 """Of a run [s]."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.control.loop.ticks import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.control.tracking.arrival import ArrivalRule
@@ -17,8 +17,6 @@ from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
-
-Array = NDArray[np.float64]
 
 Status = Literal["settled", "not_settled", "diverged", "failed"]
 """See `Run.status`."""
@@ -220,7 +218,7 @@ def _status(
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if settled is not None:
         return "settled", f"all joints within {tolerance:g} of the goal from t = {settled:.6g} s on"
-    clipped: NDArray[np.bool_] = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
+    clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
     held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]
     tail = f"; the torque of {', '.join(held)} is on its limit to the end" if held else ""
     return "not_settled", f"not settled: {where} at t = {end:.6g} s{tail}"

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, number
+from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.ticks import Ticks
@@ -22,8 +23,6 @@ from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.trajectory import Piece, Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-8
 """Largest change of a tick's positions when its steps are halved [rad or m]; of velocities a thousand times that."""

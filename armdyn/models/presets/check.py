@@ -6,16 +6,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.models.presets.commands import Commands, commands_of
 from armdyn.models.presets.interface import REST_VELOCITY, UNITS, ControllerLimits, Interface
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6
 """Part of a limit by which a value may exceed it, as in planned motions."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import MOST_SAMPLES
+from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import INTERPOLATIONS, interpolated
 from armdyn.trajectory.planned import Planned
-
-Array = NDArray[np.float64]
 
 REST = 3
 """Ticks of rest before and after a motion: as many as the third difference reaches back."""

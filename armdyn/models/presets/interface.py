@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 
-Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
 """One number per joint."""
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import one_of, several, shown, text
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
 from armdyn.models.presets.check import ControllerCheck, controller_check
@@ -22,8 +22,6 @@ from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import Planned
-
-Array = NDArray[np.float64]
 
 _DATA = Path(__file__).parent / "data"
 _TEXTS = ("name", "robot", "date")

@@ -7,16 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import shown
+from armdyn.arrays import Array
 from armdyn.errors import SpecError, UnsupportedJointError, UrdfError, did_you_mean
 from armdyn.models.reading.urdf_check import inertia_fault
 from armdyn.models.reading.urdf_xml import LARGEST, clipped
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.urdf import TIP
-
-Array = NDArray[np.float64]
 
 _KNOWN = re.compile(r"JointModel(R[XYZ]|RUB[XYZ]|Revolute(Unbounded)?Unaligned|P[XYZ]|PrismaticUnaligned)")
 """Pinocchio's names of joints that turn or slide along one axis."""

@@ -9,13 +9,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import path, several
+from armdyn.arrays import Array
 from armdyn.errors import FileError, SpecError
 from armdyn.files import read_bounded
-
-Array = NDArray[np.float64]
 
 _MAX_MESH_BYTES = 256 * 2**20
 _MESH_FORMATS = (".stl", ".dae", ".obj", ".ply", ".off", ".glb", ".gltf")  # no archives: they may hold anything

@@ -10,11 +10,9 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.reading.urdf_check import MOMENTS, POINT_MASS, inertia_fault, inertia_tensor
-
-Array = NDArray[np.float64]
 
 THINNEST = 1e-3
 """Least radius of gyration along an axis that a changed body gets [m]: a sheet of 3.5 mm has it, no link is thinner."""

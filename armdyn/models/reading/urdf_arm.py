@@ -7,15 +7,14 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.errors import UrdfError
 from armdyn.models.reading.from_pinocchio import Mimic, Reading, arm_of, locked_joints
 from armdyn.models.reading.nearest_inertia import MARK
 from armdyn.models.reading.urdf_check import MOVING, check_inertias, dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
-
-Array = NDArray[np.float64]
 
 _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""

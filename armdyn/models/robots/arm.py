@@ -8,9 +8,10 @@ from typing import Self
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, numbers, several, shown, text
+from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
@@ -26,8 +27,6 @@ from armdyn.models.values.spec import Payload, Tool
 from armdyn.models.values.urdf import TIP, positive_tensor
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
-
-Array = NDArray[np.float64]
 
 _OTHER_FRAMES = (pin.FrameType.OP_FRAME, pin.FrameType.FIXED_JOINT, pin.FrameType.JOINT, pin.FrameType.SENSOR)
 
@@ -124,7 +123,7 @@ class Arm:
         return int(self.model.nv)
 
     @property
-    def slides(self) -> NDArray[np.bool_]:
+    def slides(self) -> Flags:
         """Whether each joint is prismatic, shape (nv,): its position is in metres."""
         return np.array([joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]])
 
@@ -208,7 +207,7 @@ class Arm:
         self,
         damping: FrictionValue | None = None,
         friction: FrictionValue | None = None,
-        width: float | None = None,
+        width: ArrayLike | None = None,
     ) -> Self:
         """This robot with other friction in its joints; None keeps its own.
 
@@ -235,7 +234,7 @@ class Arm:
             friction=JointFriction(
                 damping=chosen(damping, own.damping, self.model.damping, "damping"),
                 coulomb=chosen(friction, own.coulomb, self.model.upperDryFrictionLimit, "friction"),
-                width=own.width if width is None else width,
+                width=own.width if width is None else self._read(width, "friction_width", "rad/s"),
             ),
         )
 

@@ -27,7 +27,7 @@ def model_hash(model: pin.Model, friction: JointFriction) -> str:
         if "Unaligned" in joint.shortname():
             numbers.append(np.ravel(joint.createData().S))
     numbers += friction.per_joint(model.nv)
-    numbers.append(np.array([friction.width if np.any(friction.coulomb) else 0.0]))
+    numbers.append(np.atleast_1d(friction.width if np.any(friction.coulomb) else 0.0))
     # Plus zero: minus zero becomes zero.
     rounded = (np.round(np.concatenate(numbers), 12) + 0.0).astype("<f8")
     return hashlib.sha256("\n".join(words).encode() + rounded.tobytes()).hexdigest()

@@ -32,7 +32,7 @@ class RobotKeywords(TypedDict, total=False):
     gear_ratio: ArrayLike | None
     damping: FrictionValue | None
     friction: FrictionValue | None
-    friction_width: float | None
+    friction_width: ArrayLike | None
     passive: Sequence[str]
     inertias: Mapping[str, ArrayLike] | None
     package_dirs: Sequence[str | os.PathLike[str]]
@@ -88,7 +88,7 @@ class RobotOptions:
     gear_ratio: ArrayLike | None = None
     damping: FrictionValue | None = None
     friction: FrictionValue | None = None
-    friction_width: float | None = None
+    friction_width: ArrayLike | None = None
     passive: Sequence[str] = ()
     inertias: Mapping[str, ArrayLike] | None = None
     package_dirs: Sequence[str | os.PathLike[str]] = ()

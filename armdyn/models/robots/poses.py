@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number, shown, text
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
 from armdyn.models.values.per_joint import per_joint
@@ -25,7 +25,6 @@ from armdyn.parsing.numbers import position
 if TYPE_CHECKING:
     from armdyn.models.robots.arm import Arm
 
-Array = NDArray[np.float64]
 
 _FOLDERS = (".", "../srdf", "../config")
 """Where an SRDF is, seen from the URDF: beside it, or as example-robot-data and MoveIt's packages have it."""

@@ -3,12 +3,11 @@
 A few hundred bounds take a tenth of a millisecond; coal then computes the distances of the few pairs that are near.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from armdyn.arrays import Array, Index
+from armdyn.arrays import Array
 from armdyn.models.scene.bodies import Body
 from armdyn.models.scene.geometry import SceneGeometry
 
@@ -18,48 +17,22 @@ _INFINITE = 1e300
 """Ends of a box beyond this [m] are a half space's."""
 
 
-@dataclass(frozen=True, eq=False)
 class Balls:
-    """Balls that contain the arm's bodies, and oriented boxes that contain the obstacles.
+    """Balls that contain the arm's bodies, and oriented boxes that contain the obstacles."""
 
-    Attributes:
-        joints: index of the joint that carries each body, shape (bodies,).
-        centers: of the balls in the joint's frame [m], shape (bodies, BALLS, 3).
-        radii: of each body's balls [m], shape (bodies,).
-        rotations: of the obstacles, shape (obstacles, 3, 3).
-        places: of the obstacles in the world [m], shape (obstacles, 3).
-        lower: of the boxes along the obstacles' own axes [m], shape (obstacles, 3); minus infinity for half spaces.
-        upper: likewise.
-        pairs: indices of the two solids of every pair, shape (pairs, 2).
-    """
-
-    joints: Index
-    centers: Array
-    radii: Array
-    rotations: Array
-    places: Array
-    lower: Array
-    upper: Array
-    pairs: Index
-
-    @classmethod
-    def of(cls, own: tuple[Body, ...], scene: SceneGeometry) -> "Balls":
-        """Balls and boxes of a scene."""
+    def __init__(self, own: tuple[Body, ...], scene: SceneGeometry):
         ends = np.array([[body.capsule.a, body.capsule.b] for body in own])
         part = (np.arange(BALLS) + 0.5) / BALLS
         half_step = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / (2 * BALLS)
+        self._joints, self._pairs = np.array([body.joint for body in own]), scene.pairs
+        # Of the balls in the joints' frames [m], shape (bodies, BALLS, 3) and (bodies,).
+        self._centers = ends[:, :1] + part[:, None] * (ends[:, 1:] - ends[:, :1])
+        self._radii = np.array([body.capsule.radius for body in own]) + half_step
         boxes = [_box(scene.model.geometryObjects[k]) for k in range(scene.links, len(scene.names))]
         rotations, places, lower, upper = zip(*boxes, strict=True) if boxes else ((), (), (), ())
-        return cls(
-            joints=np.array([body.joint for body in own]),
-            centers=ends[:, :1] + part[:, None] * (ends[:, 1:] - ends[:, :1]),
-            radii=np.array([body.capsule.radius for body in own]) + half_step,
-            rotations=np.array(rotations).reshape(-1, 3, 3),
-            places=np.array(places).reshape(-1, 3),
-            lower=np.array(lower).reshape(-1, 3),
-            upper=np.array(upper).reshape(-1, 3),
-            pairs=scene.pairs,
-        )
+        self._rotations = np.array(rotations).reshape(-1, 3, 3)
+        # Places and ends of the boxes, along the obstacles' own axes; minus infinity for half spaces [m].
+        self._places, self._lower, self._upper = (np.array(one).reshape(-1, 3) for one in (places, lower, upper))
 
     def bounds(self, rotations: Array, translations: Array) -> Array:
         """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs).
@@ -68,19 +41,19 @@ class Balls:
             rotations: of the joints in the world, shape (poses, joints, 3, 3).
             translations: likewise [m], shape (poses, joints, 3).
         """
-        turned = self.centers @ rotations[:, self.joints].swapaxes(-1, -2)
-        centers = turned + translations[:, self.joints, None]
-        links = len(self.joints)
-        first, second = self.pairs.T
-        out, own = np.empty((len(centers), len(self.pairs))), second < links
+        turned = self._centers @ rotations[:, self._joints].swapaxes(-1, -2)
+        centers = turned + translations[:, self._joints, None]
+        links = len(self._joints)
+        first, second = self._pairs.T
+        out, own = np.empty((len(centers), len(self._pairs))), second < links
         a, b = first[own], second[own]
         gaps = centers[:, a, :, None] - centers[:, b, None]
-        out[:, own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(2, 3))) - self.radii[a] - self.radii[b]
-        if len(self.places):
-            inside = (centers.reshape(-1, 3) - self.places[:, None]) @ self.rotations
-            beyond = np.maximum(np.maximum(self.lower[:, None] - inside, inside - self.upper[:, None]), 0)
-            square = np.sum(beyond**2, axis=-1).reshape(len(self.places), *centers.shape[:3])
-            away = np.sqrt(np.min(square, axis=-1)) - self.radii
+        out[:, own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(2, 3))) - self._radii[a] - self._radii[b]
+        if len(self._places):
+            inside = (centers.reshape(-1, 3) - self._places[:, None]) @ self._rotations
+            beyond = np.maximum(np.maximum(self._lower[:, None] - inside, inside - self._upper[:, None]), 0)
+            square = np.sum(beyond**2, axis=-1).reshape(len(self._places), *centers.shape[:3])
+            away = np.sqrt(np.min(square, axis=-1)) - self._radii
             out[:, ~own] = away[second[~own] - links, :, first[~own]].T
         return out
 

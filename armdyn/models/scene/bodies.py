@@ -95,7 +95,8 @@ def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBal
     """A body on a frame's joint; the balls are in the geometry's own axes."""
     points, radius = balls
     moved = points @ at[:3, :3].T + at[:3, 3]
-    return Body(name, int(frame.parentJoint), at, geometry, _around(moved, radius), moved, radius, attached)
+    capsule = _around(moved.tobytes(), radius)
+    return Body(name, int(frame.parentJoint), at, geometry, capsule, moved, radius, attached)
 
 
 def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, EqualBalls]]:
@@ -147,17 +148,19 @@ def balls_around(geometry: Any, corners: int) -> EqualBalls:
     return np.array(geometry.points()), 0.0
 
 
-def _around(points: Array, thickness: float) -> Capsule:
+@built_once(maxsize=1000)  # a link's is the same whatever the arm carries, and takes ten milliseconds
+def _around(centres: bytes, thickness: float) -> Capsule:
     """The smallest capsule around balls, as found from their centres' principal axes.
 
     Args:
-        points: centres [m], shape (m, 3).
+        centres: [m], floats of an array of shape (m, 3).
         thickness: radius [m].
     """
     # Loaded here, for a third of a second is much for the many problems without obstacles.
     from scipy.optimize import minimize
     from scipy.spatial import ConvexHull, QhullError
 
+    points = np.frombuffer(centres).reshape(-1, 3)
     with suppress(QhullError, ValueError):  # flat, or too few: all of them then
         points = points[ConvexHull(points).vertices]
     centre = points.mean(axis=0)

@@ -109,7 +109,7 @@ class CollisionModel:
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
         known = {frozenset(pair) for pair in touching}
         self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
-        self._scene, self._balls = scene, Balls.of(bodies(robot), scene)
+        self._scene, self._balls = scene, Balls(bodies(robot), scene)
         self._hulls = hulls(robot, scene)
         self.joints: Index = np.array([one.parentJoint for one in scene.model.geometryObjects], dtype=int)[scene.pairs]
         self._carried = np.zeros((robot.model.njoints, robot.model.nv))
@@ -276,13 +276,5 @@ class CollisionModel:
         return out
 
 
-@built_once(maxsize=16)
-def collision_model(
-    robot: Robot,
-    obstacles: tuple[Obstacle, ...],
-    self_collision: bool,
-    allowed: tuple[tuple[str, str], ...] = (),
-    touching: tuple[tuple[str, str], ...] = (),
-) -> CollisionModel:
-    """A `CollisionModel`, built once for the same arguments."""
-    return CollisionModel(robot, obstacles, self_collision, allowed, touching)
+collision_model = built_once(maxsize=16)(CollisionModel)
+"""A `CollisionModel`, built once for the same hashable arguments."""

@@ -1,7 +1,6 @@
 """Collision geometry of an arm among obstacles, as Pinocchio and coal take it, and the pairs that could touch."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ _MOUNTED = 0.01
 """Tool or payload and the link on a neighbouring joint that are so near in as many poses are built so, too [m]."""
 
 
-@dataclass(frozen=True, eq=False)
 class SceneGeometry:
     """Solids and the pairs of them whose distance counts.
 
@@ -31,10 +29,25 @@ class SceneGeometry:
         links: how many of the solids are the arm's; they come first.
     """
 
-    model: pin.GeometryModel
-    names: tuple[str, ...]
-    pairs: Index
-    links: int
+    def __init__(
+        self,
+        own: Sequence[Body],
+        solids: Sequence[tuple[str, tuple[Array, Any]]],
+        pairs: Sequence[tuple[int, int]],
+        allowed: Collection[tuple[str, str]] = (),
+    ):
+        self.model, self.links = pin.GeometryModel(), len(own)
+        for i, body in enumerate(own):
+            placed = pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry)
+            self.model.addGeometryObject(placed)
+        for k, (_, (placement, geometry)) in enumerate(solids):
+            self.model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
+        self.names = (*(body.name for body in own), *(name for name, _ in solids))
+        touching = {frozenset(pair) for pair in allowed}
+        kept = [(i, j) for i, j in pairs if frozenset((self.names[i], self.names[j])) not in touching]
+        for i, j in kept:
+            self.model.addCollisionPair(pin.CollisionPair(i, j))
+        self.pairs: Index = np.array(kept, dtype=int).reshape(-1, 2)
 
 
 def scene_geometry(
@@ -59,28 +72,7 @@ def scene_geometry(
     own, solids = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
     pairs = list(apart(robot)) if self_collision else []
     pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(solids))]
-    return _assembled(own, solids, pairs, allowed)
-
-
-def _assembled(
-    own: Sequence[Body],
-    solids: Sequence[tuple[str, tuple[Array, Any]]],
-    pairs: Sequence[tuple[int, int]],
-    allowed: Collection[tuple[str, str]] = (),
-) -> SceneGeometry:
-    model = pin.GeometryModel()
-    for i, body in enumerate(own):
-        model.addGeometryObject(
-            pin.GeometryObject(f"{i} {body.name}", body.joint, pin.SE3(body.placement), body.geometry)
-        )
-    for k, (_, (placement, geometry)) in enumerate(solids):
-        model.addGeometryObject(pin.GeometryObject(f"obstacle {k}", 0, pin.SE3(placement), geometry))
-    names = (*(body.name for body in own), *(name for name, _ in solids))
-    touching = {frozenset(pair) for pair in allowed}
-    kept = [(i, j) for i, j in pairs if frozenset((names[i], names[j])) not in touching]
-    for i, j in kept:
-        model.addCollisionPair(pin.CollisionPair(i, j))
-    return SceneGeometry(model, names, np.array(kept, dtype=int).reshape(-1, 2), len(own))
+    return SceneGeometry(own, solids, pairs, allowed)
 
 
 @built_once(maxsize=16)
@@ -100,7 +92,7 @@ def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
     candidates = [(i, j) for i, j in different if own[i].attached or own[j].attached or not neighbours(i, j)]
     if not candidates:
         return ()
-    scene = _assembled(own, (), candidates)
+    scene = SceneGeometry(own, (), candidates)
     data, geometry = robot.model.createData(), pin.GeometryData(scene.model)
     for request, pair in zip(geometry.collisionRequests, candidates, strict=True):
         request.security_margin = _MOUNTED if neighbours(*pair) else 0.0

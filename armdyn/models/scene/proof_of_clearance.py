@@ -73,7 +73,7 @@ class _Search:
 
     def __init__(self, model: CollisionModel, motion: Trajectory, asked: Array):
         self.model, self.motion, self.asked = model, motion, asked
-        self.bounds = MotionBounds.of(model.robot, motion)
+        self.bounds = MotionBounds(model.robot, motion)
         # Bounds on the relative motion of every pair until each sample [m], shape (n, pairs).
         self.moved = self.bounds.travel @ relative_reach(model).T
         self.missed, self.looks = set[float](), 0

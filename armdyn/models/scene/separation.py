@@ -85,31 +85,24 @@ def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: A
     return np.asarray(at + times[:, None] * speed)
 
 
-@dataclass(frozen=True, eq=False)
 class MotionBounds:
     """Bounds on the motion of the bodies on every joint between the samples of a trajectory.
+
+    The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
+    acceleration is J a plus the second derivatives of its position times the velocities, and a second
+    derivative by two joints is no longer than the arm to the axis of the outer one.
 
     Attributes:
         travel: how far each joint has come until each sample at most [rad or m], shape (n, nv).
         acceleration: of any point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
     """
 
-    travel: Array
-    acceleration: Array
-
-    @classmethod
-    def of(cls, robot: Robot, motion: Trajectory) -> "MotionBounds":
-        """Bounds for a motion whose joints follow cubics between its samples.
-
-        The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
-        acceleration is J a plus the second derivatives of its position times the velocities, and a second
-        derivative by two joints is no longer than the arm to the axis of the outer one.
-        """
+    def __init__(self, robot: Robot, motion: Trajectory):
         (v, a), h = _joint_bounds(motion), np.diff(motion.t)[:, None]
-        reach, out = reaches(robot), np.zeros((len(h), robot.model.njoints))
+        reach, self.acceleration = reaches(robot), np.zeros((len(h), robot.model.njoints))
         for body in range(1, robot.model.njoints):
-            out[:, body] = _point_acceleration(robot, body, reach[body], v, a)
-        return cls(np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)]), out)
+            self.acceleration[:, body] = _point_acceleration(robot, body, reach[body], v, a)
+        self.travel: Array = np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)])
 
 
 def frame_accelerations(robot: Robot, motion: Trajectory, frame: str) -> tuple[Array, tuple[Array, Array]]:

@@ -10,12 +10,11 @@ from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, numbers, shown
+from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
-
-Array = NDArray[np.float64]
 
 _CONCAVE = 1e-9
 """Relative rounding of a curve's torques and slopes, which were typed with ten digits."""
@@ -69,7 +68,7 @@ class ActuatorLimits(ABC):
         lower, upper = self.range(q, v)
         return np.asarray(np.maximum(tau - upper, lower - tau))
 
-    def allows(self, tau: Array, q: Array, v: Array) -> NDArray[np.bool_]:
+    def allows(self, tau: Array, q: Array, v: Array) -> Flags:
         """Whether torques are within their ranges in states, all of shape (…, nv)."""
         lower, upper = self.range(q, v)
         return np.asarray((lower <= tau) & (tau <= upper))
@@ -99,7 +98,7 @@ class ActuatorLimits(ABC):
         return np.asarray(np.maximum(np.abs(self.lower), np.abs(self.upper)))
 
     @property
-    def passive(self) -> NDArray[np.bool_]:
+    def passive(self) -> Flags:
         """Joints without a motor, shape (nv,)."""
         return np.asarray((self.lower == 0) & (self.upper == 0))
 

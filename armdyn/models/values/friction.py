@@ -4,14 +4,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from armdyn.arguments import number
-from armdyn.errors import SpecError
+from armdyn.arrays import Array
 from armdyn.models.values.per_joint import per_joint
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 FRICTION_WIDTH = 0.05
 """Default of `JointFriction.width` [rad/s or m/s]: one or two per cent of the speed of industrial joints."""
@@ -34,7 +31,7 @@ class JointFriction:
     Attributes:
         damping: viscous [N m s/rad or N s/m]: one number, or one per joint.
         coulomb: dry friction [N m or N], likewise.
-        width: of the smoothed jump [rad/s or m/s].
+        width: of the smoothed jump [rad/s or m/s], likewise; a float where it is the same in all joints.
 
     Raises:
         SpecError: negative or not finite; a width of zero.
@@ -42,14 +39,21 @@ class JointFriction:
 
     damping: ArrayLike = 0.0
     coulomb: ArrayLike = 0.0
-    width: float = FRICTION_WIDTH
+    width: float | Array = FRICTION_WIDTH
 
     def __post_init__(self) -> None:
         for name in ("damping", "coulomb"):
             array = per_joint(getattr(self, name), None, f"joint friction: {name}", sign="not negative")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        number(self.width, "joint friction: width", unit="rad/s", sign="positive", error=SpecError)
+        width = per_joint(self.width, None, "joint friction: width", unit="rad/s", sign="positive")
+        width.setflags(write=False)
+        object.__setattr__(self, "width", width if np.ptp(width) else float(width.flat[0]))
+
+    @property
+    def listed_width(self) -> float | list[float]:
+        """Width as JSON and TOML have it [rad/s or m/s]: one number, or one per joint."""
+        return self.width if isinstance(self.width, float) else self.width.tolist()
 
     @property
     def present(self) -> bool:

@@ -7,14 +7,12 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, numbers, several, shown, text
+from armdyn.arrays import Array, Flags
 from armdyn.errors import ArmdynError, SpecError, did_you_mean
 from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 _CONSTANT = ConstantTorque(np.empty(0), np.empty(0))
 
@@ -61,7 +59,7 @@ class JointLimits:
         return {own.name: getattr(self, own.name) for own in fields(self) if own.name != "actuators"}
 
     @property
-    def passive(self) -> NDArray[np.bool_]:
+    def passive(self) -> Flags:
         """Joints without a motor, shape (nv,)."""
         return self.actuators.passive
 

@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import Sign, numbers
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, SpecError
-
-Array = NDArray[np.float64]
 
 
 def per_joint(

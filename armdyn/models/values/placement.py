@@ -6,12 +6,12 @@ from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import numbers, shown
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 
-Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 Placement: TypeAlias = ArrayLike | pin.SE3
 """A position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`."""

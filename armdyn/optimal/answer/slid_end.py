@@ -3,15 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
 from armdyn.optimal.proof.transversality import end_gradient, transversality
 from armdyn.optimal.task.policy.search import GoalPolicy
-
-Array = NDArray[np.float64]
 
 
 def slid_end(

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Run = tuple[Mode, int, int]
 """A mode, the first interval on which a joint is in it, and one past the last."""
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +42,7 @@ class Density:
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
-def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[NDArray[np.int_], Array]:
+def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[Index, Array]:
     """Number of intervals of every arc: a few at least, the rest in proportion to weights.
 
     Args:
@@ -112,7 +110,8 @@ def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> 
     samples, reach, part = numbers.layer_samples, numbers.layer_reach, numbers.in_layers
     t = np.linspace(0, guess.duration, samples + 1)
     v = guess(guess.t[0] + t).v[:, dry]
-    change = np.sum(np.abs(np.diff(np.tanh(v / (reach * friction.width)), axis=0)), axis=1)
+    width = np.broadcast_to(friction.width, dry.shape)[dry]
+    change = np.sum(np.abs(np.diff(np.tanh(v / (reach * width)), axis=0)), axis=1)
     if not np.any(change):
         return None
     return Density(t, (1 - part) / samples + part * change / np.sum(change))

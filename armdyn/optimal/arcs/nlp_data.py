@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, layered
 from armdyn.optimal.arcs.phases import TABLEAU
@@ -16,9 +16,6 @@ from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _SHORTEST = 1e-9
 """Least duration of an arc, scaled."""

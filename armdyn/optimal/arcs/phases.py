@@ -2,17 +2,13 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.tableau import RADAU_5
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 TABLEAU = RADAU_5
 """Of the arcs: motion is smooth on them, and ninth order leaves nothing to see on a few intervals."""
@@ -50,7 +46,7 @@ class Phases:
     v: Array
     costate: Array
     tau: Array
-    arc_of: NDArray[np.int_]
+    arc_of: Index
     laid: Density | None
     density: Density
     stage_q: Array

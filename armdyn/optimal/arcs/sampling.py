@@ -3,21 +3,19 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import HELD, Arc, Mode
 from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
-
 
 def motion_of(
     problem: MinimumTimeProblem,
     arcs: Sequence[Arc],
-    arc_of: NDArray[np.int_],
+    arc_of: Index,
     t: Array,
     states: Array,
     tau: Array,

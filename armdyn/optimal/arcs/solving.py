@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
@@ -33,8 +33,6 @@ from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def solve_phases(

@@ -4,8 +4,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import (
     BANG,
     POSITION,
@@ -22,8 +22,6 @@ from armdyn.optimal.arcs.arc import (
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
-
-Array = NDArray[np.float64]
 
 
 def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPolicy) -> list[Arc]:

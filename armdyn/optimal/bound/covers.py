@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.enclosure.interval import Interval, down, up
 from armdyn.optimal.bound.goal_set import TURN, GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
@@ -42,7 +42,10 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
             boxes.append(Interval.at(place)[None])
             continue
         own = legs[max(k - 1, 0) : k + 1]
-        within = Within(ends, velocity, own[0].position.meet(own[-1].position), longest)
+        position = own[0].position.meet(own[-1].position)
+        if not ends:
+            position = _of_one_turn(position, velocity, own[0].dynamics.robot.slides, longest)
+        within = Within(ends, velocity, position, longest)
         goals = GoalSet(own[0].dynamics, place, within, own[0].policy)
         whole = goals.whole if goals.closed else None
         sets.append(None if whole is None else goals)
@@ -61,6 +64,13 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
         if _few([len(each) for each in regions], legs):
             break
     return regions
+
+
+def _of_one_turn(position: Interval, velocity: Array, slides: NDArray[np.bool_], longest: float) -> Interval:
+    """Limits of a chain whose endless joints begin within a turn: after whole turns all motions are the same."""
+    endless = ~slides & np.isinf(position.lower) & np.isinf(position.upper) & np.isfinite(velocity)
+    far = up(up(velocity * longest) + TURN.upper)
+    return Interval(np.where(endless, -far, position.lower), np.where(endless, far, position.upper))
 
 
 def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:

@@ -87,7 +87,7 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
-    ways = kron(times[None] / duration, eye(nv))
+    ways = kron(times / duration, eye(nv))
     away = leg.away.centre / (duration * leg.velocity)
     slacks = len(kinds) * nodes * nv
     closing, free = _within_ends(leg, duration)

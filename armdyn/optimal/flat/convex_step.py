@@ -1,5 +1,6 @@
 """One step of sequential convexification: a quadratic program, by PIQP (Schwan et al., IEEE CDC 2023)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -63,24 +64,41 @@ class QpSolution:
         found: whether PIQP solved it.
         step: of the free unknowns, shape (unknowns,).
         cost: predicted change of the cost, prices of the slacks included.
-        slack: sum of each soft rows' slacks times their price.
         multipliers: of the hard rows and then of each of the soft ones.
         bounds: multipliers of the bounds of the step, shape (unknowns,): positive at the upper one.
-        iterations: of PIQP.
     """
 
     found: bool
     step: Array
     cost: float
-    slack: Array
     multipliers: tuple[Array, ...]
     bounds: Array
-    iterations: int
 
 
-def solve_step(problem: ConvexStep) -> QpSolution:
-    """Solve a quadratic program."""
-    problem, kept = _within_reach(problem)
+def solve_step(problem: ConvexStep, near: float) -> QpSolution:
+    """Solve a quadratic program, first without rows that a step hardly meets; those that it violates are put back.
+
+    Args:
+        problem: what is to be solved.
+        near: part of the farthest that a step within the bounds can change a row; with equations, rows that have more
+            to spare are left out at first. Without, those only that no step within the bounds can violate.
+    """
+    near = near if problem.equal is not None and problem.equal.upper.size else 1.0
+    farthest = np.maximum(problem.upper, -problem.lower)
+    rows = [problem.hard, *((one.jacobian, one.upper) for one in problem.soft)]
+    kept = [near * (abs(jacobian) @ farthest) > top for jacobian, top in rows]
+    while True:
+        found = _solved(problem, kept)
+        changes = [np.where(own, -np.inf, jacobian @ found.step) for own, (jacobian, _) in zip(kept, rows, strict=True)]
+        if not any(np.any(change > top + _ACCURATE) for change, (_, top) in zip(changes, rows, strict=True)):
+            return found
+        # With those it uses up half of: the next step would violate many of them.
+        kept = [own | (change > top / 2) for own, change, (_, top) in zip(kept, changes, rows, strict=True)]
+
+
+def _solved(problem: ConvexStep, kept: Sequence[NDArray[np.bool_]]) -> QpSolution:
+    """Solution of a program without some of its hard rows, and of each of the soft ones."""
+    problem = _with_rows(problem, kept)
     n, counts = problem.gradient.size, [int(np.max(rows.groups, initial=-1)) + 1 for rows in problem.soft]
     equal = problem.equal if problem.equal is not None and problem.equal.upper.size else None
     either = 0 if equal is None else equal.upper.size
@@ -117,31 +135,26 @@ def solve_step(problem: ConvexStep) -> QpSolution:
     )
     status, result = solver.solve(), solver.result
     x, ends = np.array(result.x), np.cumsum([block.shape[0] for block in blocks])[:-1]
-    step, slack = x[:n], np.split(prices * x[n:], np.cumsum(counts))[: len(counts)]
+    step = x[:n]
     cost = float(problem.gradient @ step + step @ (problem.curvature @ step) / 2 + prices @ x[n:])
     return QpSolution(
         found=status in _SOLVED and bool(np.all(np.isfinite(x))),
         step=step,
         cost=cost,
-        slack=np.array([float(np.sum(part)) for part in slack]),
         multipliers=tuple(
             _all(one, which) for one, which in zip(np.split(np.array(result.z_u), ends), kept, strict=True)
         ),
         bounds=np.array(result.z_bu)[:n] - np.array(result.z_bl)[:n],
-        iterations=int(result.info.iter),
     )
 
 
-def _within_reach(problem: ConvexStep) -> tuple[ConvexStep, list[NDArray[np.bool_]]]:
-    """The program without rows that no step within the bounds can violate, and which rows are left of each block."""
-    radius = np.maximum(problem.upper, -problem.lower)
-    (jacobian, top), soft = problem.hard, problem.soft
-    kept = [abs(jacobian) @ radius > top, *(abs(rows.jacobian) @ radius > rows.upper for rows in soft)]
-    left = tuple(
+def _with_rows(problem: ConvexStep, kept: Sequence[NDArray[np.bool_]]) -> ConvexStep:
+    jacobian, top = problem.hard
+    soft = tuple(
         replace(rows, jacobian=rows.jacobian[which], upper=rows.upper[which], groups=rows.groups[which])
-        for rows, which in zip(soft, kept[1:], strict=True)
+        for rows, which in zip(problem.soft, kept[1:], strict=True)
     )
-    return replace(problem, hard=(jacobian[kept[0]], top[kept[0]]), soft=left), kept
+    return replace(problem, hard=(jacobian[kept[0]], top[kept[0]]), soft=soft)
 
 
 def _all(multipliers: Array, kept: NDArray[np.bool_]) -> Array:

@@ -6,7 +6,7 @@ with sequential convex optimization and convex collision checking", IJRR 33(9), 
 trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -140,7 +140,7 @@ class Sequential:
             eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
         """
-        policy, iterations = self.policy, 0
+        policy, iterations, first = self.policy, 0, trust
         eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
         merit, step, status, word = self._merit(at), None, Status.ITERATION_LIMIT, "iteration limit"
@@ -150,6 +150,14 @@ class Sequential:
                 break
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
+            missed = (
+                at.penalties[2] > policy.distance * policy.distance_left and policy.other < policy.dearest * self._whole
+            )
+            if taken is None and missed:  # a slow arm gains more by missing rows than their price
+                policy = self.policy = replace(policy, other=10 * policy.other)
+                at = self._point(at.x)
+                merit, trust = self._merit(at), first
+                continue
             if taken is None:
                 status, word = (
                     (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
@@ -171,7 +179,7 @@ class Sequential:
         policy, iterations = self.policy, 0
         rows = self._rows(at)
         while True:
-            step = solve_step(self._convex(at, rows, trust))
+            step = solve_step(self._convex(at, rows, trust), policy.near)
             iterations += 1
             if step.found:
                 x = at.x.copy()
@@ -324,13 +332,12 @@ class Sequential:
             s, weights = leg.basis.gauss(2)
             second = leg.basis.local(s.ravel(), derivatives=2)[:, 2]
             window = leg.basis.interval_of(s.ravel())[:, None] + np.arange(second.shape[1])
-            points = problem.shape.points(k)
-            rows = np.arange(second.shape[0])[:, None] * np.ones(second.shape[1], dtype=int)
-            for joint in range(points.shape[1]):
-                matrix = sp.csr_matrix(
-                    (second.ravel(), (rows.ravel(), points[window, joint].ravel())), (rows.shape[0], size)
-                )
-                out = out + matrix.T @ sp.diags(smooth[k] * weights.ravel() / velocity[joint] ** 2) @ matrix
+            points = problem.shape.points(k)[window]
+            weight = (smooth[k] * weights.ravel()[:, None] / velocity**2).ravel()
+            rows = np.broadcast_to(np.arange(weight.size).reshape(len(points), 1, -1), points.shape)
+            values = np.broadcast_to(second[:, :, None], points.shape)
+            matrix = sp.csr_matrix((values.ravel(), (rows.ravel(), points.ravel())), (weight.size, size))
+            out = out + matrix.T @ sp.diags(weight) @ matrix
         return out.tocsr()
 
     def _outcome(self, at: _Iterate, step: QpSolution | None, status: Status, word: str, iterations: int) -> NlpResult:

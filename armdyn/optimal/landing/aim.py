@@ -8,16 +8,14 @@ by repeating it.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.landing.limit_violations import miss_of
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.variation import sensitivity
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def aimed(task: Task, trajectory: Trajectory) -> tuple[Trajectory, Trajectory]:

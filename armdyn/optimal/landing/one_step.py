@@ -5,12 +5,10 @@ takes longer to be started than to step. This is its step, by its own coefficien
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
-
-Array = NDArray[np.float64]
 
 _A, _B, _C, _E3, _E5 = (np.asarray(getattr(DOP853, name)) for name in ("A", "B", "C", "E3", "E5"))
 _STAGES = int(DOP853.n_stages)

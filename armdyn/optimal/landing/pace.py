@@ -8,16 +8,14 @@ within them.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Sample, Trajectory
-
-Array = NDArray[np.float64]
 
 
 def can_be_slowed(problem: MinimumTimeProblem) -> bool:

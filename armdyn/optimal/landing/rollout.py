@@ -5,10 +5,10 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from armdyn.arguments import expect, number, stopper
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import robots_of
@@ -16,8 +16,6 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.optimal.landing.one_step import EVALUATIONS, at_nodes, one_step
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 RTOL = 1e-10
 """Of the replay's integrator: far below any goal error that it is to reveal."""

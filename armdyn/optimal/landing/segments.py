@@ -10,15 +10,13 @@ torque (variational equations; Hairer, Nørsett, Wanner, Solving ODEs I, II.17 a
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.rollout import dense
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _AGREES = 1e-9
 """Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: the step's own error

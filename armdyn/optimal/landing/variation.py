@@ -6,14 +6,12 @@ Bryson and Ho, Applied Optimal Control, section 2.4.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.pieces import Pieces
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,14 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _AT_ENDS = 0.98
 """Part of a pair's distance at a given pose that is proven along the motion, where that is less than the clearance."""

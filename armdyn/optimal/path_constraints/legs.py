@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +22,12 @@ class Legs:
     durations: Array
 
     @property
-    def of(self) -> NDArray[np.int_]:
+    def of(self) -> Index:
         """Each interval's leg, shape (N,)."""
         return np.repeat(np.arange(len(self.intervals)), self.intervals)
 
     @property
-    def knots(self) -> NDArray[np.int_]:
+    def knots(self) -> Index:
         """The last knot of every leg, shape (legs,)."""
         return np.cumsum(self.intervals)
 

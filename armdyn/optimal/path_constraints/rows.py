@@ -10,8 +10,9 @@ from typing import Literal, Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Block, Nlp, build_nlp
@@ -19,7 +20,6 @@ from armdyn.optimal.program.interval import Collocated, IntervalFunctions, Inter
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
 
-Array = NDArray[np.float64]
 Where = Literal["every", "first", "last", "sum"]
 """In which intervals of the motion, or of a leg; "sum": rows of all are summed, as integrals along the path are."""
 
@@ -117,7 +117,7 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     return build_nlp(dynamics, scheme, intervals, blocks)
 
 
-def intervals_of(rows: Rows, legs: Sequence[int]) -> NDArray[np.int_]:
+def intervals_of(rows: Rows, legs: Sequence[int]) -> Index:
     """Indices of the intervals in which rows are; legs: numbers of intervals of all legs."""
     whole = np.arange(sum(legs))
     own = whole if rows.leg is None else whole[sum(legs[: rows.leg]) : sum(legs[: rows.leg + 1])]

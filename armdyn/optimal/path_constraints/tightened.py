@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.registry import path_constraints_of
@@ -17,8 +17,6 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import IntervalView
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

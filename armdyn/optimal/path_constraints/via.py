@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
 from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
@@ -17,8 +17,6 @@ from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _LOOKS = 41
 """Times about the planned one at which a region is looked for, a replay's samples apart."""

@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import several, shown
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ContactError, ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import kept_words
-
-Array = NDArray[np.float64]
 
 _TYPED = 1e-9
 """So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""

@@ -2,12 +2,8 @@
 
 from typing import Any, Protocol, Self, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 
 @runtime_checkable

@@ -5,16 +5,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import several
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

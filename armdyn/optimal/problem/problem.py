@@ -9,9 +9,10 @@ from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, flag, number, path, several
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
@@ -45,8 +46,6 @@ from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called, several_numbers
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @brief

@@ -110,8 +110,8 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     (damping, coulomb), (own_damping, own_coulomb) = (one.friction.per_joint(robot.nv) for one in (robot, plain))
     pairs = {"damping": (damping, own_damping), "friction": (coulomb, own_coulomb)}
     written |= {name: own.tolist() for name, (own, read) in pairs.items() if not np.array_equal(own, read)}
-    if robot.friction.width != plain.friction.width:
-        written["friction_width"] = float(robot.friction.width)
+    if not np.array_equal(robot.friction.width, plain.friction.width):
+        written["friction_width"] = robot.friction.listed_width
     again = plain.with_armature(robot.model.armature).with_friction(damping, coulomb, robot.friction.width)
     if again.model_hash != robot.model_hash:
         raise SpecError(

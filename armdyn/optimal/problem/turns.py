@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
-
-Array = NDArray[np.float64]
 
 MOST_WAYS = 16
 """So many goals are tried at most: four joints, each by either way."""
@@ -18,14 +16,14 @@ _STILL = 1e-9
 """Of a joint that a whole number of turns brings to its goal, so near that it need not move [rad]."""
 
 
-def endless(robot: Robot, limits: JointLimits) -> NDArray[np.bool_]:
+def endless(robot: Robot, limits: JointLimits) -> Flags:
     """Joints that turn and have no position limits, shape (nv,)."""
     axes = [np.ravel(joint.createData().S)[3:] for joint in list(robot.model.joints)[1:]]
     turns = np.array([bool(np.any(axis)) for axis in axes])
     return np.asarray(turns & np.isinf(limits.position_lower) & np.isinf(limits.position_upper))
 
 
-def ways_round(q_start: Array, goals: Sequence[Array], limits: JointLimits, turning: NDArray[np.bool_]) -> list[Array]:
+def ways_round(q_start: Array, goals: Sequence[Array], limits: JointLimits, turning: Flags) -> list[Array]:
     """The goals with every endless joint's goal by the shorter and by the longer way round.
 
     A third way, once more around, is longer than both by a turn. The order is by the time [s] that the

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, deviations_of, frame_placement, poses_reaching, slid
 from armdyn.models.values.joint_limits import JointLimits
 
-Array = NDArray[np.float64]
 Via = Array | GoalPose
 
 _ARM = 0.3

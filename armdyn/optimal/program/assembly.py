@@ -11,14 +11,12 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.program.interval import IntervalFunctions, interval_functions
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
-
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)

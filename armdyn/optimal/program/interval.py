@@ -6,15 +6,13 @@ from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,9 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.task.scheme import Scheme
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 _BODY = 10
 """Dynamic parameters of a body: mass, first moments, inertia."""

@@ -11,8 +11,8 @@ costates are held against that solution of the equations which is nearest to all
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
@@ -21,8 +21,6 @@ from armdyn.optimal.landing.rollout import dense, replay_torques
 from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _POWERS = np.arange(6.0)
 """Of a quintic."""
@@ -204,7 +202,7 @@ def _edges(breaks: Array, samples: Array, close: float) -> Array:
     return np.sort(np.concatenate([breaks, others[near > close * (after - before)]]))
 
 
-def _impulses(phases: Phases) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _impulses(phases: Phases) -> tuple[Array, Array, Flags]:
     """Impulses of the state limits on the costates; none from a limit that no arc names.
 
     Impulses at the stages are what the collocation's quadrature makes of a limit that is held. A touch has its own

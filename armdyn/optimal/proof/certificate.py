@@ -14,9 +14,9 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import number
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -25,8 +25,6 @@ from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 GOAL_TOLERANCE = 1e-6
 """Of the replay at the goal [rad or m] where optimality is claimed: a hundredth of what good encoders resolve."""

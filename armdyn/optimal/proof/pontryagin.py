@@ -3,15 +3,13 @@
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import lagrange
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-
-Array = NDArray[np.float64]
 
 
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
@@ -98,7 +96,7 @@ def _velocity_impulses(phases: Phases, i: int) -> list[Array]:
     return impulses
 
 
-def _position_multipliers(phases: Phases, i: int, inside: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _position_multipliers(phases: Phases, i: int, inside: Flags) -> tuple[Array, Array]:
     """A position limit's ∂t_f/∂q_i at the inner stages, shape (K, stages - 1), and inner knots, shape (K - 1,).
 
     In contact the program holds the velocity, too, and asks nothing of q's defects. Here the limit is one

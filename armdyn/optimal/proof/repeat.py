@@ -8,8 +8,8 @@ the same integrator. What everybody can repeat are the segments between samples,
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import joint_inertia
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
@@ -19,8 +19,6 @@ from armdyn.optimal.landing.segments import Segments, ticked
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, Certificate
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 ACCURACY = 1e-11
 """Error [rad or m, and per second] that integrators of relative tolerance 1e-10 to 1e-12, started anew at every sample,

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import VELOCITY, Mode
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 
 @brief

@@ -6,14 +6,12 @@ section 2.8).
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-
-Array = NDArray[np.float64]
 
 
 def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:

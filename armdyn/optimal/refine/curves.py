@@ -6,8 +6,8 @@ from functools import partial
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.codegen.background import awaited
 from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
@@ -39,8 +39,6 @@ from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
-
-Array = NDArray[np.float64]
 
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Of the derivatives of the positions, by their order."""

@@ -9,16 +9,14 @@ arc or a contact begins or ends, the torque beside the interval is continued int
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import stretches
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import SwitchMeshPolicy
 from armdyn.optimal.task.task import Task
-
-Array = NDArray[np.float64]
 
 
 def at_switches(task: Task, attempt: Attempt) -> Attempt:
@@ -92,7 +90,7 @@ class _Stretch:
     after: float
 
     @classmethod
-    def of(cls, level: Array, knots: Array, run: NDArray[np.int_]) -> "_Stretch":
+    def of(cls, level: Array, knots: Array, run: Index) -> "_Stretch":
         before = np.sign(level[run[0] - 1]) if run[0] else 0.0
         after = np.sign(level[run[-1] + 1]) if run[-1] + 1 < level.size else 0.0
         return cls(knots[run[0] : run[-1] + 2], level[run], float(before), float(after))

@@ -9,9 +9,10 @@ from itertools import islice
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import slid
 from armdyn.optimal.flat.basis import Basis, graded
@@ -30,7 +31,6 @@ from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, plan_paths
 from armdyn.planning.rrt_connect import PlannerOptions
 
-Array = NDArray[np.float64]
 Way = list[Array]
 """For each leg a path, shape (n, nv) [rad or m]."""
 

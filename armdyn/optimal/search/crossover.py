@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.search.distinct import distinct
@@ -20,8 +19,6 @@ from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def crossover_guesses(

@@ -5,8 +5,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.codegen.deadline import LateError
 from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.optimal.flat.curve import Curve
@@ -20,8 +20,6 @@ from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 
 @brief

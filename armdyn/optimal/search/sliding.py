@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.search import GoalPolicy
-
-Array = NDArray[np.float64]
 
 
 def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:

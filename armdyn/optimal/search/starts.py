@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 from scipy.interpolate import BPoly
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
@@ -18,8 +18,6 @@ from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 SAMPLES = 51
 """Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-
-Array = NDArray[np.float64]
 
 _ALIKE = 0.1
 """Cosine between what gravity does along a path and what would be needed, below which it has nothing to do with it."""

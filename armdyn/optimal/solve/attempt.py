@@ -5,14 +5,12 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
@@ -17,8 +17,6 @@ from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _RELAXED = 1e-8
 """What unknowns may exceed their bounds by."""

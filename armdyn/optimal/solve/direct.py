@@ -4,8 +4,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.codegen.deadline import LateError
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
@@ -24,8 +24,6 @@ from armdyn.optimal.solve.solver import NlpData, Solver
 from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def solve_on_mesh(

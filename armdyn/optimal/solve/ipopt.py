@@ -4,8 +4,8 @@ from typing import Any, Generic, TypeVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.locks import one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
@@ -15,7 +15,6 @@ from armdyn.optimal.solve.silence import silence
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.solver_settings import SolverSettings
 
-Array = NDArray[np.float64]
 P = TypeVar("P", bound=Program)
 
 _ASKED, _SMALL = 5, 1000

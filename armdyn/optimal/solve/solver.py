@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 
-Array = NDArray[np.float64]
 P_co = TypeVar("P_co", bound=Program, covariant=True)
 
 

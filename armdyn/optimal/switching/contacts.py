@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
@@ -14,8 +14,6 @@ from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 from armdyn.optimal.task.policy.switching import ContactPolicy
-
-Array = NDArray[np.float64]
 
 _TOWARDS = {
     Mode.POSITION_UPPER: Mode.UPPER,
@@ -169,7 +167,7 @@ class _Contact:
             return 0.0, self.numbers.end
         return (1 - self.numbers.end, 1.0) if self.blows[-1] < least else None
 
-    def _part(self, run: NDArray[np.int_]) -> tuple[float, float]:
+    def _part(self, run: Index) -> tuple[float, float]:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]
         whole = self.numbers.whole
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
@@ -15,8 +15,6 @@ from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.rollout import Rollout
-
-Array = NDArray[np.float64]
 
 NODES = np.append(0.0, TABLEAU.c)
 """The start of an interval and its stages, as parts of it."""
@@ -98,8 +96,8 @@ class SampledExtremal:
     costate: Array
     switching: Array
     state_multipliers: Array
-    position: NDArray[np.bool_]
-    velocity: NDArray[np.bool_]
+    position: Flags
+    velocity: Flags
     inertia: Array
 
     @classmethod
@@ -133,7 +131,7 @@ class _Grid:
     """
 
     t: Array
-    step: NDArray[np.int_]
+    step: Index
     part: Array
 
     @classmethod
@@ -176,9 +174,9 @@ class _At:
     p: Array
     tau: Array
     inertia: Array
-    position: NDArray[np.bool_]
-    velocity: NDArray[np.bool_]
-    holder: NDArray[np.int_]
+    position: Flags
+    velocity: Flags
+    holder: Index
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
@@ -209,7 +207,7 @@ class _At:
         )
 
 
-def _carried(rollout: Rollout, step: NDArray[np.int_], part: Array) -> tuple[Array, Array, Array]:
+def _carried(rollout: Rollout, step: Index, part: Array) -> tuple[Array, Array, Array]:
     """States within steps, their sensitivities to the steps' starts, and ẋ there."""
     first, last = rollout.torques.tau
     some = np.pad(step, (0, -step.size % STEPS), mode="edge")

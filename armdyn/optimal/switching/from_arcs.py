@@ -5,8 +5,8 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.change import Change, Segment
@@ -14,8 +14,6 @@ from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.singular import control_near, leaping_within
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def structures_of(
@@ -38,7 +36,7 @@ def structures_of(
         yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
 
 
-def _long_stretches(arcs: Sequence[Arc], long: float) -> NDArray[np.bool_]:
+def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
     """Which joints are in which arcs on a stretch off all limits as long as this part of all, shape (arcs, nv)."""
     free = np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
     lengths = np.array([arc.duration for arc in arcs])
@@ -77,7 +75,7 @@ def _nearest(shooting: ShootingProblem, joint: int, tau: Array) -> Mode:
     return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
 
 
-def banged(arcs: Sequence[Arc], shares: Array, left: NDArray[np.bool_] | None = None) -> list[Arc]:
+def banged(arcs: Sequence[Arc], shares: Array, left: Flags | None = None) -> list[Arc]:
     """Arcs whose free torques are full ones of the same mean.
 
     Args:

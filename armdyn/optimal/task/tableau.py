@@ -5,9 +5,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.models.values.spec import PLANAR_ARMS, PlanarArmName
 from armdyn.paper.outcomes.case import READINGS, Case, Reading
 from armdyn.paper.printed.examples import PAYLOADS
-
-Array = NDArray[np.float64]
 
 _EXAMPLE: dict[PlanarArmName, int] = {"r": 1, "rr": 2, "rrr": 3}
 

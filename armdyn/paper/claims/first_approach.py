@@ -19,9 +19,10 @@ from functools import cache
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.values.spec import ArmSpec, Payload
 from armdyn.optimal import replay_torques
@@ -29,8 +30,6 @@ from armdyn.paper.closed_form import PlanarArm
 from armdyn.paper.outcomes.case import READINGS, Case, Reading
 from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 THETA_START = -np.pi / 2
 """Where (11) is linearised, and where Example 1 starts [rad]."""

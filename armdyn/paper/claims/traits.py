@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _VISIBLE = 1e-3
 """Swings back smaller than this [rad] count as no reversal: no figure shows them."""

@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
-
-Array = NDArray[np.float64]
 
 RTOL = 1e-12
 """Of the integrator: durations are to hold to 1e-10."""

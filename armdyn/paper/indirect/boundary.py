@@ -9,17 +9,15 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 from armdyn.paper.indirect.newton import Point, Root, SingularError, newton
-
-Array = NDArray[np.float64]
 
 _NEWTON_STEPS = 40
 _SHORTEST_STEP = 2.0**-10

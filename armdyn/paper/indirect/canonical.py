@@ -13,14 +13,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.paper.indirect.law import MINIMUM, LawSymbols, TorqueLaw
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

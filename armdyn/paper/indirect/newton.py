@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
-
-Array = NDArray[np.float64]
 
 _DESCENT = 0.1
 """Part of what the linearised equations promise that a step must keep."""

@@ -12,15 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.paper.indirect.bang_bang import RTOL, BangBangExtremal, BangBangProblem, guess_arcs, with_samples
 from armdyn.paper.indirect.canonical import columns
 from armdyn.paper.indirect.newton import Point, SingularError, newton
-
-Array = NDArray[np.float64]
 
 _ROUGH, _NEAR = 1e-8, 1e-4
 """The integrator's tolerance until the residual is below the second number: it takes a third of the steps."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from armdyn.arguments import expect, flag, number, one_of, shown, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -22,7 +22,6 @@ from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Method = Literal["lobatto", "trapezoidal"]
 METHODS: tuple[Method, ...] = ("lobatto", "trapezoidal")
 

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
 from armdyn.errors import ProblemError
@@ -40,8 +39,6 @@ from armdyn.paper.indirect.solution import (
     from_arcs,
     from_extremal,
 )
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.errors import SpecError
 from armdyn.models.values.spec import GRAVITY, ArmSpec
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

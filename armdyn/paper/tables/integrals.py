@@ -1,12 +1,10 @@
 """∫ |τ| dt of a motion: by the trapezoidal rule, and exactly."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline, PPoly
 
+from armdyn.arrays import Array
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def torque_integral(motion: Trajectory, until: float | None = None) -> Array:

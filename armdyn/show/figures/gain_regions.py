@@ -83,10 +83,7 @@ def plot_regions(
 
 def _draw(axes: Axes, plane: GainPlane, color: str) -> None:
     """Both boundaries of one payload, between the grid's points on straight lines."""
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.set_xlim(plane.kp[0], plane.kp[-1])
-    axes.set_ylim(plane.kd[0], plane.kd[-1])
+    axes.set(xscale="log", yscale="log", xlim=(plane.kp[0], plane.kp[-1]), ylim=(plane.kd[0], plane.kd[-1]))
     sampled, continuous = np.tanh(np.log(plane.radius) / _SAMPLED), np.tanh(plane.growth / _CONTINUOUS)
     axes.contourf(plane.kp, plane.kd, sampled, levels=[-1.0, 0.0], colors=[color], alpha=0.13)
     for field, style in ((sampled, "-"), (continuous, (0, (4, 2)))):

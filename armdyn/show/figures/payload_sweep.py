@@ -53,8 +53,7 @@ def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figu
             rise = 1e-3 * row["ms_per_gram"] * ends
             axes.plot(grams[k] + ends, times[k] + rise, color=COLORS[1], linewidth=2, zorder=4, label=slope)
             slope = None
-        axes.set_xlabel("payload [g]")
-        axes.set_ylabel("minimum time [s]")
+        axes.set(xlabel="payload [g]", ylabel="minimum time [s]")
         if landed:
             axes.legend(loc="upper left")
     return figure

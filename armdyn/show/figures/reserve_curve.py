@@ -38,9 +38,7 @@ def plot_reserves(rows: Sequence[Mapping[str, Any]], title: str | None = None) -
         at = (100 * best["reserve"], best["worst"])
         axes.plot(*at, "o", color=COLORS[3], markersize=9, markerfacecolor="none", markeredgewidth=1.8)
         axes.annotate(f"best: {best['reserve']:g}, {best['worst']:.3f} s", at, (8, 10), textcoords="offset points")
-    axes.set_xlabel("torque left to feedback [% of the limits]")
-    axes.set_ylabel("time until settled [s]")
-    axes.set_ylim(bottom=0)
+    axes.set(xlabel="torque left to feedback [% of the limits]", ylabel="time until settled [s]", ylim=(0, None))
     axes.legend(loc="upper right")
     return figure
 

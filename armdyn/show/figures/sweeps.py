@@ -71,10 +71,7 @@ def plot_curve(
             f"{name} {value if isinstance(value, str) else f'{value:g}'}" for name, value in zip(by, group, strict=True)
         )
         axes.plot(*points.T, "o-", color=color, markersize=3.5, linewidth=1.2, label=label or None)
-    axes.set_xlabel(named(x))
-    axes.set_ylabel(named(y))
-    if x in log:
-        axes.set_xscale("log")
+    axes.set(xlabel=named(x), ylabel=named(y), xscale="log" if x in log else "linear")
     if by:
         axes.legend(loc="best")
     return figure
@@ -154,8 +151,7 @@ def plot_pareto(
         *best.T, "o-", drawstyle="steps-post", color=COLORS[3], markersize=7, markerfacecolor="none", linewidth=1.2,
         zorder=2, label=f"Pareto front: {len(best)} of {len(points)} cases",
     )  # fmt: skip
-    axes.set_xlabel(named(x))
-    axes.set_ylabel(named(y))
+    axes.set(xlabel=named(x), ylabel=named(y))
     axes.legend(loc="best")
     return figure
 

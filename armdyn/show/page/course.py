@@ -50,13 +50,9 @@ class ShownMotion:
 
 def until(motion: Trajectory, end: float | None) -> Trajectory:
     """A motion up to a time [s] from its start; None: all of it."""
-    rows = np.full(motion.t.size, True) if end is None else motion.t - motion.t[0] <= end
-    rows[:2] = True
-    if np.all(rows):
+    if end is None or end >= motion.duration:
         return motion
-    t = motion.t[rows]
-    pieces = tuple(one for one in motion.pieces if one.start < t[-1])
-    return replace(motion, t=t, q=motion.q[rows], v=motion.v[rows], tau=motion.tau[rows], pieces=pieces)
+    return motion.slice(end=float(motion.t[0]) + end)
 
 
 def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:

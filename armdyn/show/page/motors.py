@@ -55,17 +55,11 @@ def _picture(edge: Array, way: Array, label: str) -> Html:
     def points(of: Array) -> str:
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in middle + half * of)
 
-    lines = [
-        element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke="var(--line)")
-        for x1, y1, x2, y2 in (
-            (0, int(middle[1]), int(_WIDTH), int(middle[1])),
-            (int(middle[0]), 0, int(middle[0]), int(_HEIGHT)),
-        )
-    ]
+    cross = f"M 0 {middle[1]:g} H {_WIDTH:g} M {middle[0]:g} 0 V {_HEIGHT:g}"
     return element(
         "svg",
         element("polygon", points=points(edge), fill="var(--fill)", stroke="var(--soft)", stroke_dasharray="5 4"),
-        *lines,
+        element("path", d=cross, stroke="var(--line)"),
         element("polyline", points=points(way), fill="none", stroke="var(--T)", stroke_width="1.5"),
         viewBox=f"0 0 {_WIDTH:g} {_HEIGHT:g}", width=int(_WIDTH), role="img", aria_label=label,
     )  # fmt: skip

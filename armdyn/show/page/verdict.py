@@ -167,9 +167,8 @@ def _of_pid(facts: Facts) -> Verdict:
 def _of_given(facts: Facts) -> Verdict:
     """Verdict on a motion without a result."""
     said = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
-    if facts.true("feasible"):
-        return Verdict("good", "Keeps its limits", said, _possible(facts))
-    return Verdict("bad", "Breaks its limits", said, _possible(facts))
+    keeps = facts.true("feasible")
+    return Verdict("good" if keeps else "bad", f"{'Keeps' if keeps else 'Breaks'} its limits", said, _possible(facts))
 
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:

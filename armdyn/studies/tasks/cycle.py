@@ -12,14 +12,14 @@ from armdyn.cycle.cycle_files import TABLES, cycle_from
 from armdyn.cycle.solve import solve_cycle
 from armdyn.errors import ProblemError
 from armdyn.files import file_inside
-from armdyn.optimal import MinimumTimeOptions, Status
+from armdyn.optimal import MinimumTimeOptions
 from armdyn.optimal.problem.robot_tables import robot_from, robot_table
 from armdyn.optimal.problem_files import OPTIONS
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import place_of, with_checksum
 from armdyn.studies.rows import Value
-from armdyn.studies.tasks.minimum_time import torque_squared
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
+from armdyn.studies.tasks.minimum_time import result_with, torque_squared
+from armdyn.studies.tasks.task import CaseResult, Neighbours
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,20 +90,13 @@ class CycleTask:
         most = next(iter(solution.decides), None)
         facts = {
             "duration_s": solution.duration if solution.usable else None,
-            "gap": finite(solution.gap),
-            "lower_bound_s": finite(solution.lower_bound),
+            "gap": solution.gap,
+            "lower_bound_s": solution.lower_bound,
             "limited_most_by": most[0] if most else None,
             "torque_squared": torque_squared(solution.trajectory) if solution.usable else None,
             **{f"step_{leg.leg.step}_s": leg.duration for leg in solution.legs if solution.usable},
         }
-        status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
-        return CaseResult(
-            status=INTERRUPTED if solution.status is Status.INTERRUPTED else status,
-            good=solution.usable,
-            message=solution.message,
-            facts=facts,
-            value=solution,
-        )
+        return result_with(solution, facts)
 
     def description(self) -> dict[str, object]:
         """The task as JSON; the text of the robot's file by its checksum."""

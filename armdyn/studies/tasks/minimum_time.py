@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from armdyn.arguments import expect, one_of
+from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
@@ -19,7 +20,7 @@ from armdyn.parsing.toml import Table
 from armdyn.studies.problems import ProblemSource
 from armdyn.studies.rows import StudyRow, Value
 from armdyn.studies.settings import SIGNS
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite, motion_bytes, motion_from
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, motion_bytes, motion_from
 from armdyn.trajectory import Trajectory
 
 NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
@@ -75,16 +76,8 @@ class MinimumTimeTask:
         facts = _facts(solution)
         if self.neighbours == "chain":
             facts |= _chain_facts(solution)
-        status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
         kept = solution.success if self.neighbours == "chain" else solution.usable and self.neighbours != "off"
-        return CaseResult(
-            status=INTERRUPTED if solution.status is Status.INTERRUPTED else status,
-            good=solution.usable,
-            message=solution.message,
-            facts=facts,
-            motion=motion_bytes(solution.trajectory) if kept else b"",
-            value=solution,
-        )
+        return replace(result_with(solution, facts), motion=motion_bytes(solution.trajectory) if kept else b"")
 
     def description(self) -> dict[str, object]:
         """The task as JSON."""
@@ -107,6 +100,13 @@ class MinimumTimeTask:
         return bool(own["cost"] < its["cost"] * (1 - self.same.resolved))
 
 
+def result_with(solution: Solution | CycleSolution, facts: Mapping[str, Any]) -> CaseResult:
+    """Result of a case that was solved, usable or not."""
+    status = "usable" if solution.usable else "not_usable" if solution.success else str(solution.status)
+    status = INTERRUPTED if solution.status is Status.INTERRUPTED else status
+    return CaseResult(status=status, good=solution.usable, message=solution.message, facts=facts, value=solution)
+
+
 def _facts(solution: Solution) -> dict[str, Any]:
     """Columns of a fastest motion; None: not known."""
     motion, most = solution.trajectory, next(iter(solution.decides), None)
@@ -114,8 +114,8 @@ def _facts(solution: Solution) -> dict[str, Any]:
     return {
         "duration_s": solution.duration if moves else None,
         "certified": solution.certified,
-        "gap": finite(solution.gap),
-        "lower_bound_s": finite(solution.lower_bound),
+        "gap": solution.gap,
+        "lower_bound_s": solution.lower_bound,
         "limited_most_by": most.name if most else None,
         "ms_saved_by_one_per_cent": 10 * most.part * solution.duration if most else None,
         "peak_speed": float(np.abs(motion.v).max()) if moves else None,

@@ -13,7 +13,7 @@ from armdyn.studies.plant_study import MonteCarloOptions
 from armdyn.studies.plants import Plants
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, finite
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class MonteCarloTask(ClosedLoopTask):
         median, most = found.quantiles((0.5, 1.0))
         facts = {
             "reference_s": motion.duration, "success_rate": rate.rate, "success_rate_low": rate.low,
-            "success_rate_high": rate.high, "median_settled_time_s": finite(median),
-            "worst_settled_time_s": finite(most), "worst_arm": found.worst.k,
+            "success_rate_high": rate.high, "median_settled_time_s": median, "worst_settled_time_s": most,
+            "worst_arm": found.worst.k,
         }  # fmt: skip
         return CaseResult(status="done", good=rate.settled == rate.count, message=f"settled: {rate}", facts=facts)

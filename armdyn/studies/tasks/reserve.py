@@ -10,7 +10,7 @@ from armdyn.optimal import MinimumTimeOptions
 from armdyn.studies.reserve import RESERVES, reserve_curve
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, finite
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,8 @@ class ReserveTask(ClosedLoopTask):
         if best is None:
             return CaseResult(status="no_reference", message="no reserve has a usable motion")
         facts = {
-            "best_reserve": best.reserve, "duration_s": best.duration, "settled_time_s": finite(best.worst),
-            "mean_settled_time_s": finite(best.mean), "settled": best.count, "arms": len(best.settled),
+            "best_reserve": best.reserve, "duration_s": best.duration, "settled_time_s": best.worst,
+            "mean_settled_time_s": best.mean, "settled": best.count, "arms": len(best.settled),
         }  # fmt: skip
         good = best.count == len(best.settled)
         message = f"reserve {best.reserve:g}: the last of {len(best.settled)} arms settles after {best.worst:.4f} s"

@@ -37,7 +37,7 @@ class CaseResult:
         status: one word.
         good: whether the task's aim was met: a usable motion, an arm that settled.
         message: one sentence.
-        facts: columns of a table, by name.
+        facts: columns of a table, by name; numbers that are not finite are stored as None.
         motion: packed by `motion_bytes`; empty: none is stored.
         value: the result in full, where the case is done in this process; never stored.
     """

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from armdyn.control.tracking.track import track
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask
-from armdyn.studies.tasks.task import CaseResult, finite
+from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,9 @@ class TrackTask(ClosedLoopTask):
             self.problems.robot(own), motion, controller, self.problems.plant(own), self.loop_of(own),
             self.duration, tolerance=self.tolerance,
         )  # fmt: skip
-        facts: dict[str, Any] = {"reference_s": motion.duration}
-        facts |= {f"{name}_s": finite(getattr(run, name)) for name in ("settled_time", "went_wrong")}
-        facts |= {name: finite(getattr(run, name)) for name in ("error_at_end", "peak_error", "saturated")}
-        facts["overshoot"] = finite(float(np.max(run.overshoot)))
+        facts = {
+            "reference_s": motion.duration, "settled_time_s": run.settled_time, "went_wrong_s": run.went_wrong,
+            "error_at_end": run.error_at_end, "peak_error": run.peak_error, "saturated": run.saturated,
+            "overshoot": float(np.max(run.overshoot)),
+        }  # fmt: skip
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)

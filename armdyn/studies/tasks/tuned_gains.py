@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from armdyn.studies.plants import Plants, Range
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, finite
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult
 from armdyn.studies.tuning.families import Ramps, family_named
 from armdyn.studies.tuning.tune import TuneOptions, tune
 
@@ -57,8 +57,8 @@ class TuneTask(ClosedLoopTask):
             return CaseResult(status=INTERRUPTED)
         worst = found.training
         facts = {
-            **found.values, "reference_s": found.reference.duration, "settled_time_s": finite(worst.settled_time),
-            "overshoot": finite(worst.overshoot), "index": finite(worst.index), "settled": worst.settled,
+            **found.values, "reference_s": found.reference.duration, "settled_time_s": worst.settled_time,
+            "overshoot": worst.overshoot, "index": worst.index, "settled": worst.settled,
             "arms": worst.count, "evaluations": found.evaluations,
         }  # fmt: skip
         good = worst.settled == worst.count

@@ -21,7 +21,7 @@ from armdyn.studies.executors.executor import Executor
 from armdyn.studies.executors.local import in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
-from armdyn.studies.run import run_cases
+from armdyn.studies.run import CaseRun
 from armdyn.studies.study import OwnTask
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
@@ -235,7 +235,7 @@ class GainSearch(OwnTask):
             """Costs of points, in their order: the `map` that scipy calls."""
             first = len(self.tried)
             self.tried += [by_name(parameters, np.array(x)) for x in points]
-            run_cases(self, rows, executor, stop)
+            CaseRun(self, rows, executor, stop).go()
             costs = [_NEVER] * (len(self.tried) - first)
             for row in rows.rows(first):
                 if row.k < len(self.tried):

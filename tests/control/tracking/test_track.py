@@ -52,7 +52,8 @@ LOOPS = {
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("controller", [ad.Lqr(), ad.ComputedTorque(), ad.Pid(ad.PidGains(20.0, 20.0, 0.5))])
 def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controller):
-    loop, robot, plant = LOOPS[name], paper_arm("rr"), paper_arm("rr", 0.11).with_friction(0.003, 0.06, 0.05)
+    loop, robot = LOOPS[name], paper_arm("rr")
+    plant = paper_arm("rr", 0.11).with_friction(0.003, 0.06, [0.05, 0.08])
     plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=64)
     ours = ad.track(robot, references["rr"], controller, plant, loop, 0.25)
     # Until a reading falls on the other side of an encoder's step, which 1e-9 rad may decide, they are the same but

@@ -27,6 +27,7 @@ def test_what_the_motion_depends_on_is_in_it():
         Robot.from_urdf(path, damping=0.1),
         Robot.from_urdf(path, friction=0.1),
         Robot.from_urdf(path, friction=0.1, friction_width=0.1),
+        Robot.from_urdf(path, friction=0.1, friction_width=[0.1] * 5 + [0.2]),
         Robot.from_urdf(path, lock={"wrist_3_joint": 0.0}),
         Robot.from_urdf(path, lock={"wrist_3_joint": 0.1}),
         Robot.from_urdf(path, lock={"wrist_2_joint": 0.1}),
@@ -38,6 +39,8 @@ def test_what_it_does_not_depend_on_is_not():
     path, _ = library_urdf("ur5")
     own = Robot.from_urdf(path).model_hash
     assert Robot.from_urdf(path, effort_limit=1.0, velocity_limit=2.0).model_hash == own
+    one, each = (Robot.from_urdf(path, friction=0.1, friction_width=width) for width in (0.1, [0.1] * 6))
+    assert one.model_hash == each.model_hash and each.friction.width == 0.1
     assert Robot.from_urdf(path, friction_width=0.5).model_hash == own  # without friction it says nothing
     assert replace(Robot.from_urdf(path), name="x", source="y").model_hash == own
 

@@ -63,7 +63,7 @@ def test_points_of_the_arm_stay_within_the_bounds_on_their_motion():
     random, data = np.random.default_rng(0), robot.model.createData()
     start, goal = random.uniform(robot.limits.position_lower, robot.limits.position_upper, (2, 7))
     motion = swing(robot, start, goal)
-    bounds = MotionBounds.of(robot, motion)
+    bounds = MotionBounds(robot, motion)
     for k, t in enumerate((motion.t[:-1] + motion.t[1:]) / 2):
         at = motion(t)
         h = 1e-6

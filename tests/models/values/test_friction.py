@@ -40,7 +40,7 @@ def test_one_number_is_for_every_joint():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"damping": -1}, {"coulomb": [1, np.nan]}, {"damping": np.inf}, {"width": 0.0}, {"width": np.nan}]
+    "wrong", [{"damping": -1}, {"coulomb": [1, np.nan]}, {"damping": np.inf}, {"width": 0.0}, {"width": [0.1, np.nan]}]
 )
 def test_what_is_no_friction_is_refused(wrong):
     with pytest.raises(SpecError, match=next(iter(wrong))):

@@ -41,4 +41,4 @@ def test_joints_without_dry_friction_do_not_count():
     v = np.stack([1 - 2 * t, np.ones_like(t)], axis=1)  # the first turns, the second does not
     motion = ad.Trajectory(t, np.stack([t - t**2, t], axis=1), v, 0 * v)
     assert layered(motion, robot.with_friction(0.0, [0.0, 0.1], 0.01).friction, NUMBERS) is None
-    assert layered(motion, robot.with_friction(0.0, [0.1, 0.0], 0.01).friction, NUMBERS) is not None
+    assert layered(motion, robot.with_friction(0.0, [0.1, 0.0], [0.01, 0.1]).friction, NUMBERS) is not None

@@ -8,7 +8,7 @@ from problems import cart, paper_arm
 ARMS = {
     "panda": lambda: ad.Robot.from_library("panda"),
     "ur5": lambda: ad.Robot.from_library("ur5", payload=ad.Payload(mass=2.0), armature=0.1),
-    "rr": lambda: paper_arm("rr").with_limits(None, 6.0).with_friction(0.05, 0.1, None),
+    "rr": lambda: paper_arm("rr").with_limits(None, 6.0).with_friction(0.05, 0.1, [0.05, 0.1]),
     "cart": lambda: cart().with_limits(None, 0.5),
 }
 """Many joints; payload and rotors; friction; a rail."""

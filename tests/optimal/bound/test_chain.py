@@ -123,10 +123,25 @@ def test_a_motion_between_two_sets():
     wide = ad.GoalPose(robot.tip, placement(robot, UR5[0]), tolerance=[0.02] * 3 + [0.1] * 3)
     passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_bounds=4))
     assert passing.duration == found.duration  # too wide to add anything
-    endless = paper_arm("rr").with_limits(None, 2.0)
-    anywhere = [ad.GoalPose(endless.tip, placement(endless, q).translation) for q in ([0.9, 0.5], [1.5, -0.7])]
-    turning = motions([endless], [[0, 0], [1, 1]], position_limit=(-np.inf, np.inf))
-    assert chain_bound(turning, anywhere) is None  # after any number of turns
+
+
+def test_a_motion_of_an_endless_arm_between_two_sets():
+    """Members of the sets, other turns among them, make no faster motion."""
+    robot = paper_arm("rr").with_limits(None, 2.0)
+    goals = [ad.GoalPose(robot.tip, placement(robot, q).translation) for q in ([2.9, 0.5], [-2.5, -0.7])]
+    limits = {kind: {"position_limit": (-most, most)} for kind, most in (("endless", np.inf), ("wide", 4 * np.pi))}
+    endless, wide = (chain_bound(motions([robot], [[0, 0], [1, 1]], **given), goals) for given in limits.values())
+    assert endless.duration == pytest.approx(wide.duration, rel=1e-3)
+    starts, ends = (poses_reaching(robot, goal, [0.3, 0.2], robot.limits, seed=7) for goal in goals)
+    turns = [2 * np.pi * np.array(turn) for turn in product((-1, 0, 1), repeat=2)]
+    members = [
+        ad.lower_bound(problem)
+        for a, b, turn in product(starts, ends, turns)
+        for problem in motions([robot], [a, b + turn], **limits["endless"])
+    ]
+    least = min(members, key=lambda one: one.duration)
+    assert 0.97 * least.duration < endless.duration <= least.duration
+    assert endless.kinematic <= least.kinematic
 
 
 @pytest.mark.slow

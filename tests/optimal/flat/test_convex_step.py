@@ -1,6 +1,9 @@
 """Quadratic programs of one step: against a dense solution by scipy, and rows that no step can reach."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from scipy.optimize import minimize
 
@@ -36,7 +39,7 @@ def test_a_program_against_another_solver():
         ]
         bounds = [(-0.5, 0.5)] * 6 + [(0, None)] * slacks
         other = minimize(cost, np.zeros(6 + slacks), bounds=bounds, constraints=kept, options={"maxiter": 500})
-        found = solve_step(problem)
+        found = solve_step(problem, 1.0)
         assert found.found and other.success
         np.testing.assert_allclose(found.cost, other.fun, atol=1e-6)  # SLSQP's own tolerance
 
@@ -53,6 +56,18 @@ def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
         (sp.vstack([problem.hard[0], problem.hard[0]], format="csr"), np.append(problem.hard[1], far)),
         (rows,),
     )
-    alone, both = solve_step(problem), solve_step(wide)
+    alone, both = solve_step(problem, 1.0), solve_step(wide, 1.0)
     np.testing.assert_allclose(both.step, alone.step, atol=1e-9)
     np.testing.assert_allclose(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)), atol=1e-9)
+
+
+@pytest.mark.parametrize("near", [0.0, 0.3])
+def test_rows_that_are_left_out_at_first_are_put_back(near):
+    random = np.random.default_rng(7)
+    equal = SoftRows(sp.csr_matrix(random.normal(size=(1, 6))), np.array([0.05]), np.arange(1), 0.7)
+    problem = replace(program(random, 1.0), equal=equal)
+    whole, found = solve_step(problem, 1.0), solve_step(problem, near)
+    assert np.count_nonzero(whole.multipliers[0] > 1e-3) and np.count_nonzero(whole.multipliers[1] > 1e-3)
+    np.testing.assert_allclose(found.step, whole.step, atol=1e-7)
+    for own, other in zip(found.multipliers, whole.multipliers, strict=True):
+        np.testing.assert_allclose(own, other, atol=1e-6)

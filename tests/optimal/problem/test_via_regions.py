@@ -67,10 +67,13 @@ def test_a_small_blend_tends_to_its_centre():
     assert small.duration == pytest.approx(exact.duration, rel=1e-2)
 
 
-def test_a_planar_arm_passes_a_position():
+@pytest.mark.parametrize("fastest", [None, 1.0])
+def test_a_planar_arm_passes_a_position(fastest):
+    """A slow one, too, which would save two seconds by missing it."""
     robot = paper_arm("rr")
     region = ad.GoalPose("tip", (0.3, 0.0, -0.1), tolerance=(0.02, 0, 0.02, 0, 0, 0))
-    solution = solve(ad.MinimumTimeProblem(robot, q_start=START, q_goal=GOAL, via=[region]))
+    solution = solve(ad.MinimumTimeProblem(robot, q_start=START, q_goal=GOAL, via=[region], velocity_limit=fastest))
+    assert solution.usable
     beyond = deviations(robot, region, solution.trajectory, np.array(solution.via_times))[0, [0, 2]]
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
 

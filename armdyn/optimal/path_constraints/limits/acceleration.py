@@ -5,16 +5,14 @@ from typing import Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations, kept_by_joints
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, whole
+from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
@@ -21,8 +21,6 @@ from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _STAGES = (1, 2, 3)
 """Of an interval of a curve; its first one is the last of the interval before."""
@@ -138,7 +136,7 @@ class FrameRegion(PartialLimit):
 
 
 def _looked(
-    robot: Robot, region: GoalPose, motion: Trajectory, span: tuple[float, float], limited: NDArray[np.bool_]
+    robot: Robot, region: GoalPose, motion: Trajectory, span: tuple[float, float], limited: Flags
 ) -> tuple[Array, Array, float]:
     """Deviations of a frame, proven upper bounds in between included, as parts of the tolerances.
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
@@ -13,8 +13,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
 _POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
@@ -26,7 +24,7 @@ _VALUES = np.vander(_PLACES, 5, increasing=True) @ _COEFFICIENTS
 _SLOPES = (np.vander(_PLACES, 4, increasing=True) * np.arange(1, 5)) @ _COEFFICIENTS[1:]
 
 
-def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, NDArray[np.bool_]]:
+def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, Flags]:
     """Times evenly within samples [s], shape (samples between jumps of the torque, dense); which samples those are."""
     steps = np.diff(motion.t)
     flows = ~motion.jumps

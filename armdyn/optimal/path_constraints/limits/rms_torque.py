@@ -7,9 +7,10 @@ from typing import Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import number, numbers
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
@@ -22,8 +23,6 @@ from armdyn.optimal.program.interval import Stages
 from armdyn.parsing.numbers import number as parsed
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @brief

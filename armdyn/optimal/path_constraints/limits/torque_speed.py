@@ -7,8 +7,8 @@ from typing import Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
 from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
@@ -16,8 +16,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
@@ -17,8 +17,6 @@ from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
-
-Array = NDArray[np.float64]
 
 _ASKED = 5
 """Iterations between two questions whether to stop: about as long as one question takes in Python."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import VELOCITY
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
@@ -19,8 +19,6 @@ from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout,
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import beyond_position, excess, with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

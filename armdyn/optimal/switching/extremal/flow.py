@@ -9,14 +9,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.program.interval import only_present
-
-Array = NDArray[np.float64]
 
 STEPS = 96
 """That one call rollouts: an arm that turns by a third of a radian in each is then right to 1e-9."""

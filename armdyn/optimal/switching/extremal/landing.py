@@ -1,14 +1,12 @@
 """Newton's method from a structure with gaps to a motion that ends in the goal."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.extremal.trust_region import null_space
-
-Array = NDArray[np.float64]
 
 _RANK = 1e-12
 """Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
@@ -20,7 +18,7 @@ def landed(
     shooting: ShootingProblem,
     structure: SwitchingStructure,
     rounds: int | None = None,
-    joined: NDArray[np.bool_] | None = None,
+    joined: Flags | None = None,
     in_one: bool = False,
     tied: bool = False,
 ) -> LinearizedRollout | None:
@@ -100,7 +98,7 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
     return np.asarray(some - np.linalg.lstsq(changes @ free.T, changes @ some + moved, rcond=_RANK)[0] @ free)
 
 
-def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, NDArray[np.bool_]]:
+def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, Flags]:
     """The structure with other times and the states that fit them; and which changes are at other places now.
 
     Args:

@@ -5,14 +5,12 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.extremal.trust_region import RANK, TIGHT, QuadraticForm, held_back, null_space
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +199,7 @@ class Planes:
 
     now: Array
     rows: Array
-    lengths: NDArray[np.bool_]
+    lengths: Flags
     orders: tuple[tuple[int, int], ...] = ()
 
 

@@ -5,8 +5,8 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Budget
@@ -15,8 +15,6 @@ from armdyn.optimal.switching.extremal.step_torques import Torques
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.task import Task
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +83,7 @@ class Rollout:
 
     shooting: ShootingProblem
     structure: SwitchingStructure
-    arc: NDArray[np.int_]
+    arc: Index
     h: Array
     start: Array
     end: Array
@@ -99,8 +97,8 @@ class Rollout:
         cls,
         shooting: ShootingProblem,
         structure: SwitchingStructure,
-        joined: NDArray[np.bool_] | None = None,
-        arc: NDArray[np.int_] | None = None,
+        joined: Flags | None = None,
+        arc: Index | None = None,
     ) -> Self:
         """Integrate a structure.
 
@@ -142,7 +140,7 @@ class Rollout:
         return bool(np.all(np.isfinite(self.end)) and np.all(np.isfinite(self.state_transition)))
 
     @cached_property
-    def last(self) -> NDArray[np.int_]:
+    def last(self) -> Index:
         """The last step of every arc, shape (m + 1,)."""
         return np.append(np.flatnonzero(np.diff(self.arc)), self.arc.size - 1)
 
@@ -265,7 +263,7 @@ class Rollout:
         return type(self).of(self.shooting, there, arc=self.arc)
 
 
-def _dealt(lengths: Array, curved: NDArray[np.bool_], steps: int, per_free_arc: int) -> NDArray[np.int_]:
+def _dealt(lengths: Array, curved: Flags, steps: int, per_free_arc: int) -> Index:
     """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest.
 
     Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.

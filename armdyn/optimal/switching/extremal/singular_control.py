@@ -9,9 +9,8 @@ from typing import Self
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
 
 
 @dataclass(frozen=True)

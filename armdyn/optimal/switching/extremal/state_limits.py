@@ -4,14 +4,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import VELOCITY, Mode, stretches
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-
-Array = NDArray[np.float64]
 
 
 def excess(rollout: Rollout) -> float:

@@ -4,13 +4,11 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-
-Array = NDArray[np.float64]
 
 _KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
@@ -34,7 +32,7 @@ class Torques:
     by: tuple[Array, Array]
 
     @classmethod
-    def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: NDArray[np.int_]) -> Self:
+    def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: Index) -> Self:
         """Torques of a structure's steps.
 
         Args:
@@ -99,7 +97,7 @@ class Torques:
 
 
 def _along(
-    structure: SwitchingStructure, arc: NDArray[np.int_], own: NDArray[np.int_], side: int, ends: tuple[int, int]
+    structure: SwitchingStructure, arc: Index, own: Index, side: int, ends: tuple[int, int]
 ) -> tuple[Array, Array]:
     """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
 

@@ -6,14 +6,13 @@ from itertools import pairwise
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]
 
 

@@ -4,10 +4,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
 
 RANK = 1e-10
 """Of the largest singular value: rounding."""

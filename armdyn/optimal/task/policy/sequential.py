@@ -37,6 +37,12 @@ class SequentialPolicy:
     least_trust: float = tuned(1e-4, "rad or m", "radius at which no step is better", TRAINED)
     slower: float = tuned(0.5, "of a duration", "most that it grows in a step", TRAINED)
     faster: float = tuned(0.25, "of a duration", "most that it falls in a step", TRAINED)
+    near: float = tuned(
+        1e-3,
+        "of its greatest change",
+        "to spare of a row that a program may first do without: a quarter of the time",
+        "Panda, bins and wall: 50 programs",
+    )
     shrink: float = tuned(3.0, "-", "factor by which the radius falls after a step that is not taken", TRAINED)
     least_gain: float = tuned(0.1, "of the promised", "gain of a step that is taken", "Nocedal and Wright")
     poor: float = tuned(0.25, "of the promised", "gain below which the radius falls", "Nocedal and Wright")
@@ -45,6 +51,12 @@ class SequentialPolicy:
     torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range; 2 stalls", TRAINED)
     distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose", TRAINED)
     other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", TRAINED)
+    dearest: float = tuned(
+        10.0,
+        "of the duration",
+        "the same, raised tenfold where a sequence ends with rows missed",
+        "25/300/25 mm: Kinova",
+    )
     torque_left: float = tuned(0.5, "of half the range", "sum over the points that slowing down mends later", TRAINED)
     distance_left: float = tuned(1e-3, "m", "sum over the poses that later rounds mend", TRAINED)
     coarse_enough: float = tuned(3e-3, "of the merit", "change that ends the iteration on the coarse mesh", TRAINED)
