@@ -220,5 +220,5 @@ if __name__ == "__main__":
     if asked.logs:
         simulated_logs(range(asked.first, asked.first + asked.logs))
         exciting_motions()
-    for name in asked.planned:
+    for name in asked.planned if asked.plans else ():
         plans(name, range(asked.first, asked.first + asked.plans))
