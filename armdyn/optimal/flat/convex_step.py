@@ -21,7 +21,7 @@ class SoftRows:
     """Inequalities that may be violated at a price: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
 
     Attributes:
-        jacobian: by the free unknowns, shape (rows, unknowns).
+        jacobian: by the unknowns, shape (rows, unknowns).
         upper: shape (rows,).
         groups: of the slack that each row shares with others, shape (rows,).
         price: of a unit of slack.
@@ -35,29 +35,26 @@ class SoftRows:
 
 @dataclass(frozen=True, eq=False)
 class ConvexStep:
-    """A quadratic program in the step of the free unknowns.
-
-    The unknowns' order is that of elimination: rows that touch near ones only are cheap.
+    """A quadratic program in the step of the unknowns.
 
     Attributes:
+        place: of each unknown in the order of elimination, -1: fixed, shape (unknowns,). Rows that touch unknowns near
+            each other only, or the last ones, are cheap.
         gradient: of the cost, shape (unknowns,).
         curvature: of the cost, positive semidefinite, shape (unknowns, unknowns).
-        lower: bounds of the step, shape (unknowns,), below `upper`.
-        upper: likewise.
+        squares: rows, and the weights of their halved squares in the cost.
+        bounds: of the step, each of shape (unknowns,); where it is not fixed the lower one is below the upper one.
         hard: inequalities without a price: their Jacobian, and upper sides of shape (rows,).
         soft: inequalities that may be violated.
-        equal: equations that may be violated either way, each by a slack of its own; None: there are none.
-        last: unknowns that many rows touch, as durations: they are eliminated last.
     """
 
+    place: NDArray[np.int32]
     gradient: Array
     curvature: sp.csr_matrix
-    lower: Array
-    upper: Array
+    squares: tuple[sp.csr_matrix, Array]
+    bounds: tuple[Array, Array]
     hard: tuple[sp.csr_matrix, Array]
     soft: tuple[SoftRows, ...]
-    equal: SoftRows | None = None
-    last: Index | tuple[()] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +63,7 @@ class QpSolution:
 
     Attributes:
         found: whether it was solved.
-        step: of the free unknowns, shape (unknowns,).
+        step: of the unknowns, shape (unknowns,).
         cost: predicted change of the cost, prices of the slacks included.
         multipliers: of the hard rows and then of each of the soft ones.
         bounds: multipliers of the bounds of the step, shape (unknowns,): positive at the upper one.
@@ -81,40 +78,31 @@ class QpSolution:
 
 def solve_step(problem: ConvexStep) -> QpSolution:
     """Solve a quadratic program; other threads go on meanwhile."""
-    soft = [*problem.soft]
-    if problem.equal is not None:
-        either = problem.equal
-        soft += [either, SoftRows(-either.jacobian, -either.upper, either.groups, either.price)]
-    slacks, prices, before = [np.full(problem.hard[1].size, -1)], [np.empty(0)], 0
+    (hard, top), soft, before = problem.hard, problem.soft, 0
+    slacks, prices = [np.full(top.size, -1)], [np.empty(0)]
     for rows in soft:
         count = int(np.max(rows.groups, initial=-1)) + 1
         slacks.append(before + rows.groups)
         prices.append(np.full(count, rows.price))
         before += count
-    jacobian = sp.vstack([problem.hard[0], *(rows.jacobian for rows in soft)], format="csr")
-    n = problem.gradient.size
-    order = np.append(np.delete(np.arange(n), problem.last), problem.last).astype(int)
-    place = np.empty(n, dtype=np.int32)
-    place[order] = np.arange(n)
-    nothing = sp.csr_matrix((0, n))
     found, _, cost, *numbers = curves.solve(
-        place=place,
+        place=problem.place,
         gradient=problem.gradient,
         curvature=_compressed(problem.curvature),
-        squares=_compressed(nothing),
-        square_weight=np.empty(0),
-        lower=problem.lower,
-        upper=problem.upper,
-        rows=_compressed(jacobian),
-        top=np.concatenate([problem.hard[1], *(rows.upper for rows in soft)]),
+        squares=_compressed(problem.squares[0]),
+        square_weight=problem.squares[1],
+        lower=problem.bounds[0],
+        upper=problem.bounds[1],
+        rows=_compressed(sp.vstack([hard, *(rows.jacobian for rows in soft)], format="csr")),
+        top=np.concatenate([top, *(rows.upper for rows in soft)]),
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),
         tolerance=_ACCURATE,
         most=_MOST,
     )
     step, multipliers, bounds = (np.frombuffer(each) for each in numbers)
-    ends = np.cumsum([problem.hard[1].size, *(rows.upper.size for rows in problem.soft)])
-    each = tuple(np.split(multipliers, ends)[: 1 + len(problem.soft)])
+    ends = np.cumsum([top.size, *(rows.upper.size for rows in soft)])[:-1]
+    each = tuple(np.split(multipliers, ends))
     return QpSolution(found and bool(np.all(np.isfinite(step))), step, cost, each, bounds)
 
 

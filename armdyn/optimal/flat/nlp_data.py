@@ -158,12 +158,12 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     _add_torque_rates(numbers, task, spec, guess)
     _add_rows(numbers, task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
-    shared = np.concatenate([half, squares, task.dynamics.last_body, _travel(task, guess), [1 / whole]])
+    shared = np.concatenate([half, squares, task.dynamics.last_body, travel_scales(task, guess), [1 / whole]])
     parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
     return NlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
 
 
-def _travel(task: Task, guess: Curve) -> Array:
+def travel_scales(task: Task, guess: Curve) -> Array:
     """Scales of derivatives by the part of the time [rad or m], shape (nv,): small for joints that need not move."""
     most = guess.duration * _finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)

@@ -1,20 +1,28 @@
-"""The fastest curve near a guess: by IPOPT, or with obstacles or regions by sequential convexification."""
+"""The fastest curve near a guess: by sequential convexification, or with other path constraints by IPOPT."""
 
 from dataclasses import dataclass
 from math import inf
+
+import numpy as np
+import scipy.sparse as sp
 
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve_cost import curve_cost, squared_derivatives
+from armdyn.optimal.flat.curve_program import CurveProgram, other_equations
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
-from armdyn.optimal.flat.sequential import CurveProgram, Sequential, built
+from armdyn.optimal.flat.sequential import Sequential
+from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.path_constraints.rows import Rows
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpResult, Solver
+from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 
@@ -32,6 +40,8 @@ class Solved:
         shape: of the program.
         rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
+        spec: what was asked of the curve.
+        in_steps: whether it was found by sequential convexification.
     """
 
     curve: Curve
@@ -39,6 +49,8 @@ class Solved:
     shape: CurveLayout
     rows: tuple[Rows, ...]
     guessed: float
+    spec: CurveSpec
+    in_steps: bool = False
 
     @property
     def converged(self) -> bool:
@@ -62,16 +74,25 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
     if task.problem.regional or spec.constraints.asked_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
-        return solve_among_obstacles(task, guess, spec, trust, numbers.enough, eager=eager)
+        return solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager)
     rows = rows_of(task.problem, spec.constraints)
+    if _by_steps(task.problem, shape, rows) and (near is None or near.in_steps):
+        numbers = task.policy.sequential.without_obstacles
+        again = near is not None and near.spec.travel == spec.travel
+        trust, eager = (numbers.again_trust, 0) if again else (numbers.trust, None)
+        found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers)
+        if found.converged or task.stop:
+            return found
+        # Where many torques are at their limits all along, first derivatives converge slowly.
+        near = None
     near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
     solver = _solver(task, shape, rows, warm=near is not None)
     nlp_data = assemble_curve(task, guess, spec, shape)
     result = solver.solve(nlp_data, task.stop, None if near is None else near.result)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec)
 
 
-def solve_among_obstacles(
+def solve_in_steps(
     task: Task,
     guess: Curve,
     spec: CurveSpec,
@@ -79,8 +100,9 @@ def solve_among_obstacles(
     enough: float,
     beaten: float = inf,
     eager: int | None = None,
+    numbers: SequentialPolicy | None = None,
 ) -> Solved:
-    """Solve a program of curves that keep distances, or frames in regions.
+    """Solve a program of curves by sequential convexification.
 
     Args:
         task: what is to be solved, and how.
@@ -90,16 +112,41 @@ def solve_among_obstacles(
         enough: relative change of the merit at which the sequence ends.
         beaten: a duration [s]: a sequence that is not near it after a few steps ends.
         eager: first steps that are taken whatever they do; None: the policy's.
+        numbers: tuned numbers; None: those of the task.
     """
-    problem, numbers = task.problem, task.policy.sequential
+    problem, numbers = task.problem, numbers or task.policy.sequential
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
-    program, cost = in_time(task, lambda scheme: built(task.dynamics, shape, rows, scheme.compile))
     asked = spec.constraints.asked_distances(problem)
     near = None if asked is None else clearance_rows(asked, guess, numbers)
     data = assemble_curve(task, guess, spec, shape)
-    own = CurveProgram(program, cost, data, shape, guess, problem.limits.velocity, near)
+    program = None
+    if other_equations(shape, data.g_bounds[0].size).size:
+        program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
+    half, velocity = problem.limits.actuators.half_range, problem.limits.velocity
+    own = CurveProgram(
+        numbers=data,
+        shape=shape,
+        guess=guess,
+        torque_rows=TorqueRows(problem.robot, half, guess, shape),
+        cost=curve_cost(task, guess, spec, shape),
+        smooth=_smoothing(task, guess, spec, shape),
+        velocity=np.where(np.isinf(velocity), 1.0, velocity),
+        program=program,
+        clearance=near,
+    )
     result = Sequential(own, numbers, task.stop).solve(trust, enough, beaten, eager)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec, in_steps=True)
+
+
+def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
+    """Price of squared accelerations over velocity limits, by the unknowns; none where torques have a price."""
+    numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
+    prices = numbers.smooth * np.ones(times.size)
+    if shape.joined:  # of accelerations in time: those of short legs are large
+        prices = numbers.smooth_short * (np.max(times) / times) ** 3
+    if spec.smooth or spec.travel:
+        prices = 0 * prices
+    return squared_derivatives(guess, shape, 2, prices, task.problem.limits.velocity)
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
@@ -108,8 +155,14 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
     Args and raises: as of `solve_curve`.
     """
     shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
-    for warm in (False, True):
+    for warm in () if _by_steps(task.problem, shape, rows) else (False, True):
         _solver(task, shape, rows, warm)
+
+
+def _by_steps(problem: MinimumTimeProblem, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
+    """Whether limits of torques, velocities and positions are all there is: then first derivatives are enough."""
+    plain = not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
+    return plain and problem.from_rest_to_rest and not problem.pays_effort
 
 
 def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Solver[Program]:

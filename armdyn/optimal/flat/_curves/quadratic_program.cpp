@@ -74,7 +74,7 @@ class Method {
   BlockRows squares_;
   Profile matrix_;
   Pair low_, high_, row_, slack_;  // distances from bounds, of rows from their tops, slacks
-  Numbers x_, gradient_, top_, square_weight_, dual_, primal_, slack_dual_, step_, weight_, sum_, moved_, of_rows_;
+  Numbers x_, gradient_, top_, square_weight_, scale_, dual_, primal_, slack_dual_, step_, weight_, sum_, moved_, of_rows_;
   double curved_ = 0.0;   // x . curvature x
 };
 
@@ -106,6 +106,8 @@ Method::Method(const QuadraticProgram& program)
   own_ = own;
   for (int i = 0; i < squares_.size(); ++i) square_weight_[i] = p_.square_weight[squares_.order[i]];
   for (Numbers* each : {&slack_dual_, &sum_}) each->assign(price_.size(), 0.0);
+  scale_.assign(n_, 1.0);
+  rows_.largest(scale_.data());
   low_.resize(n_);
   high_.resize(n_);
   row_.resize(rows_.size());
@@ -224,7 +226,7 @@ double Method::residuals() {
     slack_dual_[g] -= slack_.multiplier[g];
     off = std::max(off, std::abs(slack_dual_[g]) / (1 + price_[g]));
   }
-  for (int i = 0; i < n_; ++i) off = std::max(off, std::abs(dual_[i]) / (1 + largest));
+  for (int i = 0; i < n_; ++i) off = std::max(off, std::abs(dual_[i]) / (scale_[i] * (1 + largest)));
   return off;
 }
 

@@ -3,7 +3,7 @@
 #include "clones.hpp"
 
 #include <algorithm>
-#include <cstring>
+#include <cmath>
 
 namespace armdyn {
 namespace {
@@ -98,6 +98,15 @@ void BlockRows::widen(std::vector<int>& first) const {
     const int* column = columns_.data() + block.column;
     for (int i = 0; i < block.columns; ++i) first[column[i]] = std::min(first[column[i]], column[0]);
   }
+}
+
+void BlockRows::largest(double* out) const {
+  for (const Block& block : blocks_)
+    for (int k = 0; k < block.rows; ++k)
+      for (int i = 0; i < block.columns; ++i) {
+        double& own = out[columns_[block.column + i]];
+        own = std::max(own, std::abs(values_[block.values + static_cast<long>(k) * block.columns + i]));
+      }
 }
 
 void BlockRows::times(const double* x, double* out) const {

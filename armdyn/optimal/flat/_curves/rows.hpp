@@ -34,6 +34,8 @@ class BlockRows {
   void transposed(const double* y, double* out) const;
   // matrix += A' W A, where the rows of a slack share `weight` through it: W = diag(w) - w w' / (slack + sum w).
   void add_to(Profile& matrix, const double* weight, const double* of_slack);
+  // Raise each column's number to its largest entry.
+  void largest(double* out) const;
   // Lower each row's first column to what `add_to` fills.
   void widen(std::vector<int>& first) const;
 

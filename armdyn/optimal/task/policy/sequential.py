@@ -1,10 +1,12 @@
 """Numbers of sequential convexification."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from armdyn.optimal.task.policy.tuned import tuned
 
 TRAINED = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
+FREE = "Panda and UR5, ten random pairs each (seed 1)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +32,8 @@ class SequentialPolicy:
     near_bound: float = tuned(1.02, "of the time at the velocity limits", "a way so fast needs no other", TRAINED)
     hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)
+    free_steps: int = tuned(8, "steps", "without obstacles: those that converge fast take 5", FREE)
+    free_torque_left: float = tuned(1e-4, "of half the range", "sum over the points without obstacles", FREE)
     eager: int = tuned(4, "steps", "taken whatever they do: 6 instead of 29 to the end", TRAINED)
     trust: float = tuned(0.3, "rad or m", "radius of the trust region, first and largest", TRAINED)
     fine_trust: float = tuned(0.1, "rad or m", "first radius where the curve has moved little", TRAINED)
@@ -55,6 +59,7 @@ class SequentialPolicy:
     distance_left: float = tuned(1e-3, "m", "sum over the poses that later rounds mend", TRAINED)
     coarse_enough: float = tuned(3e-3, "of the merit", "change that ends the iteration on the coarse mesh", TRAINED)
     enough: float = tuned(1e-3, "of the merit", "the same on the last mesh", TRAINED)
+    free_enough: float = tuned(1e-6, "of the merit", "the same without obstacles", FREE)
     rounds: int = tuned(8, "rounds", "on the last mesh, until distances and limits are kept", TRAINED)
     slowed: float = tuned(
         1e-3, "of the duration", "so little slowing down ends the rounds; twice as much the next", TRAINED
@@ -65,3 +70,8 @@ class SequentialPolicy:
     kept: float = tuned(2e-5, "of the duration", "slower than velocity limits allow, for following the curve", TRAINED)
     smooth: float = tuned(1e-5, "s", "weight of squared accelerations over velocity limits; costs 0.2 %", TRAINED)
     smooth_short: float = tuned(3e-4, "s", "the same between regions, for the longest leg", "25/300/25 mm: Panda, UR5")
+
+    @property
+    def without_obstacles(self) -> Self:
+        """The numbers for curves that keep no distances."""
+        return replace(self, steps=self.free_steps, enough=self.free_enough, torque_left=self.free_torque_left)

@@ -1,0 +1,118 @@
+"""Cost of a curve: durations, and small squares that make the fastest curve unique and calm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.nlp_data import CurveSpec, travel_scales
+from armdyn.optimal.flat.program import CurveLayout
+from armdyn.optimal.flat.torque_rows import Torques
+from armdyn.optimal.task.task import Task
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int_]
+
+
+@dataclass(frozen=True, eq=False)
+class CurveCost:
+    """Cost in seconds, quadratic but for the products of durations and efforts.
+
+    Attributes:
+        durations: indices of the durations, shape (legs,).
+        duration: index of the duration of each point's leg, shape (points,).
+        tie: price of squared torques, shape (points,) [s].
+        effort: price of squared torques per duration, shape (points, joints) [-].
+        steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
+        moving: price of squared velocities: a matrix of shape (unknowns, unknowns) [s].
+    """
+
+    durations: Index
+    duration: Index
+    tie: Array
+    effort: Array
+    steps: Array
+    moving: sp.csr_matrix
+
+    def value(self, x: Array, tau: Array) -> float:
+        """Cost of unknowns, shape (unknowns,), with their torques, shape (points, joints)."""
+        squares = self._prices(x) * tau**2
+        steps = self.steps[:, None] * np.diff(tau, axis=0) ** 2
+        return float(np.sum(x[self.durations]) + (np.sum(squares) + np.sum(steps) + x @ (self.moving @ x)) / 2)
+
+    def gradient(self, x: Array, at: Torques) -> Array:
+        """Gradient by the unknowns, the torques following them, shape (unknowns,)."""
+        slope = self._prices(x) * at.tau
+        steps = self.steps[:, None] * np.diff(at.tau, axis=0)
+        slope[1:] += steps
+        slope[:-1] -= steps
+        out = self.moving @ x + at.jacobian.T @ slope.ravel()
+        out[self.durations] += 1
+        np.add.at(out, self.duration, np.sum(self.effort * at.tau**2, axis=1) / 2)
+        return np.asarray(out)
+
+    def squares(self, x: Array, at: Torques) -> tuple[sp.csr_matrix, Array]:
+        """Rows and weights whose squares are the cost's curvature, after Gauss and Newton."""
+        n, prices = at.tau.shape[1], self._prices(x).ravel()
+        if not np.any(self.steps):
+            return (at.jacobian, prices) if np.any(prices) else (at.jacobian[:0], prices[:0])
+        steps = at.jacobian[n:] - at.jacobian[:-n]
+        return sp.vstack([at.jacobian, steps], format="csr"), np.append(prices, np.repeat(self.steps, n))
+
+    def _prices(self, x: Array) -> Array:
+        return np.asarray(self.tie[:, None] + x[self.duration][:, None] * self.effort)
+
+
+def squared_derivatives(guess: Curve, shape: CurveLayout, order: int, prices: Array, scales: Array) -> sp.csr_matrix:
+    """Matrix of the integral over the parts of the time of squared derivatives by these, shape (unknowns, unknowns).
+
+    Args:
+        guess: a curve with the bases of all legs.
+        shape: of the program.
+        order: of the derivative.
+        prices: of each leg's integral, shape (legs,).
+        scales: of the joints, shape (joints,).
+    """
+    out = sp.csr_matrix((shape.size, shape.size))
+    for k, leg in enumerate(guess.legs):
+        s, weights = leg.basis.gauss(POINTS)
+        values = leg.basis.local(s.ravel(), derivatives=order)[:, order]
+        window = leg.basis.interval_of(s.ravel())[:, None] + np.arange(values.shape[1])
+        points = shape.points(k)[window]
+        weight = (prices[k] * weights.ravel()[:, None] / scales**2).ravel()
+        rows = np.broadcast_to(np.arange(weight.size).reshape(len(points), 1, -1), points.shape)
+        each = np.broadcast_to(values[:, :, None], points.shape)
+        matrix = sp.csr_matrix((each.ravel(), (rows.ravel(), points.ravel())), (weight.size, shape.size))
+        out = out + matrix.T @ sp.diags(weight) @ matrix
+    return out.tocsr()
+
+
+def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:
+    """The cost that `assemble_curve` gives the nonlinear program, in seconds.
+
+    Args:
+        task: its effort weights.
+        guess: with whose legs' durations the squares are weighed.
+        spec: weights of the squares.
+        shape: of the program.
+    """
+    n, sizes = shape.joints, [POINTS * count for count in shape.intervals]
+    parts = np.concatenate([leg.basis.gauss(POINTS)[1].ravel() for leg in guess.legs])
+    times = np.array([leg.duration for leg in guess.legs])
+    squares = task.problem.effort_weights() * task.problem.limits.actuators.half_range**2
+    steps = np.full(parts.size - 1, spec.steps * guess.duration / n)
+    steps[np.cumsum(sizes)[:-1] - 1] = 0.0
+    moving = sp.csr_matrix((shape.size, shape.size))
+    if spec.travel:
+        moving = squared_derivatives(guess, shape, 1, spec.travel * times / n, travel_scales(task, guess))
+    return CurveCost(
+        durations=np.array([shape.duration(k) for k in shape.legs]),
+        duration=np.repeat([shape.duration(k) for k in shape.legs], sizes),
+        tie=parts * np.repeat(spec.smooth * times / n, sizes),
+        effort=parts[:, None] * squares,
+        steps=steps,
+        moving=moving,
+    )
