@@ -20,27 +20,28 @@ def program(random, n=6, rows=30, upper=1.0, together=3, wide=6):
         return sp.csr_matrix((values.ravel(), (np.repeat(np.arange(rows), wide + 1), index.ravel())), (rows, n))
 
     return ConvexStep(
+        place=np.arange(n, dtype=np.int32),
         gradient=random.normal(size=n),
         curvature=sp.identity(n, format="csr") * 0.1,
-        lower=np.full(n, -0.5),
-        upper=np.full(n, 0.5),
+        squares=(jacobian(), random.uniform(0, 0.1, rows)),
+        bounds=(np.full(n, -0.5), np.full(n, 0.5)),
         hard=(jacobian(), random.uniform(0.1, upper, rows)),
         soft=(SoftRows(jacobian(), random.uniform(-0.1, upper, rows), np.arange(rows) // together, 0.7),),
-        last=np.array([n - 1]),
     )
 
 
 def expect_solution(problem, found, accuracy=1e-7):
     """Karush, Kuhn and Tucker: feasible, stationary, complementary; the cost is the step's."""
-    (hard, top), (rows,) = problem.hard, problem.soft
+    (hard, top), (rows,), (lower, upper) = problem.hard, problem.soft, problem.bounds
+    curvature = problem.curvature + problem.squares[0].T @ sp.diags(problem.squares[1]) @ problem.squares[0]
     step, (of_hard, of_soft) = found.step, found.multipliers
     change = rows.jacobian @ step - rows.upper
     slack = np.zeros(int(np.max(rows.groups)) + 1)
     np.maximum.at(slack, rows.groups, change)
     assert found.found
     assert np.max(hard @ step - top) < accuracy
-    assert np.min(step - problem.lower) > -accuracy and np.min(problem.upper - step) > -accuracy
-    slope = problem.gradient + problem.curvature @ step + hard.T @ of_hard + rows.jacobian.T @ of_soft + found.bounds
+    assert np.min(step - lower) > -accuracy and np.min(upper - step) > -accuracy
+    slope = problem.gradient + curvature @ step + hard.T @ of_hard + rows.jacobian.T @ of_soft + found.bounds
     np.testing.assert_allclose(slope, 0, atol=accuracy)
     assert min(np.min(of_hard), np.min(of_soft)) >= 0
     paid = np.bincount(rows.groups, of_soft)
@@ -48,9 +49,9 @@ def expect_solution(problem, found, accuracy=1e-7):
     np.testing.assert_allclose(of_hard * (top - hard @ step), 0, atol=accuracy)
     np.testing.assert_allclose(of_soft * (slack[rows.groups] - change), 0, atol=accuracy)
     np.testing.assert_allclose(slack * (rows.price - paid), 0, atol=accuracy)
-    at = np.where(found.bounds > 0, problem.upper, problem.lower)
+    at = np.where(found.bounds > 0, upper, lower)
     np.testing.assert_allclose(found.bounds * (at - step), 0, atol=accuracy)
-    cost = problem.gradient @ step + step @ (problem.curvature @ step) / 2 + rows.price * np.sum(slack)
+    cost = problem.gradient @ step + step @ (curvature @ step) / 2 + rows.price * np.sum(slack)
     np.testing.assert_allclose(found.cost, cost, atol=accuracy)
 
 
@@ -64,6 +65,7 @@ def test_the_conditions_of_a_solution_hold(n, rows, together):
 
 def test_a_program_against_another_solver():
     problem, slacks = program(np.random.default_rng(3)), 10
+    problem = replace(problem, squares=(problem.squares[0][:0], np.empty(0)))
     (rows,) = problem.soft
 
     def cost(z):
@@ -91,10 +93,11 @@ def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
 
 def test_equations_are_missed_where_they_cost_too_much():
     problem = program(np.random.default_rng(7))
-    row = sp.csr_matrix(np.eye(6)[:1])
+    either = sp.csr_matrix(np.eye(6)[:1] * np.array([[1.0], [-1.0]]))
     free = float(solve_step(problem).step[0])
     for aim, price, missed in ((free + 0.1, 100.0, False), (free + 0.1, 1e-3, True), (free - 0.1, 100.0, False)):
-        found = solve_step(replace(problem, equal=SoftRows(row, np.array([aim]), np.arange(1), price)))
+        rows = SoftRows(either, np.array([aim, -aim]), np.arange(2), price)
+        found = solve_step(replace(problem, soft=(*problem.soft, rows)))
         assert found.found and (abs(found.step[0] - aim) > 1e-3) == missed
 
 
@@ -102,3 +105,16 @@ def test_no_step_keeps_rows_that_exclude_each_other():
     problem = program(np.random.default_rng(9))
     both = sp.csr_matrix(np.array([[1.0, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
     assert not solve_step(replace(problem, hard=(both, np.array([-0.2, -0.2])))).found
+
+
+def test_unknowns_that_are_fixed_do_not_move_and_the_order_does_not_matter():
+    problem, n = program(np.random.default_rng(11), 40, 100, together=4), 40
+    held = problem.place.copy()
+    held[[3, 17]] = -1
+    held[held >= 0] = np.random.default_rng(12).permutation(n - 2)
+    found = solve_step(replace(problem, place=held))
+    assert found.found and not np.any(found.step[[3, 17]])
+    lower, upper = (side.copy() for side in problem.bounds)
+    lower[[3, 17]], upper[[3, 17]] = -1e-9, 1e-9
+    near = solve_step(replace(problem, bounds=(lower, upper)))
+    np.testing.assert_allclose(found.step, near.step, atol=1e-6)  # the two move by 1e-9

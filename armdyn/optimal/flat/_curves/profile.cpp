@@ -58,7 +58,17 @@ Profile::Profile(const std::vector<int>& first) : first_(first), start_(first.si
   values_.resize(size);
 }
 
-void Profile::clear() { std::fill(values_.begin(), values_.end(), 0.0); }
+void Profile::times(const double* x, double* out) const {
+  for (int i = 0; i < size(); ++i) {
+    const double* own = row(i);
+    double sum = own[i] * x[i];
+    for (int j = first_[i]; j < i; ++j) {
+      sum += own[j] * x[j];
+      out[j] += own[j] * x[i];
+    }
+    out[i] = sum;
+  }
+}
 
 void Profile::factorise(double least) {
   factorised(first_.data(), start_.data(), size(), least, values_.data(), diagonal_.data());

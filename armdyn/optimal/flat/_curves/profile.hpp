@@ -13,7 +13,8 @@ class Profile {
   explicit Profile(const std::vector<int>& first);
 
   int size() const { return static_cast<int>(first_.size()); }
-  void clear();
+  // out = M x.
+  void times(const double* x, double* out) const;
   double* row(int i) { return values_.data() + start_[i]; }  // of column 0; valid from first[i] to i
   const double* row(int i) const { return values_.data() + start_[i]; }
 

@@ -62,7 +62,6 @@ class Method {
   double residuals();  // how far the conditions are from holding, relative
   void factorise();
   void direction();
-  void symmetric(const SparseRows& matrix, const double* x, double* out) const;
   QuadraticSolution result(bool found, int iterations) const;
 
   const QuadraticProgram& p_;
@@ -72,10 +71,10 @@ class Method {
   std::vector<int> own_;  // slack of each row: of the program's rows, then in the order of rows_
   BlockRows rows_;
   BlockRows squares_;
-  Profile matrix_;
+  Profile curved_, matrix_;  // curvature of the cost, and the matrix of the linear equations
   Pair low_, high_, row_, slack_;  // distances from bounds, of rows from their tops, slacks
-  Numbers x_, gradient_, top_, square_weight_, scale_, dual_, primal_, slack_dual_, step_, weight_, sum_, moved_, of_rows_;
-  double curved_ = 0.0;   // x . curvature x
+  Numbers x_, gradient_, top_, scale_, dual_, primal_, slack_dual_, step_, weight_, sum_, moved_, of_rows_;
+  double square_ = 0.0;  // x . curvature x
 };
 
 std::vector<int> unknowns(const QuadraticProgram& p) {
@@ -93,10 +92,10 @@ Method::Method(const QuadraticProgram& program)
       rows_(program.rows, own_, kept(), program.place),
       squares_(program.squares, std::vector<int>(program.squares.rows, -1),
                std::vector<char>(program.squares.rows, 1), program.place),
-      matrix_(profile()) {
+      curved_(profile()),
+      matrix_(curved_) {
   for (Numbers* each : {&x_, &gradient_, &dual_, &step_, &moved_}) each->assign(n_, 0.0);
   for (Numbers* each : {&top_, &primal_, &weight_, &of_rows_}) each->assign(rows_.size(), 0.0);
-  square_weight_.resize(squares_.size());
   for (int i = 0; i < n_; ++i) gradient_[i] = p_.gradient[unknown_[i]];
   std::vector<int> own(rows_.size());
   for (int i = 0; i < rows_.size(); ++i) {
@@ -104,7 +103,14 @@ Method::Method(const QuadraticProgram& program)
     own[i] = own_[rows_.order[i]];
   }
   own_ = own;
-  for (int i = 0; i < squares_.size(); ++i) square_weight_[i] = p_.square_weight[squares_.order[i]];
+  Numbers weights(squares_.size());
+  for (int i = 0; i < squares_.size(); ++i) weights[i] = p_.square_weight[squares_.order[i]];
+  squares_.add_to(curved_, weights.data(), nullptr);
+  for (int i = 0; i < p_.curvature.rows; ++i)
+    for (int e = p_.curvature.start[i]; e < p_.curvature.start[i + 1]; ++e) {
+      const int row = p_.place[i], column = p_.place[p_.curvature.column[e]];
+      if (column >= 0 && column <= row) curved_.row(row)[column] += p_.curvature.value[e];
+    }
   for (Numbers* each : {&slack_dual_, &sum_}) each->assign(price_.size(), 0.0);
   scale_.assign(n_, 1.0);
   rows_.largest(scale_.data());
@@ -187,29 +193,12 @@ void Method::begin() {
   }
 }
 
-// out += matrix x, both in the order of places.
-void Method::symmetric(const SparseRows& matrix, const double* x, double* out) const {
-  for (int i = 0; i < matrix.rows; ++i) {
-    const int row = p_.place[i];
-    if (row < 0) continue;
-    for (int e = matrix.start[i]; e < matrix.start[i + 1]; ++e)
-      if (const int column = p_.place[matrix.column[e]]; column >= 0) out[row] += matrix.value[e] * x[column];
-  }
-}
-
 double Method::residuals() {
-  std::fill(moved_.begin(), moved_.end(), 0.0);
-  symmetric(p_.curvature, x_.data(), moved_.data());
-  if (squares_.size()) {
-    Numbers flat(squares_.size());
-    squares_.times(x_.data(), flat.data());
-    for (int i = 0; i < squares_.size(); ++i) flat[i] *= square_weight_[i];
-    squares_.transposed(flat.data(), moved_.data());
-  }
-  curved_ = 0.0;
+  curved_.times(x_.data(), moved_.data());
+  square_ = 0.0;
   double largest = 0.0, off = 0.0;
   for (int i = 0; i < n_; ++i) {
-    curved_ += x_[i] * moved_[i];
+    square_ += x_[i] * moved_[i];
     dual_[i] = gradient_[i] + moved_[i] - low_.multiplier[i] + high_.multiplier[i];
     largest = std::max(largest, std::abs(gradient_[i]));
   }
@@ -231,18 +220,12 @@ double Method::residuals() {
 }
 
 void Method::factorise() {
-  matrix_.clear();
-  for (int i = 0; i < p_.curvature.rows; ++i)
-    for (int e = p_.curvature.start[i]; e < p_.curvature.start[i + 1]; ++e) {
-      const int row = p_.place[i], column = p_.place[p_.curvature.column[e]];
-      if (column >= 0 && column <= row) matrix_.row(row)[column] += p_.curvature.value[e];
-    }
+  matrix_ = curved_;
   for (int i = 0; i < n_; ++i)
     matrix_.row(i)[i] += low_.multiplier[i] / low_.value[i] + high_.multiplier[i] / high_.value[i];
   for (std::size_t g = 0; g < price_.size(); ++g) sum_[g] = slack_.multiplier[g] / slack_.value[g];
   for (int i = 0; i < rows_.size(); ++i) weight_[i] = row_.multiplier[i] / row_.value[i];
   rows_.add_to(matrix_, weight_.data(), sum_.data());
-  if (squares_.size()) squares_.add_to(matrix_, square_weight_.data(), nullptr);
   for (int i = 0; i < rows_.size(); ++i)
     if (own_[i] >= 0) sum_[own_[i]] += weight_[i];
   matrix_.factorise(kLeast);
@@ -295,7 +278,7 @@ QuadraticSolution Method::run() {
     double gap = 0.0;
     for (const Pair* each : pairs) gap += each->product();
     if (!std::isfinite(gap + off)) return result(false, k);
-    double size = std::abs(curved_);
+    double size = std::abs(square_);
     for (int i = 0; i < n_; ++i) size = std::max(size, std::abs(gradient_[i] * x_[i]));
     if (off < p_.tolerance && gap < p_.tolerance * (1 + size)) return result(true, k);
     factorise();
@@ -323,7 +306,7 @@ QuadraticSolution Method::result(bool found, int iterations) const {
   out.step.assign(p_.size, 0.0);
   out.bounds.assign(p_.size, 0.0);
   out.multipliers.assign(p_.rows.rows, 0.0);
-  out.cost = curved_ / 2;
+  out.cost = square_ / 2;
   for (int i = 0; i < n_; ++i) {
     out.step[unknown_[i]] = x_[i];
     out.bounds[unknown_[i]] = high_.multiplier[i] - low_.multiplier[i];

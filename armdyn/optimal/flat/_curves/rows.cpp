@@ -8,53 +8,76 @@
 namespace armdyn {
 namespace {
 
-// Rows b_k and weights w_k with sum of w_k b_k b_k' = A' (diag(w) - w w' / (s + sum w)) A, without a difference of
-// large numbers: the update of a weighted variance, B. P. Welford, Technometrics 4(3), 1962.
-ARMDYN_CLONES void weighted(const double* values, int rows, int columns, const double* weight, double slack,
+constexpr int kTile = 8;  // columns of a block are padded to a multiple
+
+typedef double Lane __attribute__((vector_size(kTile * sizeof(double)), aligned(sizeof(double)), may_alias));
+
+inline int padded(int columns) { return (columns + kTile - 1) / kTile * kTile; }
+
+// lower = sum over k of scaled_k centred_k', its tiles on and below the diagonal; all have rows of `width` numbers.
+inline __attribute__((always_inline)) void products(const double* centred, const double* scaled, int rows, int width,
+                                                    double* lower) {
+  for (int i = 0; i < width; i += kTile)
+    for (int j = 0; j <= i; j += kTile) {
+      Lane sum[kTile] = {};
+      for (int k = 0; k < rows; ++k) {
+        const double* left = scaled + k * width + i;
+        const Lane right = *reinterpret_cast<const Lane*>(centred + k * width + j);
+        for (int a = 0; a < kTile; ++a) sum[a] += left[a] * right;
+      }
+      for (int a = 0; a < kTile; ++a) *reinterpret_cast<Lane*>(lower + (i + a) * width + j) = sum[a];
+    }
+}
+
+// lower = A' diag(w) A, or with a slack A' (diag(w) - w w' / (slack + sum w)) A, without a difference of large numbers:
+// the update of a weighted variance, B. P. Welford, Technometrics 4(3), 1962.
+ARMDYN_CLONES void weighted(const double* values, int rows, int width, const double* weight, double slack,
                             double* centred, double* scaled, double* lower) {
-  double* mean = lower;  // not in use yet
-  std::fill(mean, mean + columns, 0.0);
-  double sum = slack;
+  if (slack < 0) {
+    for (int k = 0; k < rows; ++k)
+      for (int i = 0; i < width; ++i) scaled[k * width + i] = weight[k] * values[k * width + i];
+    products(values, scaled, rows, width, lower);
+    return;
+  }
+  double *mean = lower, sum = slack;  // not in use yet
+  for (int i = 0; i < width; ++i) mean[i] = 0.0;
   for (int k = 0; k < rows; ++k) {
-    const double* own = values + k * columns;
-    double *b = centred + k * columns, *wb = scaled + k * columns;
-    const bool shared = slack >= 0;
-    const double total = sum + weight[k], w = shared ? (total > 0 ? sum * (weight[k] / total) : 0.0) : weight[k];
-    const double moved = shared && total > 0 ? weight[k] / total : 0.0;
-    for (int i = 0; i < columns; ++i) {
+    const double* own = values + k * width;
+    double *b = centred + k * width, *wb = scaled + k * width;
+    const double total = sum + weight[k], moved = total > 0 ? weight[k] / total : 0.0, w = sum * moved;
+    for (int i = 0; i < width; ++i) {
       b[i] = own[i] - mean[i];
       wb[i] = w * b[i];
       mean[i] += moved * b[i];
     }
     sum = total;
   }
-  for (int i = 0; i < columns; ++i) {
-    double* out = lower + i * columns;
-    for (int j = 0; j <= i; ++j) out[j] = 0.0;
-    for (int k = 0; k < rows; ++k) {
-      const double factor = scaled[k * columns + i];
-      const double* b = centred + k * columns;
-      for (int j = 0; j <= i; ++j) out[j] += factor * b[j];
-    }
-  }
+  products(centred, scaled, rows, width, lower);
 }
 
-ARMDYN_CLONES void product(const double* values, int rows, int columns, const double* x, double* out) {
+ARMDYN_CLONES void product(const double* values, int rows, int width, const double* x, double* out) {
   for (int k = 0; k < rows; ++k) {
-    const double* own = values + k * columns;
+    const double* own = values + k * width;
     double sum = 0.0;
 #pragma omp simd reduction(+ : sum)
-    for (int i = 0; i < columns; ++i) sum += own[i] * x[i];
+    for (int i = 0; i < width; ++i) sum += own[i] * x[i];
     out[k] = sum;
   }
 }
 
-ARMDYN_CLONES void product_transposed(const double* values, int rows, int columns, const double* y, double* out) {
-  std::fill(out, out + columns, 0.0);
+ARMDYN_CLONES void product_transposed(const double* values, int rows, int width, const double* y, double* out) {
+  for (int i = 0; i < width; ++i) out[i] = 0.0;
   for (int k = 0; k < rows; ++k) {
-    const double* own = values + k * columns;
-    for (int i = 0; i < columns; ++i) out[i] += y[k] * own[i];
+    const double* own = values + k * width;
+    for (int i = 0; i < width; ++i) out[i] += y[k] * own[i];
   }
+}
+
+// Whether two rows have the same columns.
+bool alike(const SparseRows& given, int a, int b) {
+  const int* column = given.column;
+  return std::equal(column + given.start[a], column + given.start[a + 1], column + given.start[b],
+                    column + given.start[b + 1]);
 }
 
 }  // namespace
@@ -68,15 +91,17 @@ BlockRows::BlockRows(const SparseRows& given, const std::vector<int>& slack, con
   int most = 0;
   for (int first = 0, last = 0; first < size(); first = last) {
     const int own = slack[order[first]];
-    for (last = first + 1; own >= 0 && last < size() && slack[order[last]] == own;) ++last;
-    Block block{own, first, last - first, 0, static_cast<long>(values_.size()), static_cast<long>(columns_.size())};
+    const auto together = [&](int k) { return slack[order[k]] == own && (own >= 0 || alike(given, order[first], order[k])); };
+    for (last = first + 1; last < size() && together(last);) ++last;
+    Block block{own, first, last - first, 0, 0, static_cast<long>(values_.size()), static_cast<long>(columns_.size())};
     for (int k = first; k < last; ++k)
       for (int e = given.start[order[k]]; e < given.start[order[k] + 1]; ++e)
         if (place[given.column[e]] >= 0) columns_.push_back(place[given.column[e]]);
     std::sort(columns_.begin() + block.column, columns_.end());
     columns_.erase(std::unique(columns_.begin() + block.column, columns_.end()), columns_.end());
     block.columns = static_cast<int>(columns_.size() - block.column);
-    values_.resize(values_.size() + static_cast<std::size_t>(block.rows) * block.columns);
+    block.width = padded(block.columns);
+    values_.resize(values_.size() + static_cast<std::size_t>(block.rows) * block.width);
     for (int i = 0; i < block.columns; ++i) {
       const int column = columns_[block.column + i];
       if (column >= static_cast<int>(at.size())) at.resize(column + 1);
@@ -85,8 +110,8 @@ BlockRows::BlockRows(const SparseRows& given, const std::vector<int>& slack, con
     for (int k = first; k < last; ++k)
       for (int e = given.start[order[k]]; e < given.start[order[k] + 1]; ++e)
         if (const int column = place[given.column[e]]; column >= 0)
-          values_[block.values + static_cast<long>(k - first) * block.columns + at[column]] += given.value[e];
-    most = std::max({most, block.rows, block.columns});
+          values_[block.values + static_cast<long>(k - first) * block.width + at[column]] += given.value[e];
+    most = std::max({most, block.rows, block.width});
     blocks_.push_back(block);
   }
   work_.resize(3 * static_cast<std::size_t>(most) * std::max(most, 1));
@@ -105,7 +130,7 @@ void BlockRows::largest(double* out) const {
     for (int k = 0; k < block.rows; ++k)
       for (int i = 0; i < block.columns; ++i) {
         double& own = out[columns_[block.column + i]];
-        own = std::max(own, std::abs(values_[block.values + static_cast<long>(k) * block.columns + i]));
+        own = std::max(own, std::abs(values_[block.values + static_cast<long>(k) * block.width + i]));
       }
 }
 
@@ -113,14 +138,15 @@ void BlockRows::times(const double* x, double* out) const {
   double* local = work_.data();
   for (const Block& block : blocks_) {
     for (int i = 0; i < block.columns; ++i) local[i] = x[columns_[block.column + i]];
-    product(values_.data() + block.values, block.rows, block.columns, local, out + block.first_row);
+    for (int i = block.columns; i < block.width; ++i) local[i] = 0.0;
+    product(values_.data() + block.values, block.rows, block.width, local, out + block.first_row);
   }
 }
 
 void BlockRows::transposed(const double* y, double* out) const {
   double* local = work_.data();
   for (const Block& block : blocks_) {
-    product_transposed(values_.data() + block.values, block.rows, block.columns, y + block.first_row, local);
+    product_transposed(values_.data() + block.values, block.rows, block.width, y + block.first_row, local);
     for (int i = 0; i < block.columns; ++i) out[columns_[block.column + i]] += local[i];
   }
 }
@@ -129,13 +155,12 @@ void BlockRows::add_to(Profile& matrix, const double* weight, const double* of_s
   const std::size_t third = work_.size() / 3;
   double *centred = work_.data(), *scaled = centred + third, *lower = scaled + third;
   for (const Block& block : blocks_) {
-    const int n = block.columns;
-    weighted(values_.data() + block.values, block.rows, n, weight + block.first_row,
+    weighted(values_.data() + block.values, block.rows, block.width, weight + block.first_row,
              block.slack < 0 ? -1.0 : of_slack[block.slack], centred, scaled, lower);
     const int* column = columns_.data() + block.column;
-    for (int i = 0; i < n; ++i) {
+    for (int i = 0; i < block.columns; ++i) {
       double* row = matrix.row(column[i]);
-      for (int j = 0; j <= i; ++j) row[column[j]] += lower[i * n + j];
+      for (int j = 0; j <= i; ++j) row[column[j]] += lower[i * block.width + j];
     }
   }
 }

@@ -15,10 +15,10 @@ struct SparseRows {
   const double* value = nullptr;
 };
 
-// Rows on the same columns. `values` is rows x columns; rows that share a slack have its index, others -1.
+// Rows on the same columns. `values` is rows x width; rows that share a slack have its index, others -1.
 struct Block {
   int slack = -1;
-  int first_row = 0, rows = 0, columns = 0;
+  int first_row = 0, rows = 0, columns = 0, width = 0;
   long values = 0, column = 0;  // where they begin
 };
 
