@@ -91,8 +91,12 @@ class Sequential:
                 )
                 break
             before, merit = merit, self._merit(taken)
-            # Where the rows were linear all along the step, it ends in the optimum.
-            straight = self._reached(at, taken, trust) and abs(self._promised(at, step) - merit) < enough * merit
+            # Where the rows were linear all along the step, it ends in the optimum; other pairs may be near there.
+            straight = (
+                self.problem.clearance is None
+                and self._reached(at, taken, trust)
+                and abs(self._promised(at, step) - merit) < enough * merit
+            )
             at = taken
             if (straight or abs(before - merit) < enough * merit) and self._kept(at):
                 status, word = Status.SOLVED, "converged"
