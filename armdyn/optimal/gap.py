@@ -257,9 +257,8 @@ def trajectory_from_path(
     given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else numbers(a, "a", error=TrajectoryError)
     if given.shape != bare.v.shape or not np.all(np.isfinite(given)):
         raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
-    torque = inverse_dynamics(robot)
-    tau = [torque(*sample) for sample in zip(bare.q, speeds, given, strict=True)]
-    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, robot.marked(name), robot.model_hash)
+    tau = inverse_dynamics(robot)(bare.q, speeds, given)
+    return Trajectory(bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash)
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
