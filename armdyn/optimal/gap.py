@@ -231,7 +231,7 @@ def trajectory_from_path(
     a: ArrayLike | None = None,
     name: str = "",
 ) -> Trajectory:
-    """A trajectory from a planner's samples, with torques by inverse dynamics (`pin.rnea` and the joints' friction).
+    """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 
     What is not given is differentiated: the slope of the cubic spline (not-a-knot) through what is. At
     a jump of the acceleration a spline overshoots over a few samples; give `a` where the planner has it.

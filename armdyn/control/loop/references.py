@@ -28,7 +28,7 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
     """Reference trajectory along a quintic polynomial, from rest to rest, with synchronised joints.
 
     Args:
-        robot: whose torques it has, by `pin.rnea` and the joints' friction.
+        robot: whose torques it has, by `rnea` and the joints' friction.
         q_start: [rad or m], shape (nv,), or the name of one of `robot.poses`.
         q_goal: likewise.
         duration: [s].

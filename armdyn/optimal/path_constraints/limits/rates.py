@@ -35,7 +35,7 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
     """Accelerations and jerks along a replay, between its samples, too.
 
     Within a sample the torque is linear and the acceleration smooth: it is the polynomial through its values at five
-    Chebyshev points, by `pin.aba`. At a sample the jerk has a value on either side.
+    Chebyshev points, by `aba`. At a sample the jerk has a value on either side.
 
     Args:
         robot: that moves.
