@@ -17,6 +17,7 @@ from armdyn.cli.console import (
     console,
     errors,
     escape,
+    table,
     working,
 )
 from armdyn.cli.invocation import in_options
@@ -173,19 +174,18 @@ def _complain(status: str, missing: Sequence[str]) -> None:
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """The table for people."""
-    from rich.table import Table
-
-    table = Table(title=f"{escape(name)}: minimum time over payload", title_justify="left")
-    for column in ("payload", "minimum time", "certified", "1 g costs", "limited most by", "1 % saves"):
-        table.add_column(column, justify="left" if column in ("certified", "limited most by") else "right")
+    cells = []
     for row in rows:
         gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
-        table.add_row(
-            f"{1e3 * row['payload_kg']:g} g",
-            f"{row['duration_s']:.6f} s" if row["success"] else "-",
-            "yes" if row["certified"] else "no",
-            "-" if gram is None else f"{gram:.3f} ms",
-            "-" if most is None else escape(str(most)),
-            "-" if saved is None else f"{saved:.2f} ms",
+        cells.append(
+            (
+                f"{1e3 * row['payload_kg']:g} g",
+                f"{row['duration_s']:.6f} s" if row["success"] else "-",
+                "yes" if row["certified"] else "no",
+                "-" if gram is None else f"{gram:.3f} ms",
+                "-" if most is None else str(most),
+                "-" if saved is None else f"{saved:.2f} ms",
+            )
         )
-    return table
+    heads = (">payload", ">minimum time", "certified", ">1 g costs", "limited most by", ">1 % saves")
+    return table(f"{name}: minimum time over payload", heads, cells)

@@ -6,8 +6,8 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Index
 from armdyn.reprs import brief
 
 
@@ -34,7 +34,7 @@ VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 
 
-def stretches(places: NDArray[np.int_]) -> list[NDArray[np.int_]]:
+def stretches(places: Index) -> list[Index]:
     """Rising numbers in stretches of neighbours; none: there are no numbers."""
     return np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if places.size else []
 
