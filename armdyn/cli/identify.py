@@ -35,7 +35,7 @@ _MOST_LIKELY = 100
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifyCommandOptions:
-    """What is identified, or the motion to log."""
+    """Unknowns to identify, or the motion to log."""
 
     payload_only: bool = flag("Identify what the arm carries, and friction; the links are as the robot's file says.")
     friction_only: bool = flag("Identify friction alone.")

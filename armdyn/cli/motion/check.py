@@ -127,7 +127,7 @@ def show_check(found: ad.ControllerCheck, name: str) -> None:
 
 
 def _table(found: ad.ControllerCheck) -> Table:
-    """Of each condition the joints that violate it, or the one nearest to its limit."""
+    """Table of each condition's violating joints, or of the joint nearest to its limit."""
     rows: list[tuple[str, ...]] = []
     styles: list[str | None] = []
     for necessary in (True, False):

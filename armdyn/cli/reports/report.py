@@ -151,7 +151,7 @@ def compare(
 
 
 def _written(folder: Path, made: Report) -> Path:
-    """The page."""
+    """Write a report into a folder; returns the file."""
     from armdyn.files import write_whole
     from armdyn.show.page.report import report_html
 

@@ -43,7 +43,7 @@ class Obstacle:
 
     @classmethod
     def option(cls) -> str:
-        """How `--obstacle` says the shape, such as "R@X,Y,Z"."""
+        """Syntax of the shape in `--obstacle`, such as "R@X,Y,Z"."""
         return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
 
     def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:

@@ -117,7 +117,7 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not feasible."""
+        """Relative gap (duration - lower_bound) / lower_bound; None without a bound, or if it is not feasible."""
         return self.certificate.gap if self.feasible else None
 
     @property
@@ -166,5 +166,5 @@ class Solution:
         return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
-        """How t_f answers to payload and limits; None if the arcs were not resolved."""
+        """Derivatives of t_f by payload and limits; None if the arcs were not resolved."""
         return None if self.phases is None else sensitivities(self.problem, self.phases)

@@ -12,7 +12,7 @@ from armdyn.reprs import brief
 
 
 class Mode(StrEnum):
-    """How a joint's torque is determined on an arc: by a limit, or freely."""
+    """Determination of a joint's torque on an arc: by a limit that is active, or freely."""
 
     UPPER = "torque upper"
     LOWER = "torque lower"
@@ -97,7 +97,7 @@ def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float
 
 
 def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
-    """The same structure when arcs shorter than `shortest` [s] are taken out.
+    """Remove arcs shorter than `shortest` [s] from a structure.
 
     Between two switches of different joints the order is turned; an arc that a joint enters and
     leaves by the same mode, or that stands at an end, goes; on a limit of a state it

@@ -39,7 +39,7 @@ class Scales:
         return cls(guess.duration, length, length / guess.duration, effort)
 
     def parameters(self, fractions: Array, weights: Array, last_body: Array) -> Array:
-        """The program's parameters.
+        """Scales as the program's parameter vector.
 
         Args:
             fractions: of the intervals, shape (N,).

@@ -1,4 +1,4 @@
-"""Arcs made finer, and aimed beside the goal, until their replay lands on it."""
+"""Refine arcs, and offset their goal, until their replay reaches the original goal."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
 
 
 def with_costates(task: Task, optimum: Optimum) -> Optimum:
-    """With the adjoint equations in its certificate, where they may yet spoil it.
+    """Check an extremal's adjoint equations, where its certificate lacks that check.
 
     Args:
         task: what is solved.
@@ -53,7 +53,7 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
-    """Aim an extremal beside the goal until the replay of its sampled torques ends there; certify it.
+    """Offset an extremal's goal until the replay of its sampled torques reaches the original; certify it.
 
     Args:
         task: what is solved.
@@ -101,7 +101,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
 
 
 def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Trajectory, str]:
-    """Aimed beside the goal by the collocation's own error."""
+    """Offset the goal by the collocation's error until the replay reaches it."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
     for _ in range(numbers.aims):

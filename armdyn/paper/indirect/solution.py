@@ -235,7 +235,7 @@ def checked(
 
 
 def _limit_left(problem: MinimumTimeProblem, motion: Trajectory) -> str:
-    """Where a motion leaves a limit on position or velocity the furthest; "": nowhere."""
+    """Largest violation of a position or velocity limit, in words; "": none."""
     _, *others = excesses(problem.limits, motion, dense=1)
     excess = max(others, key=lambda one: one.share)
     if excess.share <= _LIMIT_SLACK:

@@ -90,7 +90,7 @@ def _open_loop(case: Case, solution: Solution) -> Outcome:
 
 
 def _indirect(case: Case, solution: Solution) -> dict[str, Fact]:
-    """The same optimum by the paper's second approach, corrected: Pontryagin's conditions as equations."""
+    """Solve a case by the paper's second approach, corrected: Pontryagin's conditions as equations."""
     options = IndirectOptions(bounded=case.kind == "minimum_time", time_limit=INDIRECT_LIMIT)
     found = solve_indirect(solution.problem, solution, options)
     facts: dict[str, Fact] = {

@@ -8,7 +8,7 @@ from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind,
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementPolicy:
-    """How far an optimum of a mesh is refined."""
+    """Tuned numbers of the refinement of a mesh's optimum to arcs."""
 
     cases: ClassVar = PLANAR
 
@@ -59,7 +59,7 @@ class RefinementPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchMeshPolicy:
-    """How a mesh is refined at the switches before arcs are read from it."""
+    """Tuned numbers of mesh refinement at the switches."""
 
     cases: ClassVar = "RRR, random pairs"
 
@@ -81,7 +81,7 @@ class SwitchMeshPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
-    """How arcs are read from a mesh, laid on intervals and solved."""
+    """Tuned numbers of arcs: their detection on a mesh, their intervals and their solver."""
 
     cases: ClassVar = PLANAR
 
@@ -141,7 +141,7 @@ class ArcsPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class AdjointPolicy:
-    """How finely the adjoint equations are integrated along a replay, to check the costates."""
+    """Tuned numbers of the integration of the adjoint equations along a replay."""
 
     cases: ClassVar = PLANAR
 
@@ -158,7 +158,7 @@ class AdjointPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothPolicy:
-    """How optima of time and energy are searched and refined."""
+    """Tuned numbers of the search and refinement of time-energy optima."""
 
     cases: ClassVar = PLANAR
 

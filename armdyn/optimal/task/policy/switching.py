@@ -10,7 +10,7 @@ PAIRS = "RRR, random pairs (seed 1, poses within ±π)"
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutPolicy:
-    """How finely arcs are integrated, and which excess and which contact count."""
+    """Tuned numbers of rollouts: steps of the arcs, tolerances of limits and contacts."""
 
     cases: ClassVar = PAIRS
 
@@ -33,7 +33,7 @@ class RolloutPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class DescentPolicy:
-    """How a structure is brought onto the goal, and its times to the least duration."""
+    """Tuned numbers of the optimisation of switching times: Newton's method, and descent."""
 
     cases: ClassVar = PAIRS
 
@@ -87,7 +87,7 @@ class ContactPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SingularPolicy:
-    """Where a singular control takes the place of bang arcs, and its first guess."""
+    """Tuned numbers of singular controls: their insertion and initial guess."""
 
     cases: ClassVar = PAIRS
 
@@ -110,7 +110,7 @@ class SingularPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchingPolicy:
-    """How a switching structure is corrected until it satisfies Pontryagin's conditions."""
+    """Tuned numbers of the correction of switching structures by Pontryagin's conditions."""
 
     cases: ClassVar = PAIRS
 
