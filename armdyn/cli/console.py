@@ -102,6 +102,17 @@ class Answer:
         """Record success."""
         self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
 
+    def judge(self, usable: bool, *, interrupted: bool = False, as_required: bool = True) -> None:
+        """Set the exit code of a result.
+
+        Args:
+            usable: whether it is what the command is for, such as a usable motion.
+            interrupted: whether Ctrl-C has cut it short.
+            as_required: whether it meets `--require` or `--at-least`.
+        """
+        code = DONE if as_required else NOT_AS_REQUIRED
+        self.code = INTERRUPTED if interrupted else code if usable else NOT_USABLE
+
     def interrupted(self) -> None:
         """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, escape, progress_bar, table
+from armdyn.cli.console import INTERRUPTED, answering, console, escape, progress_bar, table
 from armdyn.cli.options.results import Json
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
@@ -80,7 +80,7 @@ def reproduce(
             answer.code = INTERRUPTED
         else:
             answer.facts |= result.summary()
-            answer.code = 0 if answer.facts["success"] else NOT_USABLE
+            answer.judge(bool(answer.facts["success"]))
             console.print(result.message())
             console.print(
                 f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}"

@@ -54,9 +54,9 @@ def solve_minimum_time(
     along curves instead, replayed all the same.
 
     Args:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         options: defaults suit arms of one to seven joints.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text on the current step.
 
     Returns:
         A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
@@ -75,7 +75,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     """Solve a task within its time limit, by its own policy.
 
     Args:
-        task: what `solve_minimum_time` makes of its arguments.
+        task: problem, options and policy, see `Task.of`.
         seconds: how much of the time limit is left [s]; None: all of it.
     """
     started, problem = time.perf_counter(), task.problem

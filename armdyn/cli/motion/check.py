@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, answering, console, escape, table
+from armdyn.cli.console import answering, console, escape, table
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
@@ -81,7 +81,7 @@ def check(
         found = wanted.check(motion, names)
         answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
         answer.facts |= found.facts()
-        answer.code = 0 if found.ok else NOT_USABLE
+        answer.judge(found.ok)
         show_check(found, file.name)
 
 

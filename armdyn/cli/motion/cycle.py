@@ -13,9 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armdyn.cli.console import (
-    INTERRUPTED,
-    NOT_AS_REQUIRED,
-    NOT_USABLE,
     Answer,
     answering,
     console,
@@ -145,12 +142,7 @@ def _solve(
         written = _write(folder, name, solution, summary, formats, results, progress)
     missing = _missing(solution, most)
     answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
-    if stopped:
-        answer.code = INTERRUPTED
-    elif not solution.usable:
-        answer.code = NOT_USABLE
-    elif missing:
-        answer.code = NOT_AS_REQUIRED
+    answer.judge(solution.usable, interrupted=stopped, as_required=not missing)
     if summary["steps"]:
         heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
         console.print(table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"])))

@@ -9,10 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from armdyn.cli.console import (
-    DONE,
-    INTERRUPTED,
-    NOT_AS_REQUIRED,
-    NOT_USABLE,
     Answer,
     console,
     errors,
@@ -35,7 +31,6 @@ if TYPE_CHECKING:
 ROWS = "study.sqlite"
 _SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
 """Facts of the study's row that are columns of the table."""
-_CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
 
 
 def run_payloads(
@@ -83,7 +78,7 @@ def run_payloads(
         "missing": missing,
         "files": [str(file) for file in files],
     }
-    answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
+    answer.judge(status == "done", interrupted=status == "interrupted", as_required=not missing)
     if status == "interrupted":
         answer.facts["message"] = f"interrupted; the solved payloads are in {folder}"
     console.print(_table(arm.name, rows))

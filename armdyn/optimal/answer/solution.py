@@ -36,7 +36,7 @@ class Solution:
         success: the solve was not stopped by Ctrl-C, and its motion is `feasible`.
         status: a `Status`.
         message: the same for people.
-        problem: what was asked.
+        problem: the minimum-time problem.
         duration: t_f [s]; of the last iterate if the solve failed: look at `moves` before it is shown to anybody.
         trajectory: the motion; the last iterate if the solve failed.
         certificate: what was checked, each apart.
@@ -87,7 +87,7 @@ class Solution:
         return paragraph(self)
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         found = f"{self.duration:.6g} s" if self.moves else "no motion"
         return [called(self.problem.robot.name), found, verdict(self)]
 

@@ -105,7 +105,7 @@ def assemble_arcs(
     """The numbers of a structure.
 
     Args:
-        task: what is to be solved.
+        task: the problem and its settings.
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         layout: of the program.

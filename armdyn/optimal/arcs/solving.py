@@ -41,7 +41,7 @@ def solve_phases(
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
     Args:
-        task: what is to be solved; its scheme says the form of the dynamics.
+        task: the problem and its settings; its scheme says the form of the dynamics.
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         intervals: of the whole mesh.

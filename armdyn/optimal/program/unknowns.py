@@ -186,7 +186,7 @@ def worst_defect(
     """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.
 
     Args:
-        problem: what is solved.
+        problem: the minimum-time problem.
         layout: of the unknowns.
         x: the unknowns.
         defects: how far every equation is from its bounds, those of an interval in a row.

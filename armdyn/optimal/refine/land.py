@@ -26,7 +26,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     """Solve arcs until their replay is on the goal, and certify it.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         phases: a solution of its arcs.
         remark: what there is to say against them already.
         intervals: of the mesh that they were read from; None: their own.
@@ -42,7 +42,7 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
     """Check an extremal's adjoint equations, where its certificate lacks that check.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         optimum: landed.
     """
     known = optimum.certificate.adjoint_error is not None
@@ -56,7 +56,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
     """Offset an extremal's goal until the replay of its sampled torques reaches the original; certify it.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         extremal: of it.
         intervals: of the mesh that it was read from.
         stop: asked before it is integrated in finer steps.

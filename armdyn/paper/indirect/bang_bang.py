@@ -129,7 +129,7 @@ def with_samples(problem: BangBangProblem, found: BangBangExtremal) -> BangBangE
     """Sample an extremal along its arcs, with the worst sign of S there.
 
     Args:
-        problem: what was solved.
+        problem: the minimum-time problem.
         found: of which arcs and their starts count.
     """
     tau, m, size = problem.torques(found.arcs), *found.starts.shape

@@ -34,7 +34,7 @@ def run_case(
 
     Args:
         case: what.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text on the current step.
         workers: processes of the search for minimum time; None: one per core.
         near: of the same case with another payload: where the search begins. It has few other guesses if that is
             certified, and the payloads are `ALIKE`.
