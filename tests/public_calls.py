@@ -231,6 +231,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.solve_cycle: {"cycle": CYCLE, "options": OPTIONS, "progress": None},
         ad.cycle_costs: {"solution": solved_cycle(), "options": OPTIONS, "progress": None},
         ad.read_cycle: {"path": cycle_file(folder)},
+        ad.solve_many: {"problems": [PROBLEM], "options": OPTIONS, "progress": None},
         ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
         ad.study_table: {"file": folder / "done.sqlite"},
         ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}

@@ -144,7 +144,7 @@ def _usable(task: Task, optimum: Optimum) -> bool:
 @contextmanager
 def _bounded(task: Task) -> Iterator[Task]:
     """The task with the lower bound on its duration, which is computed concurrently where the strategy asks for it."""
-    if not task.policy.strategy.bounded:
+    if not (task.policy.strategy.bounded and task.options.bound):
         yield task
         return
     with concurrently(partial(_lower_bound, task), task.workers) as bound:
@@ -197,7 +197,7 @@ def _near(task: Task, until: float, known: Solution, q: Array) -> Solution | Non
 
 def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
     """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
-    if any(solution.lower_bound is None for solution in solutions):
+    if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
         bound = _lower_bound(replace(task, stop=stop))
