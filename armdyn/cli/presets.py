@@ -62,23 +62,28 @@ def _list(listed: list[ad.ControllerPreset]) -> Table:
             str(len(preset.joints)),
             f"{preset.chosen.rate:g}",
             ", ".join(one.name for one in preset.interfaces),
-            ", ".join(preset.chosen.necessary),
+            _plain(preset.chosen.necessary),
+            preset.date,
         )
         for preset in listed
     ]
-    return table("Controller presets", ("name", ">joints", ">Hz", "interfaces", "necessary"), rows)
+    return table("Controller presets", ("name", ">joints", ">Hz", "interfaces", "necessary", "as of"), rows)
 
 
 def _show(preset: ad.ControllerPreset, answer: Answer) -> None:
     """One preset: facts, and a table of its limits."""
     answer.done("listed", {"presets": [_facts(preset)]})
-    words = {"robot": preset.robot, "of": preset.date, "sources": "\n".join(preset.sources)}
+    words = {"robot": preset.robot, "as of": preset.date, "sources": "\n".join(preset.sources)}
     for one in preset.interfaces:
-        recommended = f"\nrecommended: {', '.join(one.recommended)}" if one.recommended else ""
-        words[f"{one.name}, {one.rate:g} Hz"] = f"necessary: {', '.join(one.necessary) or 'nothing'}{recommended}"
+        recommended = f"\nrecommended: {_plain(one.recommended)}" if one.recommended else ""
+        words[f"{one.name}, {one.rate:g} Hz"] = f"necessary: {_plain(one.necessary) or 'nothing'}{recommended}"
     words["not public"] = "\n".join(preset.not_public) or "not said"
     console.print(facts_table(preset.name, words))
     console.print(_limits(preset))
+
+
+def _plain(conditions: tuple[str, ...]) -> str:
+    return ", ".join(conditions).replace("_", " ")
 
 
 def _limits(preset: ad.ControllerPreset) -> Table:

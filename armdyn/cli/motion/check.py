@@ -119,7 +119,7 @@ def show_check(found: ad.ControllerCheck, name: str) -> None:
     else:
         console.print(
             f"[red]refused[/]: {escape(refused.joint)} exceeds its {_plain(refused.condition)} limit, first at "
-            f"t = {refused.first:.4g} s"
+            f"t = {refused.first:.4g} s: {refused.first_value:.5g} {refused.unit}"
         )
     console.print(_table(found))
     points = f"Between its points: {found.interpolation} interpolation."
@@ -137,12 +137,13 @@ def _table(found: ad.ControllerCheck) -> Table:
             styles.append("dim")
         for one in nearest:
             for row in [row for row in found.offences if row.condition == one.condition] or [one]:
-                first = "" if row.first is None else f"{row.first:.4f}"
+                first = ("", "") if row.first is None else (f"{row.first_value:.4g}", f"{row.first:.4f}")
                 value = row.value if row.share > _NOTHING else 0.0
                 condition = f"  {_plain(row.condition)} [{row.unit}]"
-                rows.append((condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", first))
+                rows.append((condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", *first))
                 styles.append(None if row.ok else "red" if row.necessary else "yellow")
-    return table("", ("condition", "joint", ">value", ">limit", ">worst [s]", ">first [s]"), rows, styles=styles)
+    heads = ("condition", "joint", ">worst", ">limit", ">at [s]", ">first", ">at [s]")
+    return table("", heads, rows, styles=styles)
 
 
 def _plain(condition: str) -> str:
