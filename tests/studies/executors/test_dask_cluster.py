@@ -24,9 +24,8 @@ reserve = { from = 0.0, to = 0.2, count = 5 }
 """
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def cluster():
-    """Two workers for all tests; each is started again when it has been killed."""
     from distributed import LocalCluster
 
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
