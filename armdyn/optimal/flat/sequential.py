@@ -56,9 +56,7 @@ class Sequential:
         self.problem, self.policy, self.stop = problem, policy, stop
         self._whole = problem.guess.duration
 
-    def solve(
-        self, trust: float, enough: float, beaten: float = np.inf, eager: int | None = None, most: int | None = None
-    ) -> NlpResult:
+    def solve(self, trust: float, enough: float, beaten: float = np.inf, eager: int | None = None) -> NlpResult:
         """Iterate from the program's unknowns.
 
         Args:
@@ -91,12 +89,9 @@ class Sequential:
                 )
                 break
             before, merit = merit, self._merit(taken)
-            # Where the rows were linear all along the step, it ends in the optimum; other pairs may be near there.
-            straight = (
-                self.problem.clearance is None
-                and self._reached(at, taken, trust)
-                and abs(self._promised(at, step) - merit) < enough * merit
-            )
+            # Where the rows were linear all along the step, it ends in the optimum.
+            off = abs(self._promised(at, step) - merit)
+            straight = off < policy.predicted * merit and self._reached(at, taken, trust)
             at = taken
             if (straight or abs(before - merit) < enough * merit) and self._kept(at):
                 status, word = Status.SOLVED, "converged"
@@ -115,6 +110,8 @@ class Sequential:
         while True:
             step = solve_step(self._within(program, at, trust))
             iterations += 1
+            if step.found and merit - self._promised(at, step) < policy.predicted * merit:
+                return None, step, trust, iterations
             if step.found:
                 moved, free = at.x + step.step, self.problem.place >= 0
                 next_ = self._point(np.where(free, np.clip(moved, *self.problem.numbers.x_bounds), at.x))

@@ -114,16 +114,32 @@ def solve_in_steps(
         eager: first steps that are taken whatever they do; None: the policy's.
         numbers: tuned numbers; None: those of the task.
     """
-    problem, numbers = task.problem, numbers or task.policy.sequential
+    numbers = numbers or task.policy.sequential
+    problem = curve_program(task, guess, spec)
+    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager)
+    shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec, in_steps=True)
+
+
+def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
+    """Program for sequential convexification.
+
+    Args:
+        task: what is to be solved, and how.
+        guess: where it starts.
+        spec: what is asked of the curve.
+
+    Raises:
+        LateError: the time is up before functions of path constraints are built.
+    """
+    problem = task.problem
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
     asked = spec.constraints.asked_distances(problem)
-    near = None if asked is None else clearance_rows(asked, guess, numbers)
-    data = assemble_curve(task, guess, spec, shape)
-    program = None
+    data, program = assemble_curve(task, guess, spec, shape), None
     if other_equations(shape, data.g_bounds[0].size).size:
         program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
     half, velocity = problem.limits.actuators.half_range, problem.limits.velocity
-    own = CurveProgram(
+    return CurveProgram(
         numbers=data,
         shape=shape,
         guess=guess,
@@ -132,10 +148,8 @@ def solve_in_steps(
         smooth=_smoothing(task, guess, spec, shape),
         velocity=np.where(np.isinf(velocity), 1.0, velocity),
         program=program,
-        clearance=near,
+        clearance=None if asked is None else clearance_rows(asked, guess, task.policy.sequential),
     )
-    result = Sequential(own, numbers, task.stop).solve(trust, enough, beaten, eager)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec, in_steps=True)
 
 
 def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:

@@ -356,7 +356,7 @@ def test_what_is_interrupted_at_once_is_usable():
     problem = ur5()
     optima, found = curves(Task.of(problem, stop=Stop(interrupted=True)))
     if optima:
-        assert "did not converge (user requested stop)" in "".join(optima[0].certificate.reasons).lower()
+        assert "did not converge (interrupted)" in "".join(optima[0].certificate.reasons).lower()
         assert limit_violation(problem.limits, optima[0].trajectory) <= 1e-6 and optima[0].landed(1e-6)
     else:
         assert found.failed[0].status is Status.INTERRUPTED

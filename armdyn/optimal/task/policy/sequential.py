@@ -11,7 +11,7 @@ FREE = "Panda and UR5, ten random pairs each (seed 1)"
 
 @dataclass(frozen=True, kw_only=True)
 class SequentialPolicy:
-    """How curves among obstacles are laid out and iterated."""
+    """Tuned numbers of sequential convexification: layout of curves among obstacles, and iterations."""
 
     intervals: int = tuned(56, "intervals", "of the last mesh", TRAINED)
     shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh", TRAINED)
@@ -33,6 +33,12 @@ class SequentialPolicy:
     hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)
     free_steps: int = tuned(8, "steps", "without obstacles: those that converge fast take 5", FREE)
+    predicted: float = tuned(
+        0.0,
+        "of the merit",
+        "error of a prediction that ends the iteration; among obstacles other pairs come near",
+        TRAINED,
+    )
     free_torque_left: float = tuned(1e-4, "of half the range", "sum over the points without obstacles", FREE)
     eager: int = tuned(4, "steps", "taken whatever they do: 6 instead of 29 to the end", TRAINED)
     trust: float = tuned(0.3, "rad or m", "radius of the trust region, first and largest", TRAINED)
@@ -74,4 +80,5 @@ class SequentialPolicy:
     @property
     def without_obstacles(self) -> Self:
         """The numbers for curves that keep no distances."""
-        return replace(self, steps=self.free_steps, enough=self.free_enough, torque_left=self.free_torque_left)
+        enough = self.free_enough
+        return replace(self, steps=self.free_steps, enough=enough, predicted=enough, torque_left=self.free_torque_left)

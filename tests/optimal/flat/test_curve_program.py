@@ -1,0 +1,106 @@
+"""Rows and costs of sequential convexification against the nonlinear program by CasADi, whose torques are unknowns."""
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import armdyn as ad
+from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve_cost import curve_cost
+from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
+from armdyn.optimal.flat.program import build
+from armdyn.optimal.flat.solve import curve_program, solve_curve
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.task.task import Task
+from oracles import robot_named
+
+WEIGHTS = {"smooth": 1e-2, "travel": 0.3, "steps": 0.2}
+
+
+def task_of(via=(), **asked):
+    robot = robot_named("ur5").with_payload(ad.Payload(mass=1.5, com=(0.0, 0.05, 0.1))).with_friction(2.0, 1.0, 0.3)
+    problem = ad.MinimumTimeProblem(
+        robot, q_start=np.zeros(6), q_goal=[1.0, -0.4, 0.7, 0.3, -0.9, 0.2], via=via, **asked
+    )
+    return Task.of(problem, ad.MinimumTimeOptions(compile=False))
+
+
+def bent(task, intervals=9):
+    """A curve away from the straight line."""
+    guess = Curve.straight(task.problem, Basis(graded(intervals, 0.03)), 1.1)
+    random = np.random.default_rng(4)
+    for leg in guess.legs:
+        leg.points[2:-2] += random.normal(scale=0.2, size=leg.points[2:-2].shape)
+    return guess
+
+
+@pytest.mark.parametrize(
+    "asked", [{}, {"via": [[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]]}, {"effort_weight": 0.02, "effort_limit": 100.0}]
+)
+def test_rows_and_costs_are_those_of_the_nonlinear_program(asked):
+    task = task_of(**asked)
+    guess = bent(task)
+    spec = CurveSpec(TightenedConstraints.of(task), **WEIGHTS)
+    shape = curve_layout(task.problem, guess, spec.constraints)
+    program = build(task.dynamics, shape, rows_of(task.problem, spec.constraints), False)
+    data, own = assemble_curve(task, guess, spec, shape), curve_program(task, guess, spec)
+    x = data.x.copy()
+    at = own.torque_rows.at(x)
+    x[own.torques] = at.tau
+
+    g, matrix = program.jacobian(x, data.p)
+    whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape).toarray()
+    torque_rows = np.concatenate([shape.torque_rows(leg).ravel() for leg in shape.legs])
+    np.testing.assert_allclose(np.array(g).ravel()[torque_rows], 0, atol=1e-11)
+    by_points = whole[torque_rows]
+    by_points[:, own.torques.ravel()] = 0
+    np.testing.assert_allclose(at.jacobian.toarray(), by_points, rtol=1e-9, atol=1e-9 * np.max(np.abs(by_points)))
+
+    velocities = own.velocities(x)
+    np.testing.assert_allclose(velocities.values, np.array(g).ravel()[own.rates], atol=1e-12)
+    np.testing.assert_allclose(velocities.jacobian.toarray(), whole[own.rates], rtol=1e-12, atol=1e-12)
+
+    cost, f = curve_cost(task, guess, spec, shape), program.functions["f"]
+    value = float(ca.Function("f", [program.functions["x"], program.functions["p"]], [f])(x, data.p))
+    np.testing.assert_allclose(cost.value(x, at.tau), value * guess.duration, rtol=1e-12)
+    slope = np.array(program.gradient(x, data.p)).ravel() * guess.duration
+    expected = slope + at.jacobian.T @ slope[own.torques.ravel()]
+    expected[own.torques] = 0
+    found = cost.gradient(x, at)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.max(np.abs(expected)))
+
+
+def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
+    task = task_of(acceleration_limit=4.0)
+    own = curve_program(task, bent(task), CurveSpec(TightenedConstraints.of(task)))
+    x = own.numbers.x.copy()
+    at = own.torque_rows.at(x)
+    x[own.torques] = at.tau
+    duration, random = int(own.cost.durations[0]), np.random.default_rng(2)
+    step = np.where(own.place >= 0, random.normal(scale=1e-2, size=x.size), 0.0)
+    for longer in (-0.1, 0.2):
+        step[duration] = longer
+        after = own.torque_rows.at(x + step)
+        for sides, then in (
+            (own.velocities(x), own.velocities(x + step)),
+            (own.other_sides(x, at.jacobian), own.other_sides(x + step, after.jacobian)),
+        ):
+            jacobian, top = sides.below(x)
+            kept = jacobian @ step <= top
+            true = np.concatenate([then.values <= then.bounds[1], then.values >= then.bounds[0]])
+            assert np.all(true[kept])
+            assert np.mean(kept == true) > 0.95
+
+
+def test_free_curves_need_no_compiler_and_few_steps():
+    task = task_of()
+    guess = Curve.straight(task.problem, Basis(graded(40, 1e-3)), 1.0)
+    spec = CurveSpec.of(task)
+    found = solve_curve(task, guess, spec)
+    assert found.converged and found.in_steps and found.result.iterations <= task.policy.sequential.free_steps
+    again = solve_curve(task, found.curve, spec, found)
+    assert again.converged and again.in_steps
+    # The first one ends where a change of 1e-6 is left.
+    np.testing.assert_allclose(again.curve.duration, found.curve.duration, rtol=2e-6)
