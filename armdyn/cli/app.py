@@ -27,6 +27,7 @@ from armdyn.cli.parsing.layout import Command, CommandGroup
 from armdyn.cli.presets import presets
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
+from armdyn.cli.studio import studio
 from armdyn.cli.sweeps.sweep import sweep
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
@@ -58,7 +59,7 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 armdyn COMMAND --help says more, with examples."""
 
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Motions": (mintime, cycle, bound, optimality, check, sweep),
+    "Motions": (mintime, studio, cycle, bound, optimality, check, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "Results": (report, compare, replay, export),
     "Robots": (robots, presets, doctor, identify),
