@@ -23,17 +23,15 @@ class JointMesh:
 
     Attributes:
         joint: index in `robot.model.joints`; 0 is the world.
-        vertices: in the joint's frame [m], shape (n, 3).
-        faces: indices of vertices, shape (m, 3).
+        vertices: in the joint's frame [m], 32-bit floats of shape (n, 3).
+        faces: indices of vertices, 32-bit integers of shape (m, 3).
         rgba: each 0..1.
-        names: of the links or bodies that they belong to.
     """
 
     joint: int
-    vertices: Array
+    vertices: Any
     faces: Any
     rgba: Rgba
-    names: frozenset[str]
 
 
 def joint_meshes(shapes: Iterable[VisualShape]) -> list[JointMesh]:
@@ -51,8 +49,7 @@ def _mesh(joint: int, rgba: Rgba, group: list[VisualShape]) -> JointMesh:
         vertices.append(points @ shape.placement[:3, :3].T + shape.placement[:3, 3])
         faces.append(np.asarray(triangles) + first)
         first += len(points)
-    names = frozenset(shape.name for shape in group)
-    return JointMesh(joint, np.vstack(vertices), np.vstack(faces), rgba, names)
+    return JointMesh(joint, np.vstack(vertices).astype(np.float32), np.vstack(faces).astype(np.uint32), rgba)
 
 
 def _triangles(geometry: Any) -> tuple[Array, Any]:

@@ -33,7 +33,7 @@ from armdyn.show.studio.state import (
     sizes_of,
     slider_limits,
 )
-from armdyn.show.studio.words import answer_html, saved_words
+from armdyn.show.studio.words import answer_html, note_html
 
 _FRAME = 1 / 30
 """Between two frames [s]."""
@@ -45,6 +45,8 @@ _LET_GO = 3.0
 """A gizmo that has not moved for so long counts as let go, though no browser said so [s]: it may have been closed."""
 _STEP = 1e-3
 """Of the joints' sliders [rad or m]."""
+_PHONE = 600
+"""A browser less wide has the widgets at its bottom [pixels]."""
 _NONE = "none"
 _SIZE_NAMES = {"Box": ("x", "y", "z"), "Sphere": ("radius",), "Cylinder": ("length", "radius")}
 
@@ -78,13 +80,13 @@ class Page:
 
     def __init__(self, server: viser.ViserServer, session: Session):
         self._server, self._session = server, session
-        self._notes: dict[str, Callable[[], None]] = {}
+        self._notes: dict[str, Callable[[], object]] = {}
         self._trouble: tuple[str, ...] = ()
         self._drawn: dict[str, object] = {}
         self._held: dict[str, float] = {}
         self._selected: str | None = None
         self._time, self._playing, self._frames = 0.0, True, 0
-        server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]  # nothing leaves this machine
+        server.request_share_url = lambda verbose=True: None  # nothing leaves this machine
         server.gui.configure_theme(show_share_button=False, show_logo=False, brand_color=(30, 110, 200))
         self.view = SceneView(server.scene, session)
         self._look()
@@ -152,14 +154,15 @@ class Page:
         poses = {name: pose for name, pose in robot.poses.items() if np.all(np.isfinite(pose))}
         if poses:
             chosen = gui.add_dropdown("pose", (_NONE, *poses), hint="Named poses of the robot")
-            self._hear(chosen, lambda: chosen.value in poses and session.change(**{end: poses[chosen.value]}))
+            self._hear(chosen, lambda: session.change(**{end: poses.get(chosen.value, getattr(session.state, end))}))
         lower, upper = slider_limits(session.basis.problem)
         sliders = []
         for i, name in enumerate(short_names(robot.joint_names)):
             unit = "m" if robot.slides[i] else "rad"
             at = float(np.clip(q[i], lower[i], upper[i]))
+            shown = float(np.clip(round(at, 3), lower[i], upper[i]))  # its digits are those of the number's field
             one = gui.add_slider(
-                f"{name} [{unit}]", float(lower[i]), float(upper[i]), _STEP, at, hint=robot.joint_names[i]
+                f"{name} [{unit}]", float(lower[i]), float(upper[i]), _STEP, shown, hint=robot.joint_names[i]
             )
             sliders.append(one)
             self._hear(one, lambda: session.change(**{end: [slider.value for slider in sliders]}), key=f"sliders {end}")
@@ -274,10 +277,10 @@ class Page:
     def _save(self, save: Callable[[], Path], event: Any) -> None:
         """Save in the callback's own thread: a report takes a second."""
         try:
-            words = saved_words(save())
-        except ArmdynError as error:
-            words = saved_words(error)
-        self._notes["saved"] = lambda: setattr(self._saved, "content", words_html(words))
+            words = f"Saved: {save()}"
+        except (ArmdynError, OSError) as error:
+            words = f"Not saved: {error}"
+        self._notes["saved"] = lambda: setattr(self._saved, "content", note_html(words))
 
     def _chosen(self) -> tuple[int, Obstacle] | None:
         """Number and value of the selected obstacle; None: none is."""
@@ -367,18 +370,19 @@ class Page:
             self._clock.value = float(at)
 
     def _look(self) -> None:
-        camera, reach = self._server.initial_camera, self.view.reach
-        camera.look_at = (0.0, 0.0, 0.35 * reach)
-        camera.position = (
-            (0.0, -2.2 * reach, 0.4 * reach) if self.view.planar else (1.5 * reach, -1.2 * reach, 1.1 * reach)
-        )
+        """Place the camera; where a phone has the widgets in its lower half, the arm is in the upper one."""
+        planar, reach = self.view.planar, self.view.reach
 
+        def place(camera: Any, away: float, lower: float) -> None:
+            camera.position = tuple(away * reach * x for x in ((0.0, -1.9, 0.2) if planar else (1.1, -0.9, 0.75)))
+            camera.look_at = (0.0, 0.0, reach * ((0.0 if planar else 0.25) - lower))
 
-def words_html(words: str) -> str:
-    """A line of the page."""
-    from armdyn.show.markup import element
+        async def connected(client: Any) -> None:
+            if 0 < client.camera.image_width < _PHONE:
+                place(client.camera, 1.3, 0.9)
 
-    return element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere")
+        place(self._server.initial_camera, 1.0, 0.0)
+        self._server.on_client_connect(connected)
 
 
 def _pose_of(handle: Any) -> pin.SE3:
@@ -408,8 +412,8 @@ def _same_origin(host: str) -> Iterator[None]:
 
         return plain(*given, process_request=checked, **keywords)
 
-    websockets.asyncio.server.serve = guarded  # type: ignore[misc, assignment]
+    websockets.asyncio.server.serve = guarded
     try:
         yield
     finally:
-        websockets.asyncio.server.serve = plain  # type: ignore[misc]
+        websockets.asyncio.server.serve = plain

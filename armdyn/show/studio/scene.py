@@ -47,8 +47,17 @@ class SceneView:
         self.mover = scene.add_transform_controls(
             "/mover", scale=0.2 * self.reach, depth_test=False, visible=False, opacity=0.9
         )
-        size = float(2 * np.ceil(2.2 * self.reach) / 2)
-        scene.add_grid("/floor", width=size, height=size, cell_size=0.1, section_size=0.5, position=(0, 0, -1e-3))
+        size = float(np.ceil(2 * self.reach))
+        scene.add_grid(
+            "/floor",
+            width=size,
+            height=size,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(228, 231, 236),
+            section_color=(196, 202, 212),
+            position=(0, 0, -1e-3),
+        )
         self._carried: list[str] = []
         self._obstacles: dict[Obstacle, tuple[str, int]] = {}
         self._made = 0
@@ -133,20 +142,17 @@ class SceneView:
 
     def _add_mesh(self, name: str, mesh: JointMesh) -> None:
         r, g, b, a = mesh.rgba
-        self._scene.add_mesh_simple(
-            name, mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32),
-            color=(round(255 * r), round(255 * g), round(255 * b)), opacity=a if a < 1 else None, side="double",
-        )  # fmt: skip
+        color, opacity = (round(255 * r), round(255 * g), round(255 * b)), a if a < 1 else None
+        side: Any = "double" if opacity is None else "front"
+        self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=color, opacity=opacity, side=side)
 
     def _add_ghosts(self, name: str, mesh: JointMesh) -> Any:
         count = 2 + _GHOSTS
-        turned = np.tile(np.array([1.0, 0.0, 0.0, 0.0], dtype=np.float32), (count, 1))
         return self._scene.add_batched_meshes_simple(
-            name, mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32),
-            batched_wxyzs=turned, batched_positions=np.zeros((count, 3), dtype=np.float32),
-            batched_colors=np.tile(np.array(_PASSING, dtype=np.uint8), (count, 1)),
-            batched_opacities=np.zeros(count, dtype=np.float32), opacity=1.0, lod="off",
-            cast_shadow=False, receive_shadow=False,
+            name, mesh.vertices, mesh.faces,
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), batched_positions=np.zeros((count, 3)),
+            batched_colors=np.tile(np.array(_PASSING, dtype=np.uint8), (count, 1)), batched_opacities=np.zeros(count),
+            opacity=1.0, lod="off", cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
 
     def _add_gizmo(self, name: str, scale: float, position_only: bool) -> Any:

@@ -166,7 +166,7 @@ class Session:
         goal = GoalPose(robot.tip, to.homogeneous if robot.nv >= 6 else to.translation)
         q, error = approached(robot, goal, np.array(getattr(self.state, end)), self.basis.problem.limits)
         far, turned = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-        said = ()
+        said: tuple[str, ...] = ()
         if max(far, turned) > _OUT_OF_REACH:
             rest = f" and {np.rad2deg(turned):.2g}°" if turned > _OUT_OF_REACH else ""
             said = (
@@ -190,33 +190,37 @@ class Session:
         """Write the problem of the state.
 
         Raises:
-            ArmdynError: it cannot be written, or the state poses none.
+            ArmdynError, OSError: it cannot be written, or the state poses none.
         """
         if self.problem is None:
             raise ProblemError(f"there is no problem to be saved: {self.refused}")
-        return write_whole(self.folder / PROBLEM_FILE, self.problem.to_toml(self.folder).encode())
+        return write_whole(self._file(PROBLEM_FILE), self.problem.to_toml(self.folder).encode())
 
     def save_motion(self) -> Path:
         """Write the motion that is shown.
 
         Raises:
-            ArmdynError: it cannot be written, or there is none.
+            ArmdynError, OSError: it cannot be written, or there is none.
         """
         solution = self._shown()
         motion = replace(solution.trajectory, model_hash=solution.problem.robot.model_hash)
-        return motion.save(self.folder / MOTION_FILE)
+        return motion.save(self._file(MOTION_FILE))
 
     def save_report(self) -> Path:
         """Write the report of the motion that is shown.
 
         Raises:
-            ArmdynError: it cannot be written, or there is none.
+            ArmdynError, OSError: it cannot be written, or there is none.
         """
         solution = self._shown()
         arm, facts = solution.problem.robot, minimum_time_summary(solution)
         title = f"{arm.name}: {solution.duration:.4f} s"
         motions, obstacles = {"trajectory": solution.trajectory}, solution.problem.obstacles
-        return write_report(self.folder / REPORT_FILE, arm, motions, facts, title, obstacles)
+        return write_report(self._file(REPORT_FILE), arm, motions, facts, title, obstacles)
+
+    def _file(self, name: str) -> Path:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return self.folder / name
 
     def _shown(self) -> Solution:
         if self.solution is None:
@@ -251,7 +255,7 @@ class Session:
         self._due = time.monotonic() + _SAVED
         try:
             save_state(self.basis, self.folder, self.state)
-        except ArmdynError as error:
+        except (ArmdynError, OSError) as error:
             self.unsaved = f"the state is not saved: {error}"
         else:
             self._kept, self.unsaved = self.state, ""
@@ -261,7 +265,7 @@ def save_state(basis: Basis, folder: Path, state: StudioState) -> Path:
     """Write a state, whole or not at all.
 
     Raises:
-        ArmdynError: it cannot be written.
+        ArmdynError, OSError: it cannot be written.
     """
     content = {"format": _FORMAT, **_robot_of(basis), "state": state.entry()}
     folder.mkdir(parents=True, exist_ok=True)

@@ -81,6 +81,9 @@ class NewestFirst(Generic[Request, Result]):
             found, self._solved = self._solved, None
         return found
 
+    def _newer(self) -> bool:
+        return self._waiting is not None
+
     def _run(self) -> None:
         with fork_pool(self._do, 1) as pool:
             while not self._closed:
@@ -95,7 +98,7 @@ class NewestFirst(Generic[Request, Result]):
                 self._forked.set()
                 due = time.monotonic() + _PATIENCE
                 while not (found := pool.finished(_POLL)) and not self._closed:
-                    if self._waiting is not None and time.monotonic() >= due:
+                    if self._newer() and time.monotonic() >= due:
                         pool.interrupt()
                         due = time.monotonic() + _AGAIN
                 with self._lock:

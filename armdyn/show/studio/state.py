@@ -144,9 +144,8 @@ def carrying(robot: Robot, mass: float) -> Robot:
         return robot
     if now is None:
         return robot.with_payload(Payload(mass=mass))
-    place = {"com": now.com, "frame": now.frame, "shapes": now.shapes, "name": now.name}
-    scaled = np.multiply(now.inertia, mass / now.mass) if now.mass else now.inertia
-    return robot.with_payload(Payload(mass=mass, inertia=scaled, **place) if mass or now.shapes else None)
+    inertia = tuple(np.multiply(now.inertia, mass / now.mass).tolist()) if now.mass else now.inertia
+    return robot.with_payload(replace(now, mass=mass, inertia=inertia) if mass or now.shapes else None)
 
 
 def posed(
@@ -165,21 +164,21 @@ def posed(
     """
     if state.preset and state.preset not in presets:
         raise ProblemError(f"no preset of this robot is named {shown(state.preset)}; there are {', '.join(presets)}")
-    same = state.reserve == float(np.max(problem.reserve))
+    changes: dict[str, Any] = {
+        **problem.own_rates,
+        "robot": robot,
+        "q_start": state.start,
+        "q_goal": state.goal,
+        "goal_pose": None,
+        "preset": presets.get(state.preset),
+        "self_collision": state.self_collision,
+        "obstacles": state.obstacles,
+    }
+    if state.reserve != float(np.max(problem.reserve)):
+        changes["reserve"] = state.reserve
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        made = replace(
-            problem,
-            **problem.own_rates,
-            robot=robot,
-            q_start=state.start,
-            q_goal=state.goal,
-            goal_pose=None,
-            reserve=problem.reserve if same else state.reserve,
-            preset=presets.get(state.preset),
-            self_collision=state.self_collision,
-            obstacles=state.obstacles,
-        )
+        made = replace(problem, **changes)
     said = [str(one.message) for one in caught if issubclass(one.category, ArmdynWarning)]
     return made, tuple(dict.fromkeys(said))
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from armdyn.errors import ArmdynError
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.answer.words import assessment
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import short_names
-from armdyn.show.page.verdict import verdict_of
 from armdyn.show.studio.session import Session
 
 _MOST_LIMITS = 3
 """That are named as deciding the duration."""
+_LEAST = 0.005
+"""Of the duration that a limit decides, to be named [-]."""
 _SLOW = 0.4
 """A computation that takes longer is mentioned [s]: a flicker helps nobody."""
 
@@ -46,19 +42,13 @@ def status(session: Session) -> str:
     return "computing …" if seconds < _SLOW else f"computing … {seconds:.1f} s"
 
 
-def facts_of(solution: Solution) -> Iterator[str]:
-    """How near to the optimum a motion is proven to be, and what decides its duration."""
-    facts = Facts(minimum_time_summary(solution))
-    if not solution.usable:
-        yield verdict_of(facts).said
-    elif solution.gap is not None and solution.gap_proven:
-        yield f"Executable; proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible."
-    else:
-        yield "Executable; no lower bound is known, so a faster motion may exist."
-    names = dict(zip(solution.problem.robot.joint_names, short_names(solution.problem.robot.joint_names), strict=True))
-    shares = [f"{names.get(one.joint, one.joint)} {one.limit} ({100 * one.part:.0f} %)" for one in solution.decides]
-    if shares and solution.usable:
-        yield f"Decided by {', '.join(shares[:_MOST_LIMITS])}."
+def facts_of(solution: Solution) -> list[str]:
+    """Whether a motion is executable, how near to the optimum it is proven to be, and what decides its duration."""
+    joints = solution.problem.robot.joint_names
+    names = dict(zip(joints, short_names(joints), strict=True))
+    most = [one for one in solution.decides if one.part >= _LEAST][:_MOST_LIMITS] if solution.usable else []
+    shares = ", ".join(f"{names.get(one.joint, one.joint)} {one.limit} ({100 * one.part:.0f} %)" for one in most)
+    return [assessment(solution), *([f"Its time is decided by {shares}."] if shares else [])]
 
 
 def warnings_of(session: Session) -> list[str]:
@@ -67,8 +57,6 @@ def warnings_of(session: Session) -> list[str]:
     return [f"{one[0].upper()}{one[1:]}." for one in said if one]
 
 
-def saved_words(error_or_path: object) -> str:
-    """The note that a button to save leaves."""
-    if isinstance(error_or_path, ArmdynError):
-        return f"Not saved: {error_or_path}"
-    return f"Saved: {error_or_path}"
+def note_html(words: str) -> Html:
+    """A line next to the buttons that save."""
+    return element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere")
