@@ -60,7 +60,10 @@ class StudioState:
 
     def __post_init__(self) -> None:
         for end in ("start", "goal"):
-            object.__setattr__(self, end, tuple(numbers(getattr(self, end), end).tolist()))
+            positions = numbers(getattr(self, end), end)
+            if not np.all(np.isfinite(positions)):
+                raise ProblemError(f"{end} is {shown(positions.tolist())}; it must be finite")
+            object.__setattr__(self, end, tuple(positions.tolist()))
         for name, most in (("payload", MOST_PAYLOAD), ("reserve", MOST_RESERVE), ("calm", MAX_CALM)):
             if number(getattr(self, name), name, sign="not negative") > most:
                 raise ProblemError(f"{name} is {getattr(self, name):g}; the studio takes at most {most:g}")

@@ -33,18 +33,19 @@ def test_the_newest_request_is_done_and_what_is_under_way_is_stopped_for_it():
     with NewestFirst(slowly, 60.0) as solver:
         began = time.monotonic()
         assert solver.seconds is not None
-        for request in (50.0, 40.0, 0.0):  # the first two are never begun
+        for request in (50.0, 40.0, 0.5):  # the first two are never begun
             solver.request(request)
         assert next_result(solver).result == (60.0, True)
-        assert next_result(solver).result == (0.0, False)
+        assert next_result(solver).result == (0.5, False)
         assert time.monotonic() - began < 30.0
         assert solver.newest() is None
 
 
 def test_a_short_computation_is_left_to_end():
     with NewestFirst(slowly, 0.2) as solver:
-        solver.request(0.0)
+        solver.request(0.6)
         assert next_result(solver).result == (0.2, False)
+        assert next_result(solver).result == (0.6, False)
 
 
 def test_a_process_that_dies_is_replaced():
