@@ -48,7 +48,7 @@ _STEP = 1e-3
 _PHONE = 600
 """A browser less wide has the widgets at its bottom [pixels]."""
 _NONE = "none"
-_SIZE_NAMES = {"Box": ("x", "y", "z"), "Sphere": ("radius",), "Cylinder": ("length", "radius")}
+_SIZE_NAMES = {"Box": ("size x", "size y", "size z"), "Sphere": ("radius",), "Cylinder": ("length", "radius")}
 
 
 def serve(session: Session, host: str, port: int, serving: Callable[[int], None]) -> None:
@@ -313,7 +313,7 @@ class Page:
             handle.value = getattr(state, name) or (_NONE if name == "preset" else getattr(state, name))
         if self._changed("obstacles", (state.obstacles, self._selected)):
             self._show_obstacles()
-        if self._changed("answer", content := str(answer_html(session))):
+        if self._changed("answer", content := answer_html(session)):
             self._answer.content = content
 
     def _show_obstacles(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import assessment
-from armdyn.show.markup import Html, element, join
+from armdyn.show.markup import element
 from armdyn.show.page.scene import short_names
 from armdyn.show.studio.session import Session
 
@@ -16,7 +16,7 @@ _SLOW = 0.4
 """A computation that takes longer is mentioned [s]: a flicker helps nobody."""
 
 
-def answer_html(session: Session) -> Html:
+def answer_html(session: Session) -> str:
     """The panel of the motion: duration, gap, what decides, warnings; and what is being computed."""
     solution = session.solution
     big = "–" if solution is None else f"{solution.duration:.4f} s"
@@ -29,7 +29,7 @@ def answer_html(session: Session) -> Html:
         element("div", f"⚠ {one}", style="margin-top:.4em;padding-left:.5em;border-left:3px solid #e8710a")
         for one in warnings_of(session)
     ]
-    return element("div", join(lines), style="padding:.2em .8em .4em;font-size:.9em;line-height:1.45")
+    return str(element("div", *lines, style="padding:.2em .8em .4em;font-size:.9em;line-height:1.45"))
 
 
 def status(session: Session) -> str:
@@ -57,6 +57,6 @@ def warnings_of(session: Session) -> list[str]:
     return [f"{one[0].upper()}{one[1:]}." for one in said if one]
 
 
-def note_html(words: str) -> Html:
+def note_html(words: str) -> str:
     """A line next to the buttons that save."""
-    return element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere")
+    return str(element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere"))
