@@ -40,6 +40,8 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 [dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
+[dim]A page in the browser, on which you drag start and goal:[/]
+    armdyn studio panda
 [dim]A pick-and-place cycle from a file, and a file to begin with:[/]
     armdyn cycle --example
     armdyn cycle cell.toml

@@ -320,8 +320,8 @@ class Page:
         self.view.show_obstacles()
         names = [one.name for one in self._session.state.obstacles]
         if self._selected not in names:
-            self._selected = names[-1] if names else None
-        self._choice.options = tuple(names) or (_NONE,)
+            self._selected = None
+        self._choice.options = (_NONE, *names)
         self._choice.value = self._selected or _NONE
         found = self._chosen()
         one = None if found is None else found[1]
@@ -374,12 +374,12 @@ class Page:
         planar, reach = self.view.planar, self.view.reach
 
         def place(camera: Any, away: float, lower: float) -> None:
-            camera.position = tuple(away * reach * x for x in ((0.0, -1.9, 0.2) if planar else (1.1, -0.9, 0.75)))
-            camera.look_at = (0.0, 0.0, reach * ((0.0 if planar else 0.25) - lower))
+            camera.position = tuple(away * reach * x for x in ((0.0, -1.9, 0.2) if planar else (0.85, -0.75, 0.6)))
+            camera.look_at = (0.0, 0.0, reach * ((0.0 if planar else 0.22) - lower))
 
         async def connected(client: Any) -> None:
             if 0 < client.camera.image_width < _PHONE:
-                place(client.camera, 1.3, 0.9)
+                place(client.camera, 1.5, 0.7)
 
         place(self._server.initial_camera, 1.0, 0.0)
         self._server.on_client_connect(connected)

@@ -18,7 +18,6 @@ from armdyn.arguments import shown
 from armdyn.errors import ArmdynError, ContactError, FileError, ProblemError
 from armdyn.files import read_json, write_whole
 from armdyn.models.presets.preset import ControllerPreset
-from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose, approached, frame_placement
 from armdyn.optimal.answer.solution import Solution
@@ -81,6 +80,7 @@ class Session:
     Attributes:
         basis: problem, options and presets.
         folder: of the files.
+        robot: that carries the state's payload.
         state: what is changed by hand.
         problem: that the state poses; None: it poses none.
         refused: why it poses none; empty: it does.
@@ -95,7 +95,7 @@ class Session:
     def __init__(self, basis: Basis, folder: Path, state: StudioState):
         self.basis, self.folder = basis, folder
         self.state = self._kept = state
-        self.robot: Robot = basis.problem.robot
+        self.robot = carrying(basis.problem.robot, state.payload)
         self.problem: MinimumTimeProblem | None = None
         self.refused, self.failed, self.unsaved = "", "", ""
         self.touching, self.warnings = frozenset[End](), tuple[str, ...]()
@@ -140,10 +140,11 @@ class Session:
             if end in changes:
                 changes[end] = tuple(np.clip(changes[end], lower, upper).tolist())
         state = replace(self.state, **changes)
-        robot = carrying(self.robot, state.payload)
         if state == self.state and said == self._said:
             return
-        self.state, self.robot, self._said = state, robot, said
+        if state.payload != self.state.payload:
+            self.robot = carrying(self.basis.problem.robot, state.payload)
+        self.state, self._said = state, said
         self._pose()
         if not (self.refused or self.current):
             self._solver.request(self.state)

@@ -3,7 +3,6 @@
 import contextlib
 import http.client
 import json
-import math
 import os
 import signal
 import socket
@@ -18,7 +17,7 @@ from armdyn.models.scene.reaching import frame_placement
 from armdyn.show.page.scene import reach_of
 from cli.command import COMMAND, run_here
 from problems import POSES, paper_arm
-from show.browser import FLAGS, UNDRAWN, find_chromium, wait_until
+from show.browser import FLAGS, UNDRAWN, find_chromium, pixel_of, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -140,9 +139,8 @@ def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
         page.wait_for_timeout(2000)  # until its scene stands
         tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
         along = tip.rotation[:, 2]
-        begin, end = (
-            pixel_of(tip.translation + x * reach * along, eye=np.array([0, -1.9, 0.2]) * reach) for x in (0.12, 0.02)
-        )
+        eye = np.array([0, -1.9, 0.2]) * reach
+        begin, end = (pixel_of(tip.translation + x * reach * along, eye, np.zeros(3), DESKTOP) for x in (0.12, 0.02))
         page.mouse.move(*begin)
         page.wait_for_timeout(300)
         page.mouse.down()
@@ -155,15 +153,6 @@ def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
         moved = frame_placement(robot, robot.tip, np.array(goal(page))).translation - tip.translation
         # A tenth of the reach against the arrow's direction, as exact as pixels and the arrow's perspective are.
         np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
-
-
-def pixel_of(point, eye):
-    """Where a camera that looks at the origin, z up, sees a point; viser's field of view is 75 degrees."""
-    ahead = -eye / np.linalg.norm(eye)
-    right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
-    up, way = np.cross(right, ahead), point - eye
-    scale = DESKTOP["height"] / 2 / math.tan(math.radians(75) / 2) / (way @ ahead)
-    return np.array([DESKTOP["width"] / 2 + scale * (way @ right), DESKTOP["height"] / 2 - scale * (way @ up)])
 
 
 def test_two_browsers_show_the_same_one_of_them_a_phone(tmp_path):

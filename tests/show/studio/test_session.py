@@ -162,6 +162,18 @@ def test_positions_beyond_other_limits_are_clipped(tmp_path):
     assert state.goal[0] <= 2 * np.pi
 
 
+def test_a_payload_keeps_its_place_through_zero(tmp_path):
+    arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, com=(0.01, 0, 0), frame="link1"))
+    problem = ad.MinimumTimeProblem(arm, q_start=[-1.5, 0], q_goal=[0.1, 0])
+    session = session_of(Basis.of(problem, QUICK), tmp_path)
+    session.change(payload=0.0)
+    assert session.robot.payload is None
+    session.change(payload=0.3)
+    assert (session.robot.payload.mass, session.robot.payload.frame) == (0.3, "link1")
+    again = Session(session.basis, tmp_path, session.state)  # a session that takes up this state
+    assert again.robot.payload == session.robot.payload
+
+
 def test_a_folder_that_cannot_be_written_is_no_end(tmp_path):
     (tmp_path / "file").write_text("")
     with session_of(basis_of(), tmp_path / "file") as session:
