@@ -28,45 +28,53 @@ WINDOW = {"width": 1280, "height": 800}
 
 
 def look(url: str) -> None:
-    """Open the page, take a picture, drag the goal along its own z axis, and take another one."""
-    from playwright.sync_api import sync_playwright
+    """Take a picture, drag the goal along its own z axis in a browser that draws nothing, and take another one."""
+    from playwright.sync_api import Page, sync_playwright
 
     sys.path.insert(0, str(ROOT / "tests"))
-    from show.browser import FLAGS, find_chromium, pixel_of, wait_until
+    from show.browser import FLAGS, UNDRAWN, find_chromium, pixel_of, wait_until
 
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
-        page = chromium.new_page(viewport=WINDOW)
-        page.set_default_timeout(300_000)
-        page.goto(url)
-        page.get_by_text("proven").wait_for()
-        page.locator(".mantine-Notification-closeButton").first.click()  # says that there is no graphics card
-        page.get_by_role("button", name="Pause").click()
-        field = page.locator("label", has_text="time").locator("xpath=../../..").locator("input:not([type=hidden])")
 
-        def picture(name: str, time: str) -> None:
-            field.fill(time)
+        def opened(drawn: bool) -> Page:
+            page = chromium.new_page(viewport=WINDOW)
+            page.set_default_timeout(300_000)
+            if not drawn:
+                page.add_init_script(UNDRAWN)
+            page.goto(url)
+            page.get_by_text("proven").wait_for()
+            return page
+
+        def picture(name: str) -> None:
+            page = opened(drawn=True)
+            page.locator(".mantine-Notification-closeButton").first.click()  # says that there is no graphics card
             page.wait_for_timeout(20_000)
             page.screenshot(path=DOCS / name)
-            print(page.inner_text("#studio-answer"))
+            print(page.inner_text("#studio-answer"), flush=True)
+            page.close()
 
-        picture("studio.png", "0.42")
+        hand = opened(drawn=False)
+        hand.get_by_role("button", name="Pause").click()
+        time = hand.locator("label", has_text="time").locator("xpath=../../..").locator("input:not([type=hidden])")
+        time.fill("0.42")
+        picture("studio.png")
         panda = ad.Robot.from_library("panda")
         reach, tip = reach_of(panda), frame_placement(panda, panda.tip, np.array(GOAL))
         eye, target = reach * np.array([0.85, -0.75, 0.6]), np.array([0, 0, 0.22 * reach])
         begin, end = (
             pixel_of(tip.translation + x * reach * tip.rotation[:, 2], eye, target, WINDOW) for x in (0.12, -0.13)
         )
-        page.mouse.move(*begin)
-        page.wait_for_timeout(5000)
-        page.mouse.down()
+        hand.mouse.move(*begin)
+        hand.wait_for_timeout(1000)
+        hand.mouse.down()
         for k in range(1, 11):
-            page.mouse.move(*(begin + (end - begin) * k / 10))
-            page.wait_for_timeout(1000)
-        page.mouse.up()
-        page.wait_for_timeout(5000)
-        wait_until(page, "!document.querySelector('#studio-answer').innerText.includes('…')")
-        picture("studio_dragged.png", "0.42")
+            hand.mouse.move(*(begin + (end - begin) * k / 10))
+            hand.wait_for_timeout(200)
+        hand.mouse.up()
+        hand.wait_for_timeout(3000)
+        wait_until(hand, "!document.querySelector('#studio-answer').innerText.includes('…')", 300)
+        picture("studio_dragged.png")
         chromium.close()
 
 
