@@ -55,7 +55,7 @@ def look(url: str) -> None:
             page.close()
 
         hand = opened(drawn=False)
-        hand.get_by_role("button", name="Pause").click()
+        hand.get_by_role("button", name="Pause").dispatch_event("click")
         time = hand.locator("label", has_text="time").locator("xpath=../../..").locator("input:not([type=hidden])")
         time.fill("0.42")
         picture("studio.png")

@@ -26,7 +26,9 @@ FLAGS = [
 ]
 
 UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) {
-  kind.prototype.drawElements = kind.prototype.drawArrays = () => {};
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+    kind.prototype[name] = () => {};
+  }
 }"""
 """Leaves the scene's canvas blank: without a graphics card a frame takes up to a second."""
 
