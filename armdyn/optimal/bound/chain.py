@@ -20,9 +20,9 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import covers
-from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
-from armdyn.optimal.bound.lattice import Lattice, Region, sum_down
+from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.task.policy.bound import BoundPolicy

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, sum_down
 from armdyn.optimal.bound.goal_set import TURN, GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
@@ -204,11 +204,3 @@ class Lattice:
                 fresh = np.full(new.shape, ends_free)
                 self.tried[leg] = np.insert(np.delete(self.tried[leg], at, axis), [at] * count, fresh, axis)
         return True
-
-
-def sum_down(durations: Sequence[float]) -> float:
-    """Sum of durations [s], rounded down."""
-    total = 0.0
-    for duration in durations:
-        total = duration if total == 0 else float(down(np.array(total + duration)))
-    return total
