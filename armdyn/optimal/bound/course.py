@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
@@ -75,7 +76,9 @@ class Course:
         lengths, lines, boxes = list[float](), list[BoundRegion | None](), list[Interval]()
         passed, nodes = dict[int, BoundRegion](), [leg.start.q]
         for phase in phases:
-            own = _lengths(phase, phase is phases[0] and leg.start.at_rest, phase is phases[-1] and leg.goal.at_rest, leg.policy)
+            own = _lengths(
+                phase, phase is phases[0] and leg.start.at_rest, phase is phases[-1] and leg.goal.at_rest, leg.policy
+            )
             lengths += own
             lines += [phase.line] * len(own)
             boxes += [phase.box] * len(own)
@@ -96,7 +99,7 @@ class Course:
         return Interval(self.lengths, np.where(self.elastic, self.room, self.lengths))
 
     def narrowed(self, leg: BoundLeg, v: Interval) -> Course | None:
-        """The course with further bounds on the velocities, and the positions that these admit; None: there are none."""
+        """The course with further bounds of the velocities, and the positions that these admit; None: no motion."""
         v, count = self.v.meet(v), len(self.lengths)
         ways = Interval(self.times.lower[:, None], self.times.upper[:, None]) * v
         onward, back = [leg.start.q], [leg.goal.q]
@@ -107,7 +110,7 @@ class Course:
         if np.any(nodes.lower > nodes.upper):
             return None
         for k, region in self.passed.items():
-            box = region.narrowed(nodes[k : k + 1], leg.policy)
+            box = region.narrowed(nodes[k : k + 1], leg.policy, rounds=1)
             if box is None:
                 return None
             nodes.lower[k], nodes.upper[k] = box.lower[0], box.upper[0]
@@ -117,8 +120,8 @@ class Course:
         if np.any(q.lower > q.upper):
             return None
         for line in {line for line in self.lines if line is not None}:
-            own = np.array([k for k, one in enumerate(self.lines) if one is line])
-            box = line.narrowed(q[own], leg.policy)
+            own = np.array([k for k, one in enumerate(self.lines) if one == line])
+            box = line.narrowed(q[own], leg.policy, rounds=1)
             if box is None:
                 return None
             q.lower[own], q.upper[own] = box.lower, box.upper
@@ -137,11 +140,14 @@ class Course:
 
     def ends(self, leg: BoundLeg) -> list[LegEnd | None]:
         """What is known of the positions at the nodes, those where the leg begins and ends included."""
-        found: list[LegEnd | None] = [leg.start]
-        for k in range(1, len(self.lengths)):
-            region = self.passed.get(k) or self.lines[k]
-            found.append(None if region is None else region.end(self.nodes[k]))
-        return [*found, leg.goal]
+        found: list[LegEnd | None] = [leg.start, *[None] * (len(self.lengths) - 1), leg.goal]
+        owners = [None, *(self.passed.get(k) or self.lines[k] for k in range(1, len(self.lengths))), None]
+        for region in {region for region in owners if region is not None}:
+            own = [k for k, one in enumerate(owners) if one == region]
+            forms = region.forms(self.nodes[own])
+            for i, k in enumerate(own):
+                found[k] = LegEnd(self.nodes[k], None, Affine(*(part[..., i : i + 1] for part in forms.parts)))
+        return found
 
 
 def _both(one: Interval, other: Interval) -> Interval:
@@ -154,6 +160,9 @@ def _lengths(phase: Phase, from_rest: bool, to_rest: bool, numbers: BoundPolicy)
     if phase.least <= 0:
         return [0.0]
     count = numbers.phase_cells
-    fixed = [phase.least / count * (1 - 1e-12)] * count
-    at = 0 if from_rest and not to_rest else count if to_rest and not from_rest else count // 2
-    return [*fixed[:at], 0.0, *fixed[at:]]
+    if from_rest != to_rest:
+        fixed = [phase.least / count * (1 - 1e-12)] * count
+        return [0.0, *fixed] if from_rest else [*fixed, 0.0]
+    parts = numbers.phase_growth ** np.arange(count // 2)
+    side = (phase.least / (2 * np.sum(parts)) * (1 - 1e-12) * parts).tolist()
+    return [*side, 0.0, *side[::-1]]

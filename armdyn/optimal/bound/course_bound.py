@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.optimal.bound.course import Course, Phase
-from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding
 from armdyn.optimal.bound.course_program import CourseMultipliers, relaxed_course
+from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.reach import End
@@ -46,29 +46,25 @@ def course_bound(
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
     """
     course = Course.of(leg, phases, longest)
-    for done in range(leg.policy.passes):
-        if course is None:
-            return longest
-        if stop():
-            break
-        forces = Forces(terms_over(leg.dynamics, course.q), course.v, _torques(leg, course), leg.friction)
-        if done:
-            by = relaxed_course(leg, course, forces, known)
-            if by is None:
-                break
-            before, known = known, max(known, min(_proven(leg, course, forces, by), longest))
-            if known == longest or (done > 1 and known < before * (1 + leg.policy.regrid)):
-                break
-        course = course.narrowed(leg, course.reached(leg, forces))
-    return known
+    if course is None:
+        return longest
+    course = course.narrowed(leg, course.reached(leg, _forces(leg, course)))
+    if course is None:
+        return longest
+    forces, ends = _forces(leg, course), course.ends(leg)
+    by = None if stop() else relaxed_course(leg, course, forces, ends, known)
+    return known if by is None else max(known, min(_proven(leg, course, forces, ends, by), longest))
 
 
-def _torques(leg: BoundLeg, course: Course) -> Interval:
+def _forces(leg: BoundLeg, course: Course) -> Forces:
     actuators = leg.torque.actuators
-    return Interval(actuators.lower, actuators.upper).spread(course.v.lower.shape)
+    torque = Interval(actuators.lower, actuators.upper).spread(course.v.lower.shape)
+    return Forces(terms_over(leg.dynamics, course.q), course.v, torque, leg.friction)
 
 
-def _proven(leg: BoundLeg, course: Course, forces: Forces, by: CourseMultipliers) -> float:
+def _proven(
+    leg: BoundLeg, course: Course, forces: Forces, ends: Sequence[LegEnd | None], by: CourseMultipliers
+) -> float:
     """No motion along the course is faster than this [s]; 0 says nothing."""
     fixed, elastic = np.flatnonzero(~course.elastic), np.flatnonzero(course.elastic)
     lengths, w, way = Interval.at(course.lengths[fixed]), by.momentum, Interval.at(by.way)
@@ -77,7 +73,7 @@ def _proven(leg: BoundLeg, course: Course, forces: Forces, by: CourseMultipliers
     rates = forces[fixed].rate(both, way[fixed][:, :, None], steps[:, :, None])
     made = (lengths * ((rates[:, 0] + rates[:, 1]) * Interval.at(0.5))).sum(0) + _at_ends(leg, w)
     free = forces[elastic].rate(w[:-1][elastic][:, :, None], way[elastic][:, :, None])
-    left = float((Interval.at(_least_ways(course.ends(leg), by.way)) - made).lower)
+    left = float((Interval.at(_least_ways(ends, by.way)) - made).lower)
     rate = float(np.max(free.upper))
     if left <= 0:
         return 0.0

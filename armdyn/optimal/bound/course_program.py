@@ -21,6 +21,8 @@ from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 
 Array = NDArray[np.float64]
+Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
+"""Rows, columns and values of a matrix's entries."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,16 +39,19 @@ class CourseMultipliers:
     momentum: Array
 
 
-def relaxed_course(leg: BoundLeg, course: Course, forces: Forces, scale: float) -> CourseMultipliers | None:
+def relaxed_course(
+    leg: BoundLeg, course: Course, forces: Forces, ends: Sequence[LegEnd | None], scale: float
+) -> CourseMultipliers | None:
     """The multipliers of a course's program; None if the solver finds none.
 
     Args:
         leg: its ends.
         course: its cells.
         forces: over the cells.
+        ends: what is known of the positions at the nodes.
         scale: a time [s], by which all times are divided.
     """
-    ends, elastic = course.ends(leg), course.elastic
+    elastic = course.elastic
     fixed, free = np.flatnonzero(~elastic), np.flatnonzero(elastic)
     node = np.concatenate([[0], np.cumsum(~elastic)])  # of momentum: an elastic cell is none
     known = [k for k, end in enumerate(ends) if end is not None]
@@ -59,9 +64,9 @@ def relaxed_course(leg: BoundLeg, course: Course, forces: Forces, scale: float) 
     x, d = program.unknown((len(free), nv)), program.unknown((len(free), 1), 0.0, cost=1.0)
     half = course.lengths[fixed, None] / 2 / unit
     lower, upper = (np.zeros((len(fixed) + 1, nv)) for _ in range(2))
-    for bound, end in ((lower, rate.lower), (upper, rate.upper)):
-        bound[:-1] += half * end[fixed]
-        bound[1:] += half * end[fixed]
+    for bound, force in ((lower, rate.lower), (upper, rate.upper)):
+        bound[:-1] += half * force[fixed]
+        bound[1:] += half * force[fixed]
     given = np.zeros((len(fixed) + 1, nv))
     for at, own, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
         if own is None:
@@ -81,15 +86,18 @@ def relaxed_course(leg: BoundLeg, course: Course, forces: Forces, scale: float) 
     program.diagonal(momentum, pushed, -1.0)
     program.diagonal(momentum[node[free]], pushed_free, -1.0)
     # Ways between nodes of which something is known.
-    centres = np.array([end.q.centre for end in ends if end is not None])
+    given_ends = [end for end in ends if end is not None]
+    centres = np.array([end.q.centre for end in given_ends])
     ways = program.rows(np.diff(centres, axis=0) / (speed * scale))
     program.diagonal(ways[segment[fixed]], v, course.lengths[fixed, None] / scale)
     program.diagonal(ways[segment[free]], x, 1.0)
-    for k, end in enumerate([ends[k] for k in known]):
+    for k, end in enumerate(given_ends):
         _within_end(program, ways, k, end, speed * scale)
     # Elastic cells: their ways and impulses lie between their lengths times bounds.
-    for inner, ends_ in ((x, (course.v.lower / speed, course.v.upper / speed)),
-                         (pushed_free, (rate.lower * scale / unit, rate.upper * scale / unit))):
+    for inner, ends_ in (
+        (x, (course.v.lower / speed, course.v.upper / speed)),
+        (pushed_free, (rate.lower * scale / unit, rate.upper * scale / unit)),
+    ):
         for sign, bound in zip((-1.0, 1.0), ends_, strict=True):
             program.limit(inner, sign, d, -sign * bound[free])
     marginals = program.solved(leg.policy.feasible)
@@ -145,8 +153,8 @@ class _Program:
     bounds: list[Array] = field(default_factory=list)
     costs: list[Array] = field(default_factory=list)
     right: list[Array] = field(default_factory=list)
-    entries: list[tuple[Array, Array, Array]] = field(default_factory=list)
-    limits: list[tuple[Array, Array, Array]] = field(default_factory=list)
+    entries: list[Entries] = field(default_factory=list)
+    limits: list[Entries] = field(default_factory=list)
 
     def unknown(
         self, shape: tuple[int, int], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf, cost: float = 0.0
@@ -175,7 +183,7 @@ class _Program:
         self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
 
     def limit(self, inner: NDArray[np.intp], sign: float, length: NDArray[np.intp], bound: Array) -> None:
-        """sign * inner + bound * length at most 0."""
+        """Inequalities: sign * inner + bound * length is at most 0."""
         first = sum(len(part[0]) for part in self.limits) // 2
         rows = first + np.arange(inner.size)
         self.limits.append((rows, inner.ravel(), np.full(inner.size, sign)))
@@ -199,6 +207,6 @@ class _Program:
         return np.asarray(found.eqlin.marginals) if found.status == 0 else None
 
 
-def _matrix(entries: Sequence[tuple[Array, Array, Array]], columns: int) -> csr_matrix:
+def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:
     rows, places, values = (np.concatenate([part[k] for part in entries]) for k in range(3))
     return csr_matrix((values, (rows, places)), shape=(int(np.max(rows)) + 1, columns))

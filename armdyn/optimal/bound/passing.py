@@ -1,4 +1,4 @@
-"""Lower bound of a leg that passes regions, and follows lines between them: its phases, each bounded alone, then all."""
+"""Lower bound of a leg that passes regions and follows lines to and from them: its phases alone, then all of it."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 
+from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.course import Phase
 from armdyn.optimal.bound.course_bound import course_bound
 from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down, up
-from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.bound.tube import Tube, tube
+from armdyn.optimal.bound.tube import tube
 
 Stop = Callable[[], bool]
 
@@ -25,57 +27,72 @@ class Passage:
 
     Attributes:
         regions: passed at any velocity, in this order.
-        lines: regions in which a frame stays, by the number of the phase between those; of the first and the last one.
+        lines: regions in which a frame stays in a phase, from one of these to the next, by the phase's number. Those of
+            the first and of the last phase count.
     """
 
     regions: tuple[BoundRegion, ...]
     lines: Mapping[int, BoundRegion]
 
 
-def passing_bound(leg: BoundLeg, passage: Passage, known: float, stop: Stop) -> float:
+def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:
     """Lower bound on the duration of a leg that passes regions [s].
 
     Args:
         leg: between joint positions, or boxes of them.
         passage: what it passes.
         known: a bound that is proven already [s].
+        longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
     """
     numbers = leg.policy
+    longest = min(longest, (1 + numbers.ahead) * known)
+    phases = _phases(leg, passage, longest, stop)
+    if phases is None:
+        return longest
+    known = max(known, min(sum_down([phase.least for phase in phases]), longest))
+    near = min(longest, (1 + numbers.course_ahead) * known)
     for _ in range(numbers.course_grids):
-        before, longest = known, (1 + numbers.course_ahead) * known
-        phases = _phases(leg, passage, longest, stop)
-        if phases is None:
-            return longest
-        known = max(known, min(sum_down([phase.least for phase in phases]), longest))
-        known = course_bound(leg, phases, known, longest, stop)
-        if stop() or known < before * (1 + numbers.regrid):
+        before, known = known, max(known, course_bound(leg, phases, known, near, stop))
+        if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
             break
+        # The nearer the longest motion spoken of, the smaller the boxes; where the bound is as much, there is more.
+        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.course_ahead) * known)
     return known
+
+
+@dataclass(frozen=True, eq=False)
+class _Event:
+    """Where one phase ends and the next one begins.
+
+    Attributes:
+        region: of the frame.
+        box: of all joint positions there, each end of shape (nv,).
+        beside: of all joint positions in the phase along the line that leads there or away; None: there is no line.
+    """
+
+    region: BoundRegion
+    box: Interval
+    beside: Interval | None = None
 
 
 def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list[Phase] | None:
     """The phases of motions that take no longer than some time [s]; None: there are no such motions."""
-    count = len(passage.regions)
-    tubes = {k: _tube(leg, passage, k, longest) for k in passage.lines if k in (0, count)}
-    boxes = []
-    for k, region in enumerate(passage.regions):
-        own = [one for one in (tubes.get(k) if k == 0 else None, tubes.get(count) if k == count - 1 else None) if one]
-        box = own[0].plane if own else region.narrowed(_within_reach(leg, longest)[None], leg.policy)
-        if box is None:
-            return None
-        boxes.append(box if own else box[0])
-    inner = [region.end(box) for region, box in zip(passage.regions, boxes, strict=True)]
-    ends = [leg.start, *inner, leg.goal]
+    events = _events(leg, passage, longest)
+    if events is None:
+        return None
+    last = len(events)
+    ends = [leg.start, *(event.region.end(event.box) for event in events), leg.goal]
     legs = [replace(leg, start=start, goal=goal) for start, goal in pairwise(ends)]
-    phases = []
-    for k, own in enumerate(legs):
-        around = tubes.get(k)
-        goal = (passage.regions[k], boxes[k]) if k < count else None
-        phases.append(Phase(own.shortest, around.box if around else leg.position, passage.lines.get(k), goal))
-    for k in (0, count):
+    phases = [Phase(own.shortest, leg.position) for own in legs]
+    for k, event in enumerate(events):
+        phases[k] = replace(phases[k], goal=(event.region, event.box))
+    for k, event in ((0, events[0]), (last, events[-1])):
+        if k in passage.lines and event.beside is not None:
+            phases[k] = replace(phases[k], line=passage.lines[k], box=event.beside)
         others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
-        phases[k] = replace(phases[k], least=_alone(legs[k], phases[k], longest - others, stop))
+        least = _alone(legs[k], phases[k], longest - others, stop)
+        phases[k] = replace(phases[k], least=max(phases[k].least, least))
     return phases
 
 
@@ -84,30 +101,60 @@ def _alone(leg: BoundLeg, phase: Phase, longest: float, stop: Stop) -> float:
     numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=replace(numbers, grids=1, passes=numbers.wide_passes)), stop)
     for _ in range(numbers.phase_grids):
-        if stop() or known == 0:
+        if stop() or known == 0 or known >= longest:
             break
-        most = min((1 + numbers.phase_ahead) * known, longest)
-        before = known
+        before, most = known, min((1 + numbers.phase_ahead) * known, longest)
         known = course_bound(leg, [replace(phase, least=known, goal=None)], known, most, stop)
-        if known < before * (1 + numbers.phase_worth) or most == longest:
+        if known < before * (1 + numbers.phase_worth):
             break
     return known
 
 
-def _tube(leg: BoundLeg, passage: Passage, k: int, longest: float) -> Tube | None:
-    """The tube of the first or of the last phase; None: none is known."""
-    line, first = passage.lines[k], k == 0
-    region, end, other = (
-        (passage.regions[0], leg.start, leg.goal) if first else (passage.regions[-1], leg.goal, leg.start)
-    )
-    if line.free is None or line.goal.frame != region.goal.frame:
+def _events(leg: BoundLeg, passage: Passage, longest: float) -> list[_Event] | None:
+    """Where a motion meets its regions; None: it cannot in some time [s].
+
+    A motion that follows a line into a region crosses the plane in front of the region on its way. The first time it
+    does so is the event.
+    """
+    regions, count = passage.regions, len(passage.regions)
+    found: list[_Event | None] = [None] * count
+    if 0 in passage.lines:
+        found[0] = _on_line(leg, passage.lines[0], regions[0], (leg.start, leg.goal), longest)
+    if count in passage.lines and found[-1] is None:
+        found[-1] = _on_line(leg, passage.lines[count], regions[-1], (leg.goal, leg.start), longest)
+    for k, region in enumerate(regions):
+        if found[k] is None:
+            box = region.narrowed(_within_reach(leg, longest)[None], leg.policy)
+            if box is None:
+                return None
+            found[k] = _Event(region, box[0])
+    return [event for event in found if event is not None]
+
+
+def _on_line(
+    leg: BoundLeg, line: BoundRegion, region: BoundRegion, ends: tuple[LegEnd, LegEnd], longest: float
+) -> _Event | None:
+    """The event on a line from one of the leg's ends, the other end given; None: none is known."""
+    axis, goal, passed = line.free, line.goal, region.goal
+    if axis is None or goal.frame != passed.frame:
         return None
-    plane = float(line.goal.pose.actInv(region.goal.pose).translation[line.free])
-    found = tube(leg, line, plane, end, longest)
+    off = goal.pose.actInv(passed.pose)
+    beside = float(np.abs(off.rotation[axis]) @ passed.deviations[:3])
+    plane = float(np.copysign(max(abs(off.translation[axis]) - beside, 0.0), off.translation[axis]))
+    if not np.isfinite(beside) or plane == 0:
+        return None
+    found = tube(leg, line, plane, ends[0], longest)
+    if found is not None:
+        # What is left of the time once the other end is as near as can be.
+        beyond = float(np.max(down((ends[1].q - found.plane).mignitude / leg.velocity)))
+        found = tube(leg, line, plane, ends[0], longest - beyond) or found
     if found is None:
         return None
-    beyond = float(np.max(down((other.q - found.plane).mignitude / leg.velocity)))
-    return tube(leg, line, plane, end, longest - beyond) or found
+    at = goal.pose * pin.SE3(np.eye(3), plane * np.eye(3)[axis])
+    free = tuple(name for name in goal.free if name != "xyz"[axis])
+    return _Event(
+        BoundRegion(line.dynamics, GoalPose(goal.frame, at.homogeneous, free, goal.tolerance)), found.plane, found.box
+    )
 
 
 def _within_reach(leg: BoundLeg, longest: float) -> Interval:

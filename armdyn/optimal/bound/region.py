@@ -64,9 +64,11 @@ class BoundRegion:
         centre = Affine(middle, np.zeros_like(forms.slopes), limit + TOLERANCE)
         return Affine(*(part[own] for part in (forms - centre).parts))
 
-    def narrowed(self, boxes: Interval, policy: BoundPolicy, along: Interval | None = None) -> Interval | None:
-        """Boxes narrowed to where the frame may be in the region, shape (boxes, nv); None: it cannot be there in one."""
-        for _ in range(policy.region_rounds):
+    def narrowed(
+        self, boxes: Interval, policy: BoundPolicy, along: Interval | None = None, rounds: int | None = None
+    ) -> Interval | None:
+        """Boxes narrowed to where the frame is in the region, shape (boxes, nv); None: it cannot be there in one."""
+        for _ in range(policy.region_rounds if rounds is None else rounds):
             found = narrowed(boxes, self.forms(boxes, along), policy)[0]
             if len(found.lower) < len(boxes.lower):
                 return None

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from armdyn.arguments import expect
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.bound.enclosure.interval import Interval, down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
@@ -77,28 +78,26 @@ def _slices(
     numbers, count = leg.policy, max(round(abs(plane) / leg.policy.slice), 1)
     half = abs(plane) / (2 * count + 1)
     step = float(np.copysign(2 * half, plane))
-    places, far = [end.centre], 0.0
-    for k in range(1, count + 1):
-        places.append(_slid(leg, line, k * step, places[-1]))
-    first = 0
-    while places[0] is not None and places[-1] is not None and first < numbers.most_slices:
-        far = float(np.max((np.abs(places[0] - end.centre) - end.radius - 2 * numbers.beside_line) / leg.velocity))
-        if 2 * far > longest:
-            break
-        first += 1
-        places.insert(0, _slid(leg, line, -first * step, places[0]))
-    if any(one is None for one in places):
-        return None
-    q = np.array(places)
+    ahead, behind = [end.centre], [end.centre]
+    while len(ahead) <= count:
+        following = _slid(leg, line, len(ahead) * step, ahead[-1])
+        if following is None:
+            return None
+        ahead.append(following)
+    beside = end.radius + 2 * numbers.beside_line
+    while 2 * float(np.max((np.abs(behind[-1] - end.centre) - beside) / leg.velocity)) <= longest:
+        following = _slid(leg, line, -len(behind) * step, behind[-1])
+        if following is None or len(behind) > numbers.most_slices:
+            return None
+        behind.append(following)
+    first, q = len(behind) - 1, np.array([*behind[:0:-1], *ahead])
     wide = np.max(np.abs(np.diff(q, axis=0)), axis=0) + end.radius + numbers.beside_line
-    return Interval(q - wide, q + wide), step * (np.arange(len(q)) - first), half, first
+    return Interval(q - wide, q + wide), np.asarray(step * (np.arange(len(q)) - first)), half, first
 
 
 def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | None:
     """Joint positions near others with the frame on the line, so far along its free axis [m]; None: there are none."""
-    off = np.zeros(3)
-    off[line.free] = along
-    at = line.goal.pose * pin.SE3(np.eye(3), off)
+    at = line.goal.pose * pin.SE3(np.eye(3), along * np.eye(3)[expect(line.free, int, "line")])
     return slid(leg.dynamics.robot, GoalPose(line.goal.frame, at.homogeneous), q, np.zeros(len(q)), leg.torque)
 
 

@@ -78,5 +78,8 @@ class BoundPolicy:
     beside_line: float = tuned(0.05, "rad or m", "by which such boxes are wider, before they are narrowed", POSES)
     most_slices: int = tuned(60, "slices", "of a line behind its end, at most", POSES)
     phase_grids: int = tuned(8, "grids", "of a phase by itself, at most", POSES)
-    phase_ahead: float = tuned(0.15, "of a phase's bound so far", "the same for a phase by itself", POSES)
+    phase_ahead: float = tuned(0.2, "of a phase's bound so far", "the same for a phase by itself", POSES)
     phase_worth: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", POSES)
+    phase_growth: float = tuned(
+        1.25, "-", "from cell to cell, from a region on, where the motion goes on behind it", POSES
+    )
