@@ -8,6 +8,7 @@ import numpy as np
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
@@ -77,20 +78,32 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
     attempt, worst = found.failed[0], found.failed[0].worst_violation
     ended = task.stop.cut_short and not task.stop.interrupted
     why = ended_by_time(task.options.time_limit) if ended else attempt.message
-    return Solution(
-        success=False,
-        status=Status.TIME_LIMIT if ended else attempt.status,
-        message=f"no motion was found: {why}" + (f"; worst: {worst}" if worst else ""),
-        problem=task.problem,
-        duration=attempt.trajectory.duration,
-        trajectory=attempt.trajectory,
+    status = Status.TIME_LIMIT if ended else attempt.status
+    return replace(
+        without_motion(task.problem, status, why + (f"; worst: {worst}" if worst else ""), attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),
         intervals=task.options.intervals,
         iterations=found.iterations,
         solve_time=elapsed,
         worst_violation=worst,
-        moves=False,
     )
+
+
+def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:
+    """A solution that says why there is no motion.
+
+    Args:
+        problem: that was to be solved.
+        status: of it.
+        why: the reason, for people.
+        last: last iterate; None: there was none, and the trajectory rests at the start.
+    """
+    if last is None:
+        q, names = np.asarray(problem.q_start), problem.robot.joint_names
+        last = Trajectory.at_rest(q, np.zeros_like(q), 1.0, names, name="no motion")
+    said = f"no motion was found: {why}"
+    nothing = Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({why})")
+    return Solution(False, status, said, problem, last.duration, last, nothing, moves=False)
 
 
 def ended_in_time(solution: Solution, limit: float) -> Solution:
@@ -128,7 +141,7 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
 
 
 def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """With its certificate judged, and with the states that its torques lead to where its own are a mesh's."""
+    """Complete an optimum's certificate, and replace states of a mesh by those of the replay."""
     motion = optimum.trajectory
     certificate = repeated(task.problem, motion, optimum.certificate)
     if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
@@ -138,13 +151,13 @@ def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
-    """The same solution with another certificate, and its message."""
+    """Replace a solution's certificate, and its message accordingly."""
     before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
+    """Add to a landed optimum's certificate the lower bound and, of an extremal, the error of the adjoint equations."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_costates(task, replace(optimum, certificate=certificate))

@@ -11,7 +11,7 @@ POSES = "positions and full poses of UR5 and Panda"
 
 @dataclass(frozen=True, kw_only=True)
 class BoundPolicy:
-    """How time is cut into cells, how often boxes are narrowed, and how goal sets are enclosed."""
+    """Tuned numbers of the lower bound: cells in time, narrowing of boxes, enclosures of goal sets."""
 
     cases: ClassVar = PAIRS
 
