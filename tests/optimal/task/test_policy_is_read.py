@@ -196,14 +196,17 @@ def bound_of_a_chain():
 
 
 def bound_of_a_line():
-    """Up along a straight line, and down through a region."""
+    """Up along a straight line, and down along another one."""
     robot, q = ad.Robot.from_library("ur5"), np.array([-0.67, -1.44, 2.03, -0.58, 0.9, 0.0])
     goal, most = q + np.array([0.7, 0, 0, 0, 0.7, 0]), (3.5e-4, 3.5e-4, 0.0, 5e-3, 5e-3, 5e-3)
     here, there = (frame_placement(robot, robot.tip, one).homogeneous for one in (q, goal))
     above, beyond = (one - 0.025 * np.outer(one[:, 2], [0, 0, 0, 1]) for one in (here, there))
-    line = FrameRegion(ad.GoalPose(robot.tip, here, free=("z",), tolerance=most), leg=0)
-    passed = [ad.GoalPose(robot.tip, at, tolerance=own) for at, own in ((above, most), (beyond, [0.01] * 6))]
-    problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=passed, path_constraints=[line])
+    lines = [
+        FrameRegion(ad.GoalPose(robot.tip, at, free=("z",), tolerance=most), leg=leg)
+        for leg, at in ((0, here), (2, there))
+    ]
+    passed = [ad.GoalPose(robot.tip, at, tolerance=most) for at in (above, beyond)]
+    problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=passed, path_constraints=lines)
     chain_bound([problem], [q, goal], 0.4, policy=Noted.of(problem).bound)
 
 
