@@ -60,11 +60,15 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
-        seconds = min(
-            max(time.perf_counter() - started, CyclePolicy().bound), max(stop.deadline - time.perf_counter(), 0.0)
-        )
+        seconds = _seconds_of_bound(time.perf_counter() - started, options.time_limit, CyclePolicy())
+        seconds = 0.0 if stop.interrupted else seconds
         answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
+
+
+def _seconds_of_bound(spent: float, limit: float, numbers: CyclePolicy) -> float:
+    """Time for the bound of the whole cycle [s]: as long as the search took, and a little where its time was up."""
+    return max(min(max(spent, numbers.bound), limit - spent), min(numbers.bound, numbers.beyond * limit))
 
 
 def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report: Report) -> Tour:

@@ -48,6 +48,8 @@ def course_bound(
     course = Course.of(leg, phases, longest)
     if course is None:
         return longest
+    if np.all(course.elastic):
+        return known  # momentum says nothing of motions that may take no time
     course = course.narrowed(leg, course.reached(leg, _forces(leg, course)))
     if course is None:
         return longest
