@@ -48,3 +48,8 @@ class Affine:
         far = self.far
         beside = far + rounding(2 + self.slopes.shape[1], far + np.abs(self.centre))
         return Interval(self.centre - beside, self.centre + beside)
+
+    def __sub__(self, other: Affine) -> Affine:
+        centre, slopes, rest = self.centre - other.centre, self.slopes - other.slopes, self.rest + other.rest
+        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+        return Affine(centre, slopes, rest + rounding(slopes.shape[1] + 2, size))
