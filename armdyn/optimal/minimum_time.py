@@ -30,7 +30,7 @@ from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import concurrently
+from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
     "arcs": minimum_time,
@@ -84,6 +84,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
         return _fastest_goal(task)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with (
+        one_blas_thread(),
         stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
         _bounded(replace(task, stop=stop)) as task,
     ):

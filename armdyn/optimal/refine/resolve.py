@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.problem.stop import Budget
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_on_knots
@@ -55,7 +57,8 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         if rolled_out:
             found = _by_switching(task, attempt, own)
             extremal, remark, sharp = found.extremal, found.why, found.mesh
-            known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
+            rest = own if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
+            known += [land_extremal(task, extremal, attempt.intervals, rest)] if extremal else []
         # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
@@ -67,16 +70,16 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     if certified:
         return certified[0]
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
-    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
+    if known and not rank(task, known[0])[0] and known[0].trajectory.duration <= longest:
         return known[0]  # usable, and the mesh's own motion is slower
     for mesh in _alike(task, sharp, attempt):
         landed, replay = aimed(task, mesh.trajectory)
         certificate = certify(task.problem, replay, None, remark)
         known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
-        if not _rank(known[-1])[0]:
+        if not rank(task, known[-1])[0]:
             break
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return min(known, key=_rank)
+    return min(known, key=partial(rank, task))
 
 
 def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
@@ -102,10 +105,16 @@ def _at_speed(task: Task, *motions: Trajectory) -> bool:
     return any(bool(np.any(np.abs(motion.v) >= near)) for motion in motions)
 
 
-def _rank(optimum: Optimum) -> tuple[bool, float]:
-    """Sort key: optima that land within their limits by duration, then the others by their worst error."""
-    good = optimum.error <= max(GOAL_TOLERANCE, LIMIT_TOLERANCE)
-    return not good, optimum.trajectory.duration if good else optimum.error
+def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
+    """Sort key: optima that land within their limits, slowed down a little or not, by duration, others by their error.
+
+    Args:
+        task: what is solved.
+        optimum: replayed.
+    """
+    factor = least_slowing(task, optimum)
+    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
+    return not good, factor * optimum.trajectory.duration if good else optimum.error
 
 
 def prepare_resolving(task: Task) -> None:
@@ -179,11 +188,13 @@ class _Resolved:
         extremal: the best; None: nothing lands, or time does not determine what some joint does.
         why: what it lacks, for people; "": nothing.
         mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
+        settled: the extremal lacks nothing.
     """
 
     extremal: Extremal | None
     why: str
     mesh: Attempt
+    settled: bool = False
 
 
 class _Structures:
@@ -218,7 +229,7 @@ class _Structures:
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
     """The extremal that a structure leads to when it is mended, or the nearest attempt."""
     shooting = shooting_problem(task, attempt.trajectory.duration)
-    best, least = RefinedExtremal(None, np.inf, ""), (np.inf, np.inf)
+    best, least = RefinedExtremal(None, np.inf, ""), (True, np.inf)
     structures = _Structures(task, attempt, shooting)
     for structure, most in structures.tries():
         granted = min(budget.left, most)
@@ -228,20 +239,22 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
         best = found if best.extremal is None else best
         if (lack := _lack(task, found)) < least:
             best, least = found, lack
-        if least[0] == 0 or budget:
+        if not least[0] or budget:
             break
     idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return _Resolved(None, _IDLE, structures.mesh) if idle else _Resolved(best.extremal, best.why, structures.mesh)
+    if idle:
+        return _Resolved(None, _IDLE, structures.mesh)
+    return _Resolved(best.extremal, best.why, structures.mesh, not least[0])
 
 
-def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
-    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a multiplier."""
+def _lack(task: Task, refined: RefinedExtremal) -> tuple[bool, float]:
+    """Sorts: extremals before other motions, each by duration."""
     if refined.extremal is None:
-        return np.inf, np.inf
+        return True, np.inf
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
         wrong = pontryagin(task.problem, phases_of(refined.extremal))[2]
-    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
+    return wrong > SWITCHING_TOLERANCE, refined.extremal.structure.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
