@@ -56,9 +56,12 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
         if rolled_out:
             found = _by_switching(task, attempt, own)
-            extremal, remark, sharp = found.extremal, found.why, found.mesh
+            remark, sharp = found.why, found.mesh
             rest = own if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
-            known += [land_extremal(task, extremal, attempt.intervals, rest)] if extremal else []
+            for extremal in found.extremals[: task.policy.refinement.landed_of]:
+                known.append(land_extremal(task, extremal, attempt.intervals, rest))
+                if not rank(task, known[-1])[0]:
+                    break
         # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
@@ -70,8 +73,8 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     if certified:
         return certified[0]
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
-    if known and not rank(task, known[0])[0] and known[0].trajectory.duration <= longest:
-        return known[0]  # usable, and the mesh's own motion is slower
+    if known and not rank(task, known[-1])[0] and known[-1].trajectory.duration <= longest:
+        return known[-1]  # usable, and the mesh's own motion is slower
     for mesh in _alike(task, sharp, attempt):
         landed, replay = aimed(task, mesh.trajectory)
         certificate = certify(task.problem, replay, None, remark)
@@ -182,69 +185,60 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
 
 @dataclass(frozen=True, eq=False)
 class _Resolved:
-    """Result of the switching structures of a mesh's solution.
+    """Where the structures of a mesh's solution have led.
 
     Attributes:
-        extremal: the best; None: nothing lands, or time does not determine what some joint does.
-        why: what it lacks, for people; "": nothing.
+        extremals: motions within their limits, extremals first, each by duration; none: nothing lands, or time does not
+            determine what some joint does.
+        why: what the first lacks, for people; "": nothing.
         mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
-        settled: the extremal lacks nothing.
+        settled: the first is an extremal.
     """
 
-    extremal: Extremal | None
+    extremals: tuple[Extremal, ...]
     why: str
     mesh: Attempt
     settled: bool = False
 
 
-class _Structures:
-    """Structures of a mesh's solution in the order in which they are tried.
-
-    Those of equal intervals come first, then those of a mesh refined at its switches; then the first ones again, with
-    more of the budget.
-
-    Attributes:
-        mesh: the finest solution that structures were read from.
-    """
-
-    def __init__(self, task: Task, attempt: Attempt, shooting: ShootingProblem) -> None:
-        self.mesh = attempt
-        self._task, self._shooting = task, shooting
-
-    def tries(self) -> Iterator[tuple[SwitchingStructure, int]]:
-        """Structures, each with the integrator steps that it may take."""
-        numbers, attempt = self._task.policy.refinement, self.mesh
-        first = self._read()
-        yield from ((structure, numbers.glance) for structure in first)
-        self.mesh = at_switches(self._task, attempt)
-        if self.mesh is not attempt:
-            yield from ((structure, numbers.sharp) for structure in self._read())
-        yield from ((structure, numbers.share) for structure in first)
-
-    def _read(self) -> list[SwitchingStructure]:
-        arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
-        return list(structures_of(self._shooting, arcs, self.mesh.trajectory, sure))
-
-
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
-    """The extremal that a structure leads to when it is mended, or the nearest attempt."""
-    shooting = shooting_problem(task, attempt.trajectory.duration)
-    best, least = RefinedExtremal(None, np.inf, ""), (True, np.inf)
-    structures = _Structures(task, attempt, shooting)
-    for structure, most in structures.tries():
+    """The extremal that a structure leads to when it is corrected, or the nearest motions.
+
+    Structures of equal intervals come first, then those of a mesh refined at its switches. Those that the budget ended
+    go on where they stopped, the last one first, each with half of what is left.
+    """
+    numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory.duration)
+    found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
+    begun: list[SwitchingStructure] = []
+
+    def extremal(structure: SwitchingStructure, most: float) -> bool:
         granted = min(budget.left, most)
         own = Budget(task.stop, granted)
-        found = refine_extremal(replace(shooting, budget=own), structure, own)
+        refined = refine_extremal(replace(shooting, budget=own), structure, own)
         budget.spend(granted - own.left)
-        best = found if best.extremal is None else best
-        if (lack := _lack(task, found)) < least:
-            best, least = found, lack
-        if not least[0] or budget:
-            break
-    idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    if idle:
-        return _Resolved(None, _IDLE, structures.mesh)
-    return _Resolved(best.extremal, best.why, structures.mesh, not least[0])
+        found.append((_lack(task, refined), refined))
+        if refined.reached is not None:
+            begun.append(refined.reached)
+        return not found[-1][0][0]
+
+    mesh = attempt
+    settled = any(extremal(each, numbers.glance) for each in _structures(task, shooting, attempt) if not budget)
+    if not settled and not budget:
+        mesh = at_switches(task, attempt)
+        sharp = _structures(task, shooting, mesh) if mesh is not attempt else ()
+        settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
+    while begun and not settled and not budget:
+        settled = extremal(begun.pop(), max(budget.left / 2, numbers.glance))
+    found.sort(key=lambda each: each[0])
+    extremals = tuple(each.extremal for _, each in found if each.extremal is not None)
+    if extremals and leaves_idle(extremals[0], SWITCHING_TOLERANCE):
+        return _Resolved((), _IDLE, mesh)
+    return _Resolved(extremals, found[0][1].why if found else budget.word, mesh, settled)
+
+
+def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterator[SwitchingStructure]:
+    """Structures that a mesh's arcs say."""
+    return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
 
 
 def _lack(task: Task, refined: RefinedExtremal) -> tuple[bool, float]:
