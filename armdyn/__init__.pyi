@@ -90,6 +90,7 @@ from armdyn.optimal import lower_bound as lower_bound
 from armdyn.optimal import plan_path as plan_path
 from armdyn.optimal import read_problem as read_problem
 from armdyn.optimal import replay_torques as replay_torques
+from armdyn.optimal import solve_many as solve_many
 from armdyn.optimal import solve_minimum_time as solve_minimum_time
 from armdyn.optimal import time_optimality as time_optimality
 from armdyn.optimal import trajectory_from_path as trajectory_from_path

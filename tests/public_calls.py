@@ -191,7 +191,13 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.likely_plants: {"robot": RR},
         ad.load_scene: {"path": folder / "scene.json", "robot": None, "lock": None, "package_dirs": ()},
         ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
-        ad.mujoco_model: {"robot": RR, "samples": MOTION.resample(100.0), "geometry": False, "motors": True},
+        ad.mujoco_model: {
+            "robot": RR,
+            "samples": MOTION.resample(100.0),
+            "geometry": False,
+            "motors": True,
+            "feedback": True,
+        },
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.lower_bound: {"problem": PROBLEM, "stop": None},
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}
@@ -231,6 +237,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.solve_cycle: {"cycle": CYCLE, "options": OPTIONS, "progress": None},
         ad.cycle_costs: {"solution": solved_cycle(), "options": OPTIONS, "progress": None},
         ad.read_cycle: {"path": cycle_file(folder)},
+        ad.solve_many: {"problems": [PROBLEM], "options": OPTIONS, "progress": None},
         ad.solve_minimum_time: {"problem": PROBLEM, "options": OPTIONS, "progress": None},
         ad.study_table: {"file": folder / "done.sqlite"},
         ad.time_optimality: {"robot": RR, "trajectory": MOTION, "options": OPTIONS, "reserve": 0.0}

@@ -49,7 +49,7 @@ def solve_minimum_time(
     """The fastest motion between two states, and how far to trust it.
 
     Many guesses are solved on a coarse mesh; the best different optima are solved finer, their arcs
-    resolved to exact switching times, their torques replayed through `pin.aba` by two independent
+    resolved to exact switching times, their torques replayed through Pinocchio's `aba` by two independent
     integrators, their costates checked. The fastest that lands is the answer. Arms of more than three joints move
     along curves instead, replayed all the same.
 
@@ -145,7 +145,7 @@ def _usable(task: Task, optimum: Optimum) -> bool:
 @contextmanager
 def _bounded(task: Task) -> Iterator[Task]:
     """The task with the lower bound on its duration, which is computed concurrently where the strategy asks for it."""
-    if not task.policy.strategy.bounded:
+    if not (task.policy.strategy.bounded and task.options.bound):
         yield task
         return
     with concurrently(partial(_lower_bound, task), task.workers) as bound:
@@ -198,7 +198,7 @@ def _near(task: Task, until: float, known: Solution, q: Array) -> Solution | Non
 
 def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
     """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
-    if any(solution.lower_bound is None for solution in solutions):
+    if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
         bound = _lower_bound(replace(task, stop=stop))

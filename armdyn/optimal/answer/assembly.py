@@ -8,6 +8,7 @@ import numpy as np
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.deciding import deciding
@@ -77,20 +78,32 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
     attempt, worst = found.failed[0], found.failed[0].worst_violation
     ended = task.stop.cut_short and not task.stop.interrupted
     why = ended_by_time(task.options.time_limit) if ended else attempt.message
-    return Solution(
-        success=False,
-        status=Status.TIME_LIMIT if ended else attempt.status,
-        message=f"no motion was found: {why}" + (f"; worst: {worst}" if worst else ""),
-        problem=task.problem,
-        duration=attempt.trajectory.duration,
-        trajectory=attempt.trajectory,
+    status = Status.TIME_LIMIT if ended else attempt.status
+    return replace(
+        without_motion(task.problem, status, why + (f"; worst: {worst}" if worst else ""), attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),
         intervals=task.options.intervals,
         iterations=found.iterations,
         solve_time=elapsed,
         worst_violation=worst,
-        moves=False,
     )
+
+
+def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:
+    """A solution that says why there is no motion.
+
+    Args:
+        problem: that was to be solved.
+        status: of it.
+        why: the reason, for people.
+        last: last iterate; None: there was none, and the trajectory rests at the start.
+    """
+    if last is None:
+        q, names = np.asarray(problem.q_start), problem.robot.joint_names
+        last = Trajectory.at_rest(q, np.zeros_like(q), 1.0, names, name="no motion")
+    said = f"no motion was found: {why}"
+    nothing = Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({why})")
+    return Solution(False, status, said, problem, last.duration, last, nothing, moves=False)
 
 
 def ended_in_time(solution: Solution, limit: float) -> Solution:

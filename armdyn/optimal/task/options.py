@@ -53,6 +53,8 @@ class MinimumTimeOptions:
         calm: part of the duration that may be given for calm joints, where motions are curves: of those about so much
             slower than the fastest one found, the one whose joints travel and turn back least. A motion within a
             proven thousandth of the least duration stays so. 0: the fastest.
+        bound: prove a lower bound on the duration, where velocity limits shape the motion: without, the same motion is
+            found in less time, and neither a gap nor a certificate by it is known.
         time_limit: wall time for the whole solve [s]. What is tried is a count of work, the same on every machine; the
             clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking the motion
             takes up to 1 s and a tenth of the limit beyond it.
@@ -78,6 +80,7 @@ class MinimumTimeOptions:
     max_iterations: int = 500
     tolerance: float = 1e-8
     calm: float = 1e-3
+    bound: bool = True
     time_limit: float = 300.0
     workers: int | None = None
     verbose: bool = False
@@ -107,7 +110,7 @@ class MinimumTimeOptions:
         one_of(self.method, tuple(TABLEAUS), "method")
         one_of(self.control, ("linear", "constant"), "control")
         one_of(self.dynamics, ("forward", "inverse"), "dynamics")
-        for name in ("arcs", "verbose"):
+        for name in ("arcs", "bound", "verbose"):
             flag(getattr(self, name), name)
         if self.compile is not None:
             flag(self.compile, "compile")
