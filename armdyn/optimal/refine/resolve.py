@@ -211,10 +211,10 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
     found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
     begun: list[SwitchingStructure] = []
 
-    def extremal(structure: SwitchingStructure, most: float) -> bool:
+    def extremal(structure: SwitchingStructure, most: float, again: bool = False) -> bool:
         granted = min(budget.left, most)
         own = Budget(task.stop, granted)
-        refined = refine_extremal(replace(shooting, budget=own), structure, own)
+        refined = refine_extremal(replace(shooting, budget=own), structure, own, again)
         budget.spend(granted - own.left)
         found.append((_lack(task, refined), refined))
         if refined.reached is not None:
@@ -228,7 +228,7 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
         sharp = _structures(task, shooting, mesh) if mesh is not attempt else ()
         settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
     while begun and not settled and not budget:
-        settled = extremal(begun.pop(), max(budget.left / 2, numbers.glance))
+        settled = extremal(begun.pop(), max(budget.left / 2, numbers.glance), again=True)
     found.sort(key=lambda each: each[0])
     extremals = tuple(each.extremal for _, each in found if each.extremal is not None)
     if extremals and leaves_idle(extremals[0], SWITCHING_TOLERANCE):
