@@ -34,7 +34,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
     structure = extremal.structure
     held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in TOWARDS]
     whole = SampledExtremal.of(extremal) if held else None
-    contacts = [(s, _Contact.of(extremal, whole, s)) for s in held if whole is not None]
+    contacts = [(s, Contact.of(extremal, whole, s)) for s in held if whole is not None]
     for segment, contact in contacts:
         if contact is None:
             continue
@@ -79,7 +79,7 @@ class _Weak:
 
 
 @dataclass(frozen=True, eq=False)
-class _Contact:
+class Contact:
     """A contact at the stages of its intervals.
 
     Attributes:
@@ -97,7 +97,7 @@ class _Contact:
     numbers: ContactPolicy
 
     @classmethod
-    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
+    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "Contact | None":
         """Contact of a segment; None: the segment takes no time."""
         structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]
