@@ -204,31 +204,30 @@ class _Resolved:
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
     """The extremal that a structure leads to when it is corrected, or the nearest motions.
 
-    Structures of equal intervals come first, then those of a mesh refined at its switches. Those that the budget ended
-    go on where they stopped, the last one first, each with half of what is left.
+    Structures of equal intervals come first, then those of a mesh refined at its switches; then the first ones again,
+    each with half of what is left, and the last one of the others goes on where the budget ended it.
     """
     numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory.duration)
     found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
-    begun: list[SwitchingStructure] = []
 
-    def extremal(structure: SwitchingStructure, most: float, again: bool = False) -> bool:
+    def extremal(structure: SwitchingStructure, most: float) -> bool:
         granted = min(budget.left, most)
         own = Budget(task.stop, granted)
-        refined = refine_extremal(replace(shooting, budget=own), structure, own, again)
+        refined = refine_extremal(replace(shooting, budget=own), structure, own)
         budget.spend(granted - own.left)
         found.append((_lack(task, refined), refined))
-        if refined.reached is not None:
-            begun.append(refined.reached)
         return not found[-1][0][0]
 
-    mesh = attempt
-    settled = any(extremal(each, numbers.glance) for each in _structures(task, shooting, attempt) if not budget)
+    mesh, first = attempt, list(_structures(task, shooting, attempt))
+    settled = any(extremal(each, numbers.glance) for each in first if not budget)
     if not settled and not budget:
         mesh = at_switches(task, attempt)
-        sharp = _structures(task, shooting, mesh) if mesh is not attempt else ()
+        sharp = list(_structures(task, shooting, mesh)) if mesh is not attempt else []
         settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
-    while begun and not settled and not budget:
-        settled = extremal(begun.pop(), max(budget.left / 2, numbers.glance), again=True)
+        reached = found[-1][1].reached if sharp else None
+        settled = settled or any(extremal(each, budget.left / 2) for each in first if not budget)
+        if reached is not None and not settled and not budget:
+            settled = extremal(reached, np.inf)
     found.sort(key=lambda each: each[0])
     extremals = tuple(each.extremal for _, each in found if each.extremal is not None)
     if extremals and leaves_idle(extremals[0], SWITCHING_TOLERANCE):

@@ -28,7 +28,7 @@ class RefinedExtremal:
         extremal: the best; at the worst a motion that lands within its limits; None: there was none.
         wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
         why: what it lacks, for people; "": nothing.
-        reached: the structure to go on from with more steps; None: more steps change nothing.
+        reached: the structure at which a stop ended the refinement; None: it came to an end, or was to try others.
     """
 
     extremal: Extremal | None
@@ -72,25 +72,20 @@ def _flow(task: Task) -> Flow:
     return in_time(task, lambda scheme: flow_of(task.dynamics, scheme.compile))
 
 
-def refine_extremal(
-    shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, mended: bool = False
-) -> RefinedExtremal:
+def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> RefinedExtremal:
     """Refine a switching structure until it satisfies Pontryagin's conditions: switches, contacts, singular arcs.
 
     Args:
         shooting: the shooting problem.
         structure: to begin with.
         stop: asked before every step.
-        mended: wrong signs have been corrected before: singular arcs may be put in at once.
     """
-    best, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), 0, _Others()
-    numbers, reached, cut = shooting.policy.switching, None, False
+    best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
+    numbers = shooting.policy.switching
     for _ in range(numbers.rounds):
         while structure.size + 1 > shooting.most_arcs and shooting.finer is not None:
             shooting = shooting.finer
-        waiting = bool(others.left)
-        found, given_up = _tried(shooting, structure, stop, waiting)
-        cut |= given_up and waiting
+        found, given_up = _tried(shooting, structure, stop, bool(others.left))
         finer, enough = shooting.finer, numbers.drift if isinstance(found, Extremal) else numbers.astray
         if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
             shooting, structure = finer, found.linear.rollout.structure
@@ -100,10 +95,7 @@ def refine_extremal(
                 with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
             )
             if not others.left or stop:
-                if (cut or others.left) and best.extremal is not None:  # with more steps alternatives may lead on
-                    reached = best.extremal.structure
-                elif stop and found.linear:
-                    reached = found.linear.rollout.structure
+                reached = found.linear.rollout.structure if found.linear and not others.left and stop else None
                 return replace(best.or_else(found.linear, found.why), reached=reached)
             structure = others.next()
             continue
