@@ -68,6 +68,7 @@ def browser():
         def opened(url, size=DESKTOP):
             context = chromium.new_context(viewport=size)
             context.add_init_script(UNDRAWN)
+            context.set_default_timeout(90_000)  # [ms]: machines that run all tests at once are slow
             page = context.new_page()
             page.on("request", lambda request: requests.append((url, request.url)))
             page.on("pageerror", lambda error: errors.append(str(error)))
