@@ -11,6 +11,8 @@ from armdyn.models.robots.robot import Robot
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (nv,)."""
+InverseDerivatives = Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]
+"""(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of many states, each argument of shape (k, nv)."""
 
 
 def forward_dynamics(robot: Robot) -> StateFunction:
@@ -84,3 +86,26 @@ def inverse_dynamics(robot: Robot) -> StateFunction:
         return free(q, v, a) + friction.torque(v)
 
     return rubbing if friction.present else free
+
+
+def inverse_dynamics_derivatives(robot: Robot) -> InverseDerivatives:
+    """(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of many states, each argument of shape (k, nv), the joints' friction included.
+
+    Pinocchio's derivatives of the recursive Newton-Euler algorithm: Carpentier and Mansard, as of
+    `forward_dynamics_derivatives`. For one thread, like `forward_dynamics`.
+    """
+    model, data, friction = robot.model, robot.model.createData(), robot.friction
+    configuration, lower, diagonal = configurations(model), np.tril_indices(robot.nv, -1), np.arange(robot.nv)
+
+    def derivatives(q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        tau, (by_q, by_v, inertia) = np.empty_like(v), np.empty((3, *v.shape, v.shape[-1]))
+        for k in range(len(v)):
+            pin.computeRNEADerivatives(model, data, configuration(q[k]), v[k], a[k])
+            tau[k], by_q[k], by_v[k], inertia[k] = data.tau, data.dtau_dq, data.dtau_dv, data.M
+        inertia[:, lower[0], lower[1]] = inertia[:, lower[1], lower[0]]
+        if friction.present:
+            tau += friction.torque(v)
+            by_v[:, diagonal, diagonal] += friction.slope(v)
+        return tau, by_q, by_v, inertia
+
+    return derivatives
