@@ -14,7 +14,9 @@ _WITHIN = 0.7
 
 
 def direct(mesh: Mesh, ends: Ends, limits: JointLimits, inertia: Array) -> tuple[Array, float]:
-    """Cubic polynomials from the start state to rest, as long as limits of velocity and torque take by an estimate.
+    """Cubic polynomials from the start state to rest, as long as the slowest joint takes alone.
+
+    A joint alone is taken for a double integrator: full acceleration, its velocity limit, full deceleration.
 
     Args:
         mesh: of the curve.
@@ -25,10 +27,13 @@ def direct(mesh: Mesh, ends: Ends, limits: JointLimits, inertia: Array) -> tuple
     Returns:
         Control points and duration.
     """
-    way, most = np.abs(ends.goal - ends.q), _WITHIN * limits.actuators.half_range / inertia
-    # A cubic from rest to rest: 1.5 way / T at its fastest, 6 way / T² at its ends.
-    times = np.maximum(1.5 * way / limits.velocity, np.sqrt(6 * way / most)) + np.abs(ends.v) / most
-    duration = float(max(np.max(times), _SHORTEST))
+    way, a = ends.goal - ends.q, _WITHIN * limits.actuators.half_range / inertia
+    turn = np.where(way < ends.v * np.abs(ends.v) / (2 * a), -1.0, 1.0)
+    way, v, fastest = turn * way, turn * ends.v, limits.velocity
+    peak = np.sqrt(np.maximum(a * way + v**2 / 2, 0))
+    top = np.minimum(peak, fastest)
+    cruise = np.maximum(way - (2 * top**2 - v**2) / (2 * a), 0) / fastest
+    duration = float(max(np.max((2 * top - v) / a + cruise), _SHORTEST))
     r = mesh.basis.places[:, None]
     lead, blend = (r**3 - 2 * r**2 + r) * ends.v * duration, _blend(r)
     return ends.q + lead + blend * (ends.goal - ends.q), duration

@@ -85,6 +85,7 @@ def improve(
     """
     program, policy = arm.program, arm.program.policy
     best, reach, k, began = None, 1.0, 0, time.perf_counter()
+    program.whole = max(guesses[-1][1], 1e-3)
     starts = [_at(arm, ends, *guess, distances) for guess in guesses]
     here = min(starts, key=lambda one: program.merit(one, margins))
     took = time.perf_counter() - began

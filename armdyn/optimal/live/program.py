@@ -102,6 +102,7 @@ class StepProgram:
 
     def __init__(self, mesh: Mesh, limits: JointLimits, acceleration: Array, policy: LivePolicy):
         self.mesh, self.limits, self.acceleration, self.policy = mesh, limits, acceleration, policy
+        self.whole = 1.0
         self.nv, self.count = limits.velocity.size, mesh.basis.size
         self.size = self.count * self.nv + 1
         self.half = limits.actuators.half_range
@@ -159,7 +160,7 @@ class StepProgram:
         missing = 0.0 if at.near is None else float(np.sum(at.near.missing))
         smooth = self._smoothness(at)
         return float(
-            at.duration + smooth + policy.torque * np.sum(torque) + policy.rate * rates + policy.distance * missing
+            at.duration + smooth + policy.torque * self.whole * np.sum(torque) + policy.rate * rates + policy.distance * missing
         )
 
     def violations(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
@@ -196,7 +197,7 @@ class StepProgram:
         low[-1], high[-1] = -reach * policy.faster * T, reach * policy.slower * T
         found, _, cost, step, _, _ = curves.solve(
             place=self._place, gradient=gradient, curvature=(*self._curvature[:2], self._curvature[2] * (1 + policy.proximal / reach)), squares=self._nothing,
-            square_weight=np.empty(0), lower=low, upper=high, rows=rows, top=top, slack=slack, price=price,
+            square_weight=np.empty(0), lower=low, upper=high, rows=rows, top=top, slack=slack, price=self._priced(price),
             tolerance=policy.accuracy, most=_MOST_ITERATIONS,
         )  # fmt: skip
         change = np.frombuffer(step)
@@ -210,6 +211,11 @@ class StepProgram:
     def _smoothness(self, at: Iterate) -> float:
         """What squared accelerations cost [s]."""
         return float(np.sum((self._smoothing @ at.points) * at.points / self._scale**2)) / 2
+
+    def _priced(self, price: Array) -> Array:
+        out = price.copy()
+        out[: self.mesh.places.size] *= self.whole
+        return out
 
     def _lead(self, ends: Ends) -> Array:
         """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
