@@ -191,7 +191,13 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.likely_plants: {"robot": RR},
         ad.load_scene: {"path": folder / "scene.json", "robot": None, "lock": None, "package_dirs": ()},
         ad.loop_margins: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
-        ad.mujoco_model: {"robot": RR, "samples": MOTION.resample(100.0), "geometry": False, "motors": True},
+        ad.mujoco_model: {
+            "robot": RR,
+            "samples": MOTION.resample(100.0),
+            "geometry": False,
+            "motors": True,
+            "feedback": True,
+        },
         ad.multiloop_disk: {"loop": ad.sampled_loop(RR, GOAL, ad.Lqr(), LOOP)},
         ad.lower_bound: {"problem": PROBLEM, "stop": None},
         ad.monte_carlo: {"robot": RR, "reference": MOTION, "controller": PID, "plants": PLANTS, "loop": LOOP}

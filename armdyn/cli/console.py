@@ -238,7 +238,7 @@ def facts_table(title: str, facts: dict[str, str]) -> Table:
 
     table = Table(title=escape(title), title_justify="left", title_style="bold", show_header=False, box=None)
     table.add_column(style="dim")
-    table.add_column()
+    table.add_column(overflow="fold")
     for key, value in facts.items():
         table.add_row(escape(key), escape(value))
     return table

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _DEFAULT_RATE = 1000.0
 """Rows per second of a table or message [Hz]."""
 _MODEL_RATE = 4000.0
-"""Keyframes per second of a complete model, whose torques are played open loop [Hz]."""
+"""Keyframes per second of a complete model [Hz]: torques and targets are held between them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +88,13 @@ class ModelOptions:
         default=True,
         name="--geometry/--no-geometry",
     )
+    feedback: bool = option(
+        "",
+        "With --model: servos that hold each joint on the motion, besides the torques; --no-feedback: torques alone, "
+        "open loop.",
+        default=True,
+        name="--feedback/--no-feedback",
+    )
     part: PartOptions
 
     def expect_format(self, kind: type[OutputFormat]) -> None:
@@ -99,7 +106,9 @@ class ModelOptions:
         if self.model and kind is not Mujoco:
             raise ProblemError(f"--model is of the format mujoco; {kind.name} has none")
         if not self.model and self != ModelOptions(part=PartOptions()):
-            raise ProblemError("--robot, --no-geometry, --lock, --arm, --tool and --package-dir need --model")
+            raise ProblemError(
+                "--robot, --no-geometry, --no-feedback, --lock, --arm, --tool and --package-dir need --model"
+            )
 
     def content(self, file: Path, motion: Trajectory, samples: Samples, motors: bool) -> str:
         """The model of the arm of a motion's file, with the samples of the motion, or of a piece, as keyframes.
@@ -110,7 +119,7 @@ class ModelOptions:
         from armdyn.models import mujoco_model, robots_of
 
         arm = robots_of(_arm(file, self.robot, self.part), motion)[0]
-        return mujoco_model(arm, samples, geometry=self.geometry, motors=motors)
+        return mujoco_model(arm, samples, geometry=self.geometry, motors=motors, feedback=self.feedback)
 
 
 def export(
@@ -127,7 +136,7 @@ def export(
         typer.Option(
             metavar="HZ|own",
             help="Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and "
-            "ur-rtde, 4000 with --model, whose torques are played open loop, and 1000 otherwise.",
+            "ur-rtde, 4000 with --model, and 1000 otherwise.",
         ),
     ] = None,
     out: Annotated[

@@ -59,7 +59,7 @@ def _list(listed: list[ad.ControllerPreset]) -> Table:
     from rich.table import Table
 
     table = Table(title="Controller presets", title_justify="left", title_style="bold", box=None)
-    for head in ("name", "joints", "Hz", "interfaces", "necessary"):
+    for head in ("name", "joints", "Hz", "interfaces", "necessary", "as of"):
         table.add_column(
             head, justify="right" if head in ("joints", "Hz") else "left", style="" if head == "name" else "dim"
         )
@@ -70,7 +70,8 @@ def _list(listed: list[ad.ControllerPreset]) -> Table:
             str(len(preset.joints)),
             f"{preset.chosen.rate:g}",
             ways,
-            ", ".join(preset.chosen.necessary),
+            _plain(preset.chosen.necessary),
+            preset.date,
         )
         table.add_row(*map(escape, cells))
     return table
@@ -79,13 +80,17 @@ def _list(listed: list[ad.ControllerPreset]) -> Table:
 def _show(preset: ad.ControllerPreset, answer: Answer) -> None:
     """One preset: facts, and a table of its limits."""
     answer.done("listed", {"presets": [_facts(preset)]})
-    words = {"robot": preset.robot, "of": preset.date, "sources": "\n".join(preset.sources)}
+    words = {"robot": preset.robot, "as of": preset.date, "sources": "\n".join(preset.sources)}
     for one in preset.interfaces:
-        recommended = f"\nrecommended: {', '.join(one.recommended)}" if one.recommended else ""
-        words[f"{one.name}, {one.rate:g} Hz"] = f"necessary: {', '.join(one.necessary) or 'nothing'}{recommended}"
+        recommended = f"\nrecommended: {_plain(one.recommended)}" if one.recommended else ""
+        words[f"{one.name}, {one.rate:g} Hz"] = f"necessary: {_plain(one.necessary) or 'nothing'}{recommended}"
     words["not public"] = "\n".join(preset.not_public) or "not said"
     console.print(facts_table(preset.name, words))
     console.print(_limits(preset))
+
+
+def _plain(conditions: tuple[str, ...]) -> str:
+    return ", ".join(conditions).replace("_", " ")
 
 
 def _limits(preset: ad.ControllerPreset) -> Table:

@@ -47,7 +47,12 @@ class Table:
     within: tuple[str, ...] = ()
 
     def error(self, key: str, why: str) -> ProblemError:
-        """A complaint about a key, with its line; of a key that is not there with that of the table."""
+        """A complaint about a key, with its line; of a key that is not there with that of the table.
+
+        A complaint that has its line already stays as it is.
+        """
+        if why.startswith(f"{self.path}, line "):
+            return ProblemError(why)
         way = (*self.within, key)
         line = next((self.lines[way[:n]] for n in range(len(way), 0, -1) if way[:n] in self.lines), 1)
         why = _ARGUMENT.sub(r"\1", _UNCLEAR.sub(" ", why))
@@ -61,8 +66,6 @@ class Table:
             words: other words that a key goes by in messages, to the key.
         """
         said = str(error)
-        if said.startswith(f"{self.path}, line "):
-            return ProblemError(said)
         found: list[tuple[int, str]] = []
         for word, key in {**{key: key for key in self.values}, **(words or {})}.items():
             if key in self.values and (match := re.search(rf"(?<!\w){re.escape(word)}(?!\w)", said)):

@@ -64,7 +64,7 @@ def test_positions_of_some_points_are_refused_and_why(motion, here):
     done = run_here("check", "coarse.json", "--preset", "franka-panda")
     assert done.returncode == 3
     words = " ".join(done.stdout.split())
-    assert "refused: panda_joint" in words and "exceeds its acceleration limit, first at t = 0.001 s" in words
+    assert "refused: panda_joint" in words and "exceeds its acceleration limit, first at t = 0.001 s: " in words
     assert "Note: the points have positions only: the controller goes straight from one to the next." in words
     assert "not checked, the motion has no torques" in words
     assert check("coarse.json", code=3)["interpolation"] == "linear"
@@ -128,7 +128,7 @@ def test_presets():
     words = run_here("presets").stdout
     assert all(name in words for name in ad.ControllerPreset.names())
     one = run_here("presets", "franka-fr3").stdout
-    for said in ("not public", "sources", "frankaemika.github.io", "2025-01-16", "torque_rate", "-2.7437"):
+    for said in ("not public", "sources", "frankaemika.github.io", "2025-01-16", "torque rate", "-2.7437"):
         assert said in one
     facts = answer(run_here("presets", "kinova-gen3", "--json"))
     assert facts["presets"][0]["limits"]["position_lower"][0] is None

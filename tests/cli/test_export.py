@@ -123,7 +123,7 @@ def test_a_model_of_the_arm_that_moved(tmp_path):
     answer(run_here("mintime", "rr", "--payload", "0.1006", *bare, cwd=tmp_path))
     told = answer(run_here("export", "run/trajectory.npz", "--format", "mujoco", "--model", "--json", cwd=tmp_path))
     model = mujoco.MjSpec.from_file(str(tmp_path / told["files"][0])).compile()
-    assert (model.nv, model.nu, model.nkey) == (2, 2, told["samples"]) and told["rate"] == 4000
+    assert (model.nv, model.nu, model.nkey) == (2, 6, told["samples"]) and told["rate"] == 4000
     (tmp_path / "alone.npz").write_bytes((tmp_path / "run" / "trajectory.npz").read_bytes())
     alone = ("export", "alone.npz", "--format", "mujoco", "--model", "--json")
     assert "name it by --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
@@ -154,7 +154,10 @@ def test_a_motion_whose_payload_changes(tmp_path):
     [
         (("--format", "mujoco", "--preset", "franka-panda"), "--preset checks commands for a controller"),
         (("--format", "mujoco", "--interface", "torque"), "--interface torque needs --preset"),
-        (("--format", "mujoco", "--robot", "rr"), "--robot, --no-geometry, --lock, --arm, --tool and --package-dir"),
+        (
+            ("--format", "mujoco", "--robot", "rr"),
+            "--robot, --no-geometry, --no-feedback, --lock, --arm, --tool and --package-dir",
+        ),
         (("--lock", "joint1=0"), "need --model"),
     ],
 )

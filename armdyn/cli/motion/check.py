@@ -119,7 +119,7 @@ def show_check(found: ad.ControllerCheck, name: str) -> None:
     else:
         console.print(
             f"[red]refused[/]: {escape(refused.joint)} exceeds its {_plain(refused.condition)} limit, first at "
-            f"t = {refused.first:.4g} s"
+            f"t = {refused.first:.4g} s: {refused.first_value:.5g} {refused.unit}"
         )
     console.print(_table(found))
     points = f"Between its points: {found.interpolation} interpolation."
@@ -131,7 +131,7 @@ def _table(found: ad.ControllerCheck) -> Table:
     from rich.table import Table
 
     table = Table(box=None)
-    for head in ("condition", "joint", "value", "limit", "worst [s]", "first [s]"):
+    for head in ("condition", "joint", "worst", "limit", "at [s]", "first", "at [s]"):
         table.add_column(escape(head), justify="left" if head in ("condition", "joint") else "right")
     for necessary in (True, False):
         nearest = [row for row in found.worst if row.necessary is necessary]
@@ -140,9 +140,9 @@ def _table(found: ad.ControllerCheck) -> Table:
         for one in nearest:
             for row in [row for row in found.offences if row.condition == one.condition] or [one]:
                 condition = f"  {_plain(row.condition)} [{row.unit}]"
-                first = "" if row.first is None else f"{row.first:.4f}"
+                first = ("", "") if row.first is None else (f"{row.first_value:.4g}", f"{row.first:.4f}")
                 value = row.value if row.share > _NOTHING else 0.0
-                cells = (condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", first)
+                cells = (condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", *first)
                 style = None if row.ok else "red" if row.necessary else "yellow"
                 table.add_row(*map(escape, cells), style=style)
     return table

@@ -35,6 +35,7 @@ class ConditionCheck:
         unit: unit of value and limit.
         time: time of the value [s].
         first: time of the first offence [s]; None: the condition is kept.
+        first_value: the value at that time [unit]; None: the condition is kept.
         share: the value as a part of the limit [-]; of positions the distance from the middle of the range.
     """
 
@@ -46,6 +47,7 @@ class ConditionCheck:
     unit: str
     time: float
     first: float | None
+    first_value: float | None
     share: float
 
     @property
@@ -57,7 +59,9 @@ class ConditionCheck:
         said = (
             f"{self.condition} of {self.joint}: {self.value:.5g} of {self.limit:.5g} {self.unit} at {self.time:.4g} s"
         )
-        return said if self.first is None else f"{said}, first exceeded at {self.first:.4g} s"
+        if self.first is None:
+            return said
+        return f"{said}, first exceeded at {self.first:.4g} s by {self.first_value:.5g} {self.unit}"
 
 
 @brief
@@ -162,11 +166,19 @@ def _rows(
             continue
         k = int(np.argmax(shares[:, i]))
         over = shares[:, i] > 1 + TOLERANCE
-        first = float(times[np.argmax(over)]) if np.any(over) else None
+        first = int(np.argmax(over)) if np.any(over) else None
         yield ConditionCheck(
-            condition, condition in interface.necessary, joint, float(values[k, i]), float(bounds[k, i]),
-            UNITS[condition], float(times[k]), first, float(shares[k, i]),
-        )  # fmt: skip
+            condition=condition,
+            necessary=condition in interface.necessary,
+            joint=joint,
+            value=float(values[k, i]),
+            limit=float(bounds[k, i]),
+            unit=UNITS[condition],
+            time=float(times[k]),
+            first=None if first is None else float(times[first]),
+            first_value=None if first is None else float(values[first, i]),
+            share=float(shares[k, i]),
+        )
 
 
 def _measured(

@@ -93,8 +93,10 @@ def interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ..
     for name in inner.values:
         own = inner.table(name)
         own.only(("rate", *KINDS))
+        if "rate" not in own.values:
+            raise own.error("rate", f"{own.called('rate')} is missing: commands per second [Hz]")
         with own.at("rate"):
-            rate = number(own.values.get("rate"), own.called("rate"), unit="Hz", sign="positive")
+            rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive")
             if rate > MOST_RATE:
                 raise ProblemError(f"{own.called('rate')} is {rate:g} Hz; it must be at most {MOST_RATE:g}")
         conditions = {}

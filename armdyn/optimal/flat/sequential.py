@@ -179,7 +179,7 @@ class Sequential:
         policy, iterations = self.policy, 0
         rows = self._rows(at)
         while True:
-            step = solve_step(self._convex(at, rows, trust), policy.near)
+            step = solve_step(self._convex(at, rows, trust))
             iterations += 1
             if step.found:
                 x = at.x.copy()
@@ -311,12 +311,13 @@ class Sequential:
         smooth = self._smoothing
         return ConvexStep(
             gradient=slope[free] + by_torque + (smooth @ at.x)[free],
-            curvature=smooth[free][:, free].tocsc(),
+            curvature=smooth[free][:, free],
             lower=lower[free],
             upper=upper[free],
             hard=rows[0],
             soft=rows[1],
             equal=rows[2],
+            last=np.searchsorted(free, problem.durations),
         )
 
     @cached_property

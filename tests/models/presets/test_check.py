@@ -82,7 +82,7 @@ def test_the_first_offence_is_found_at_its_joint_and_time(joint, limits, conditi
     if when is None:
         when = motion.t[np.argmax(motion.q[:, joint] > -0.0698)]
     assert refused[0].first == pytest.approx(when, abs=0.0021)  # a difference reaches back as many ticks as its order
-    assert f"first exceeded at {refused[0].first:.4g} s" in str(check)
+    assert f"first exceeded at {refused[0].first:.4g} s by {refused[0].first_value:.5g} " in str(check)
 
 
 def test_offences_of_one_tick_are_found():

@@ -55,16 +55,40 @@ def played(model, substeps=4):
 
 
 def test_a_library_arm_plays_its_motion():
-    """A Panda with a load: fingers, their damping and mesh paths are gone, and it ends on the goal."""
+    """A Panda with a load: fingers, their damping and mesh paths are gone, and it ends on the goal, open loop, too."""
     robot = ad.Robot.from_library("panda", payload=ad.Payload(mass=1.0))
     solution = solve(
         ad.MinimumTimeProblem(robot, q_start="ready", q_goal=[1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]),
         search="quick",
     )
-    model = mujoco.MjSpec.from_string(ad.mujoco_model(robot, solution.trajectory.resample(1000))).compile()
+    samples, goal = solution.trajectory.resample(1000), solution.trajectory.q[-1]
+    model = mujoco.MjSpec.from_string(ad.mujoco_model(robot, samples, feedback=False)).compile()
     assert model.nv == model.nu == 7 and model.ngeom > 7 and not np.any(model.geom_contype)
     # 7.9e-4 rad were measured at 1 kHz, and 7e-5 at 4 kHz: torques are held for a tick.
-    assert np.abs(played(model) - solution.trajectory.q[-1]).max() < 1e-3
+    assert np.abs(played(model) - goal).max() < 1e-3
+    held = mujoco.MjSpec.from_string(ad.mujoco_model(robot, samples, geometry=False)).compile()
+    assert held.nu == 21 and np.abs(played(held) - goal).max() < 3e-4
+
+
+def test_feedback_holds_an_unstable_motion():
+    """An inverted pendulum that stands still: open loop it falls, held by its servos it stands."""
+    robot, upright = paper_arm("r", 0.5), np.array([np.pi / 2 + 1e-4])
+    rest = ad.Trajectory.at_rest(upright, [0.0], 3.0, robot.joint_names, model_hash=robot.model_hash)
+    ends = {}
+    for feedback in (False, True):
+        text = ad.mujoco_model(robot, rest.resample(100), geometry=False, feedback=feedback)
+        ends[feedback] = abs(float(played(mujoco.MjSpec.from_string(text).compile())[0] - upright[0]))
+    assert ends[False] > 1.0 and ends[True] < 1e-4
+
+
+def test_servos_do_not_give_more_than_the_motors():
+    """From a state far off the motion: all actuators of a joint together keep its torque limit."""
+    robot, samples = solved("rr").problem.robot, solved("rr").trajectory.resample(1000)
+    model = mujoco.MjSpec.from_string(ad.mujoco_model(robot, samples, geometry=False)).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = samples.q[0] + 3.0, model.key_ctrl[0]
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.qfrc_actuator).max() == pytest.approx(3.0, rel=1e-12)
 
 
 def test_friction_is_played_too():

@@ -1,4 +1,4 @@
-"""Quadratic programs of one step: against a dense solution by scipy, and rows that no step can reach."""
+"""Quadratic programs of one step: held against the conditions that a convex program's solution alone satisfies."""
 
 from dataclasses import replace
 
@@ -10,64 +10,95 @@ from scipy.optimize import minimize
 from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step
 
 
-def program(random, upper):
-    n, m = 6, 30
-    hard = sp.csr_matrix(random.normal(size=(m, n)))
-    soft = sp.csr_matrix(random.normal(size=(m, n)))
+def program(random, n=6, rows=30, upper=1.0, together=3, wide=6):
+    """Rows on a few neighbouring unknowns and on the last one, as those of a curve."""
+
+    def jacobian():
+        first = random.integers(0, n - wide + 1, rows)
+        index = np.hstack([first[:, None] + np.arange(wide), np.full((rows, 1), n - 1)])
+        values = random.normal(size=index.shape)
+        return sp.csr_matrix((values.ravel(), (np.repeat(np.arange(rows), wide + 1), index.ravel())), (rows, n))
+
     return ConvexStep(
         gradient=random.normal(size=n),
-        curvature=sp.identity(n, format="csc") * 0.1,
+        curvature=sp.identity(n, format="csr") * 0.1,
         lower=np.full(n, -0.5),
         upper=np.full(n, 0.5),
-        hard=(hard, random.uniform(0.1, upper, m)),
-        soft=(SoftRows(soft, random.uniform(-0.1, upper, m), np.arange(m) // 3, 0.7),),
+        hard=(jacobian(), random.uniform(0.1, upper, rows)),
+        soft=(SoftRows(jacobian(), random.uniform(-0.1, upper, rows), np.arange(rows) // together, 0.7),),
+        last=np.array([n - 1]),
     )
+
+
+def expect_solution(problem, found, accuracy=1e-7):
+    """Karush, Kuhn and Tucker: feasible, stationary, complementary; the cost is the step's."""
+    (hard, top), (rows,) = problem.hard, problem.soft
+    step, (of_hard, of_soft) = found.step, found.multipliers
+    change = rows.jacobian @ step - rows.upper
+    slack = np.zeros(int(np.max(rows.groups)) + 1)
+    np.maximum.at(slack, rows.groups, change)
+    assert found.found
+    assert np.max(hard @ step - top) < accuracy
+    assert np.min(step - problem.lower) > -accuracy and np.min(problem.upper - step) > -accuracy
+    slope = problem.gradient + problem.curvature @ step + hard.T @ of_hard + rows.jacobian.T @ of_soft + found.bounds
+    np.testing.assert_allclose(slope, 0, atol=accuracy)
+    assert min(np.min(of_hard), np.min(of_soft)) >= 0
+    paid = np.bincount(rows.groups, of_soft)
+    assert np.max(paid) < rows.price + accuracy
+    np.testing.assert_allclose(of_hard * (top - hard @ step), 0, atol=accuracy)
+    np.testing.assert_allclose(of_soft * (slack[rows.groups] - change), 0, atol=accuracy)
+    np.testing.assert_allclose(slack * (rows.price - paid), 0, atol=accuracy)
+    at = np.where(found.bounds > 0, problem.upper, problem.lower)
+    np.testing.assert_allclose(found.bounds * (at - step), 0, atol=accuracy)
+    cost = problem.gradient @ step + step @ (problem.curvature @ step) / 2 + rows.price * np.sum(slack)
+    np.testing.assert_allclose(found.cost, cost, atol=accuracy)
+
+
+@pytest.mark.parametrize(("n", "rows", "together"), [(6, 30, 3), (200, 500, 1), (200, 500, 14), (40, 0, 1)])
+def test_the_conditions_of_a_solution_hold(n, rows, together):
+    random = np.random.default_rng(n + together)
+    for _ in range(5):
+        problem = program(random, n, max(rows, 1), together=together)
+        expect_solution(problem, solve_step(problem))
 
 
 def test_a_program_against_another_solver():
-    random = np.random.default_rng(3)
-    for _ in range(5):
-        problem = program(random, 1.0)
-        (rows,), slacks = problem.soft, 10
+    problem, slacks = program(np.random.default_rng(3)), 10
+    (rows,) = problem.soft
 
-        def cost(z, problem=problem, rows=rows):
-            return problem.gradient @ z[:6] + z[:6] @ (problem.curvature @ z[:6]) / 2 + rows.price * np.sum(z[6:])
+    def cost(z):
+        return problem.gradient @ z[:6] + z[:6] @ (problem.curvature @ z[:6]) / 2 + rows.price * np.sum(z[6:])
 
-        kept = [
-            {"type": "ineq", "fun": lambda z, p=problem: p.hard[1] - p.hard[0] @ z[:6]},
-            {"type": "ineq", "fun": lambda z, r=rows: r.upper - r.jacobian @ z[:6] + z[6:][r.groups]},
-        ]
-        bounds = [(-0.5, 0.5)] * 6 + [(0, None)] * slacks
-        other = minimize(cost, np.zeros(6 + slacks), bounds=bounds, constraints=kept, options={"maxiter": 500})
-        found = solve_step(problem, 1.0)
-        assert found.found and other.success
-        np.testing.assert_allclose(found.cost, other.fun, atol=1e-6)  # SLSQP's own tolerance
+    kept = [
+        {"type": "ineq", "fun": lambda z: problem.hard[1] - problem.hard[0] @ z[:6]},
+        {"type": "ineq", "fun": lambda z: rows.upper - rows.jacobian @ z[:6] + z[6:][rows.groups]},
+    ]
+    bounds = [(-0.5, 0.5)] * 6 + [(0, None)] * slacks
+    other = minimize(cost, np.zeros(6 + slacks), bounds=bounds, constraints=kept, options={"maxiter": 500})
+    assert other.success
+    np.testing.assert_allclose(solve_step(problem).cost, other.fun, atol=1e-6)  # SLSQP's own tolerance
 
 
 def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
-    problem = program(np.random.default_rng(5), 1.0)
-    far = np.full(30, 10.0)  # no step within half a unit reaches so far
-    (rows,) = problem.soft
-    wide = ConvexStep(
-        problem.gradient,
-        problem.curvature,
-        problem.lower,
-        problem.upper,
-        (sp.vstack([problem.hard[0], problem.hard[0]], format="csr"), np.append(problem.hard[1], far)),
-        (rows,),
-    )
-    alone, both = solve_step(problem, 1.0), solve_step(wide, 1.0)
-    np.testing.assert_allclose(both.step, alone.step, atol=1e-9)
-    np.testing.assert_allclose(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)), atol=1e-9)
+    problem = program(np.random.default_rng(5))
+    far = np.full(30, 20.0)  # no step within half a unit reaches so far
+    twice = sp.vstack([problem.hard[0], problem.hard[0]], format="csr")
+    wide = replace(problem, hard=(twice, np.append(problem.hard[1], far)))
+    alone, both = solve_step(problem), solve_step(wide)
+    np.testing.assert_array_equal(both.step, alone.step)
+    np.testing.assert_array_equal(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)))
 
 
-@pytest.mark.parametrize("near", [0.0, 0.3])
-def test_rows_that_are_left_out_at_first_are_put_back(near):
-    random = np.random.default_rng(7)
-    equal = SoftRows(sp.csr_matrix(random.normal(size=(1, 6))), np.array([0.05]), np.arange(1), 0.7)
-    problem = replace(program(random, 1.0), equal=equal)
-    whole, found = solve_step(problem, 1.0), solve_step(problem, near)
-    assert np.count_nonzero(whole.multipliers[0] > 1e-3) and np.count_nonzero(whole.multipliers[1] > 1e-3)
-    np.testing.assert_allclose(found.step, whole.step, atol=1e-7)
-    for own, other in zip(found.multipliers, whole.multipliers, strict=True):
-        np.testing.assert_allclose(own, other, atol=1e-6)
+def test_equations_are_missed_where_they_cost_too_much():
+    problem = program(np.random.default_rng(7))
+    row = sp.csr_matrix(np.eye(6)[:1])
+    free = float(solve_step(problem).step[0])
+    for aim, price, missed in ((free + 0.1, 100.0, False), (free + 0.1, 1e-3, True), (free - 0.1, 100.0, False)):
+        found = solve_step(replace(problem, equal=SoftRows(row, np.array([aim]), np.arange(1), price)))
+        assert found.found and (abs(found.step[0] - aim) > 1e-3) == missed
+
+
+def test_no_step_keeps_rows_that_exclude_each_other():
+    problem = program(np.random.default_rng(9))
+    both = sp.csr_matrix(np.array([[1.0, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
+    assert not solve_step(replace(problem, hard=(both, np.array([-0.2, -0.2])))).found

@@ -37,12 +37,6 @@ class SequentialPolicy:
     least_trust: float = tuned(1e-4, "rad or m", "radius at which no step is better", TRAINED)
     slower: float = tuned(0.5, "of a duration", "most that it grows in a step", TRAINED)
     faster: float = tuned(0.25, "of a duration", "most that it falls in a step", TRAINED)
-    near: float = tuned(
-        1e-3,
-        "of its greatest change",
-        "to spare of a row that a program may first do without: a quarter of the time",
-        "Panda, bins and wall: 50 programs",
-    )
     shrink: float = tuned(3.0, "-", "factor by which the radius falls after a step that is not taken", TRAINED)
     least_gain: float = tuned(0.1, "of the promised", "gain of a step that is taken", "Nocedal and Wright")
     poor: float = tuned(0.25, "of the promised", "gain below which the radius falls", "Nocedal and Wright")
