@@ -2,16 +2,17 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import InverseDerivatives, StateFunction
 from armdyn.models.robots.robot import Robot
+from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import Checked, check
 from armdyn.optimal.live.distances import Distances
-from armdyn.optimal.live.program import Ends, Iterate, Margins, Step, StepProgram
+from armdyn.optimal.live.program import Ends, Iterate, Margins, Pace, Step, StepProgram
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
 
@@ -84,22 +85,29 @@ def improve(
         until: no step is begun that would end after this time, by `time.perf_counter` [s].
     """
     program, policy = arm.program, arm.program.policy
-    best, reach, k, began = None, 1.0, 0, time.perf_counter()
-    program.whole = max(guesses[-1][1], 1e-3)
+    best, k, calm, began = None, 0, 0, time.perf_counter()
+    pace = Pace(1.0, policy.torque * min(duration for _, duration in guesses))
     starts = [_at(arm, ends, *guess, distances) for guess in guesses]
-    here = min(starts, key=lambda one: program.merit(one, margins))
+    here = min(starts, key=lambda one: program.merit(one, margins, pace.price))
     took = time.perf_counter() - began
     while k < policy.steps and (began := time.perf_counter()) + took < until - policy.hand_over:
-        k += 1
-        step = program.step(here, margins, ends, reach)
+        k, calm = k + 1, calm + 1
+        step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
-        here, reach = _taken(arm, ends, here, step, (margins, reach, k <= policy.eager), distances)
+        here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
+        pace = replace(pace, reach=min(reach, policy.calmer ** max(calm - policy.lively, 0)))
         seen = arm.seen(here.points, here.duration)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
             best = Improved(here.duration, seen, margins, settled)
             if settled:
                 break
+        if best is None and not np.any(ends.v) and k > policy.eager:
+            best = _slowed(arm, here, seen, margins, distances)
+        free = step is not None and calm > policy.eager and 2 * step.part < pace.reach
+        stuck = settled and (free or pace.reach < policy.stuck)
+        if stuck and np.max(program.violations(here, margins)) > policy.missed:
+            pace, calm = Pace(1.0, policy.dearer * pace.price), 0
         margins = _tightened(program, margins, here, seen, settled)
         took = max(took, time.perf_counter() - began)
     return best, k
@@ -118,27 +126,40 @@ def _taken(
     ends: Ends,
     here: Iterate,
     step: Step | None,
-    how: tuple[Margins, float, bool],
+    how: tuple[Margins, Pace, bool],
     distances: Distances | None,
 ) -> tuple[Iterate, float]:
     """The next curve, which is the same if the step makes things worse, and the next step's reach.
 
     Nocedal and Wright, Numerical Optimization, 2006, algorithm 4.1.
     """
-    program, (margins, reach, eager) = arm.program, how
-    policy = program.policy
+    program, (margins, pace, eager) = arm.program, how
+    policy, reach = program.policy, pace.reach
     if step is None:
         return here, max(reach / policy.shrink, policy.least_reach)
     there = _at(arm, ends, here.points + step.points, here.duration + step.longer, distances)
-    before, after = program.merit(here, margins), program.merit(there, margins)
+    before, after = program.merit(here, margins, pace.price), program.merit(there, margins, pace.price)
     little = policy.enough * here.duration
     if after > before + little and not eager:
         return here, max(step.part / policy.shrink, policy.least_reach)
-    if before - after < policy.poor * (before - step.promised) - little:
+    if before - after < policy.poor * (before - step.promised):
         reach = step.part / 2
     elif before - after > policy.good * (before - step.promised):
         reach = 2 * reach
     return there, float(np.clip(reach, policy.least_reach, 1.0))
+
+
+def _slowed(
+    arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances: Distances | None
+) -> Improved | None:
+    """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
+    program = arm.program
+    factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
+    factor = max(factor, 1 + seen.other) * (1 + program.policy.slack)
+    if not factor < program.policy.too_slow:
+        return None
+    slower = arm.seen(here.points, factor * here.duration)
+    return Improved(factor * here.duration, slower, margins, False) if arm.keeps(slower, distances) else None
 
 
 def _tightened(program: StepProgram, margins: Margins, here: Iterate, seen: Checked, near: bool) -> Margins:

@@ -74,6 +74,19 @@ class Iterate:
     near: Linearised | None = None
 
 
+@dataclass(frozen=True)
+class Pace:
+    """How far a step may go, and what it costs to miss torque limits.
+
+    Attributes:
+        reach: part of the greatest step.
+        price: of a torque beyond its limit by half its range [s].
+    """
+
+    reach: float
+    price: float
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """Step of a quadratic program.
@@ -102,7 +115,6 @@ class StepProgram:
 
     def __init__(self, mesh: Mesh, limits: JointLimits, acceleration: Array, policy: LivePolicy):
         self.mesh, self.limits, self.acceleration, self.policy = mesh, limits, acceleration, policy
-        self.whole = 1.0
         self.nv, self.count = limits.velocity.size, mesh.basis.size
         self.size = self.count * self.nv + 1
         self.half = limits.actuators.half_range
@@ -152,15 +164,15 @@ class StepProgram:
             near = clear.at(self.curve(points, duration), self.layout, x)
         return Iterate(points, duration, q, v, tau, by_points, by_duration, near)
 
-    def merit(self, at: Iterate, margins: Margins) -> float:
-        """Duration, smoothness and prices of what is violated [s]."""
+    def merit(self, at: Iterate, margins: Margins, price: float) -> float:
+        """Duration, smoothness and prices of what is violated [s]; price: of a torque [s]."""
         policy = self.policy
         torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
         rates = sum(float(np.sum(np.maximum(np.abs(c) / b - T, 0))) for c, b, T in self._rates(at))
         missing = 0.0 if at.near is None else float(np.sum(at.near.missing))
         smooth = self._smoothness(at)
         return float(
-            at.duration + smooth + policy.torque * self.whole * np.sum(torque) + policy.rate * rates + policy.distance * missing
+            at.duration + smooth + price * np.sum(torque) + policy.rate * rates + policy.distance * missing
         )
 
     def violations(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
@@ -168,16 +180,17 @@ class StepProgram:
         lower, upper = self._torque_limits(at, margins)
         return (at.tau - upper) / self.half, (lower - at.tau) / self.half
 
-    def step(self, at: Iterate, margins: Margins, ends: Ends, reach: float) -> Step | None:
+    def step(self, at: Iterate, margins: Margins, ends: Ends, pace: Pace) -> Step | None:
         """The step of a quadratic program; None: it was not solved.
 
         Args:
             at: where it is linearised.
             margins: of the torques.
             ends: of the curve.
-            reach: part of the greatest step that may be taken.
+            pace: greatest step, and price of torques.
         """
-        policy, T, trust = self.policy, at.duration, reach * self.policy.trust
+        policy, T, reach = self.policy, at.duration, pace.reach
+        trust = reach * policy.trust
         lower, upper = self._torque_limits(at, margins)
         self._fill(at, ends)
         (velocity, bound, _), *others = self._rates(at)
@@ -185,9 +198,11 @@ class StepProgram:
         tops = [(upper - at.tau) / self.half, (at.tau - lower) / self.half, T - inner, T + inner]
         for c, most, whole in others:
             tops += [whole - c / most, whole + c / most]
-        rows, top, slack, price = self._pattern, np.concatenate([np.ravel(each) for each in tops]), self._slack, self._price
+        rows, top = self._pattern, np.concatenate([np.ravel(each) for each in tops])
+        slack, price = self._slack, self._price.copy()
+        price[: self.mesh.places.size] = pace.price
         if at.near is not None:
-            rows, top, slack, price = self._with_distances(at.near, top)
+            rows, top, slack, price = self._with_distances(at.near, top, price)
         gradient = np.append((self._smoothing @ at.points / self._scale**2).ravel(), 1.0)
         gradient[-1] += gradient[self.nv : 2 * self.nv] @ self._lead(ends)
         low, high = np.full(self.size, -trust), np.full(self.size, trust)
@@ -197,7 +212,7 @@ class StepProgram:
         low[-1], high[-1] = -reach * policy.faster * T, reach * policy.slower * T
         found, _, cost, step, _, _ = curves.solve(
             place=self._place, gradient=gradient, curvature=(*self._curvature[:2], self._curvature[2] * (1 + policy.proximal / reach)), squares=self._nothing,
-            square_weight=np.empty(0), lower=low, upper=high, rows=rows, top=top, slack=slack, price=self._priced(price),
+            square_weight=np.empty(0), lower=low, upper=high, rows=rows, top=top, slack=slack, price=price,
             tolerance=policy.accuracy, most=_MOST_ITERATIONS,
         )  # fmt: skip
         change = np.frombuffer(step)
@@ -211,11 +226,6 @@ class StepProgram:
     def _smoothness(self, at: Iterate) -> float:
         """What squared accelerations cost [s]."""
         return float(np.sum((self._smoothing @ at.points) * at.points / self._scale**2)) / 2
-
-    def _priced(self, price: Array) -> Array:
-        out = price.copy()
-        out[: self.mesh.places.size] *= self.whole
-        return out
 
     def _lead(self, ends: Ends) -> Array:
         """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
@@ -257,7 +267,7 @@ class StepProgram:
                 values[acceleration[0, place]] += by_duration
                 values[acceleration[1, place]] -= by_duration
 
-    def _with_distances(self, near: Linearised, top: Array) -> tuple[tuple[Array, Array, Array], Array, Array, Array]:
+    def _with_distances(self, near: Linearised, top: Array, price: Array) -> tuple[tuple[Array, Array, Array], Array, Array, Array]:
         """Rows, tops, slacks and prices with those of the distances, linearised: spare + J step >= 0."""
         start, column, value = self._pattern
         matrix, poses = near.jacobian[:, : self.size].tocsr(), near.missing.size
@@ -267,8 +277,7 @@ class StepProgram:
             np.concatenate([value, -matrix.data]),
         )
         slack = np.concatenate([self._slack, self._price.size + near.samples]).astype(np.int32)
-        price = np.append(self._price, np.full(poses, self.policy.distance))
-        return rows, np.append(top, near.spare), slack, price
+        return rows, np.append(top, near.spare), slack, np.append(price, np.full(poses, self.policy.distance))
 
     def _lay_out(self) -> None:
         """Columns of all rows, their slacks, the order of elimination and the smoothing."""
@@ -278,7 +287,7 @@ class StepProgram:
         of_torque = np.hstack([window, np.full((len(window), 1), last)])
         columns = [np.repeat(of_torque[:, None], nv, axis=1)] * 2
         slack = [np.repeat(np.arange(len(window)), nv)] * 2
-        prices, values = [np.full(len(window), self.policy.torque)], [np.zeros(columns[0].size)] * 2
+        prices, values = [np.zeros(len(window))], [np.zeros(columns[0].size)] * 2
         self._inner = np.arange(1, count - 2)  # the first and the last velocity are given
         kinds = [(1, self._inner, self._velocity)]
         if np.any(np.isfinite(self.acceleration)):
