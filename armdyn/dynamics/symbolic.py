@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import struct
 from typing import Any
 
 import casadi as ca
@@ -12,12 +11,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from armdyn.arguments import expect, flag, numbers
+from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError, SpecError
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot, expect_robot
-
-_NO_MASS = 1e-100
-"""Stands for the zero mass of a body with moments or a payload [kg]: its centre, m c / m, stays finite."""
 
 _CASADI = (ca.SX, ca.MX, ca.DM)
 
@@ -73,7 +70,7 @@ class Dynamics:
         if free_last_body:
             joint = robot.nv - 1
             self.last_body = np.array(robot.model.inertias[robot.model.njoints - 1].toDynamicParameters())
-        self._tree = _tree(robot.model, joint, without_body=free_last_body)
+        self._tree = (Tree.of(robot.model, joint, without_body=free_last_body), joint)
         friction = robot.friction
         rubs: tuple[bytes, bytes, float | bytes] | tuple[()] = ()
         if friction.present:
@@ -201,38 +198,8 @@ def bridge_versions() -> str:
     return f"casadi {bridge.casadi_version}, pinocchio {bridge.pinocchio_version}"
 
 
-def _tree(model: pin.Model, payload_joint: int, without_body: bool = False) -> tuple[Any, ...]:
-    """The bridge's arguments, hashable: see _bridge/tree.hpp; perhaps without the payload joint's own body."""
-    parent, prismatic, axis, placement, inertia = [], [], [], [], []
-    for i in range(1, model.njoints):
-        joint = model.joints[i]
-        parent.append(model.parents[i] - 1)
-        linear, angular = np.ravel(joint.createData().S).reshape(2, 3)  # its motion subspace: one axis
-        prismatic.append(bool(np.any(linear)))
-        axis += list(linear + angular)
-        placement += [*model.jointPlacements[i].rotation.ravel(), *model.jointPlacements[i].translation]
-        body = model.inertias[i].toDynamicParameters()
-        if without_body and i - 1 == payload_joint:
-            body = np.zeros(10)
-        if body[0] == 0 and (np.any(body) or i - 1 == payload_joint):
-            body[0] = _NO_MASS
-        inertia += list(body)
-    numbers = [struct.pack(f"{len(x)}d", *x) for x in (axis, placement, inertia)]
-    armature, gravity = bytes(np.array(model.armature)), bytes(np.array(model.gravity.linear))
-    return tuple(parent), tuple(prismatic), *numbers, armature, gravity, payload_joint
-
-
 @built_once(maxsize=64)
-def _functions(
-    parent: tuple[int, ...],
-    prismatic: tuple[bool, ...],
-    axis: bytes,
-    placement: bytes,
-    inertia: bytes,
-    armature: bytes,
-    gravity: bytes,
-    payload_joint: int,
-) -> dict[str, ca.Function]:
+def _functions(tree: Tree, payload_joint: int) -> dict[str, ca.Function]:
     import _armdyn_bridge as bridge
 
     built, here = bridge.casadi_version, ca.CasadiMeta.version()
@@ -241,24 +208,13 @@ def _functions(
             f"armdyn's bridge was built with casadi {built} but casadi {here} is installed; "
             f"serialized Functions fit one minor version only: reinstall armdyn, or casadi~={built}"
         )
-    numbers = {
-        name: np.frombuffer(data).tolist()
-        for name, data in (("axis", axis), ("placement", placement), ("inertia", inertia))
-    }
-    serialized = bridge.build(
-        parent=list(parent),
-        prismatic=list(prismatic),
-        **numbers,
-        armature=np.frombuffer(armature).tolist(),
-        gravity=np.frombuffer(gravity).tolist(),
-        payload_joint=payload_joint,
-    )
+    serialized = bridge.build(**tree.arguments(), payload_joint=payload_joint)
     return {name: ca.Function.deserialize(text) for name, text in serialized.items()}
 
 
 @built_once(maxsize=64)
 def _with_friction(
-    tree: tuple[Any, ...], damping: bytes, coulomb: bytes, width: float | bytes
+    tree: tuple[Tree, int], damping: bytes, coulomb: bytes, width: float | bytes
 ) -> dict[str, ca.Function]:
     """The Functions of a tree whose joints lose damping v + coulomb tanh(v / width)."""
     smooth = dict(_functions(*tree))

@@ -231,7 +231,7 @@ def trajectory_from_path(
     a: ArrayLike | None = None,
     name: str = "",
 ) -> Trajectory:
-    """A trajectory from a planner's samples, with torques by inverse dynamics (`pin.rnea` and the joints' friction).
+    """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 
     What is not given is differentiated: the slope of the cubic spline (not-a-knot) through what is. At
     a jump of the acceleration a spline overshoots over a few samples; give `a` where the planner has it.
@@ -257,9 +257,8 @@ def trajectory_from_path(
     given = CubicSpline(bare.t, speeds)(bare.t, 1) if a is None else numbers(a, "a", error=TrajectoryError)
     if given.shape != bare.v.shape or not np.all(np.isfinite(given)):
         raise TrajectoryError(f"a has shape {given.shape}; expected {bare.q.shape}, as q has, and finite")
-    torque = inverse_dynamics(robot)
-    tau = [torque(*sample) for sample in zip(bare.q, speeds, given, strict=True)]
-    return Trajectory(bare.t, bare.q, speeds, np.array(tau), robot.joint_names, robot.marked(name), robot.model_hash)
+    tau = inverse_dynamics(robot)(bare.q, speeds, given)
+    return Trajectory(bare.t, bare.q, speeds, tau, robot.joint_names, robot.marked(name), robot.model_hash)
 
 
 def _check_joints(robot: Robot, trajectory: Trajectory) -> None:

@@ -49,7 +49,7 @@ def solve_minimum_time(
     """The fastest motion between two states, and how far to trust it.
 
     Many guesses are solved on a coarse mesh; the best different optima are solved finer, their arcs
-    resolved to exact switching times, their torques replayed through `pin.aba` by two independent
+    resolved to exact switching times, their torques replayed through Pinocchio's `aba` by two independent
     integrators, their costates checked. The fastest that lands is the answer. Arms of more than three joints move
     along curves instead, replayed all the same.
 

@@ -3,8 +3,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import armdyn as ad
 from armdyn.dynamics import Dynamics, forward_dynamics, inverse_dynamics
+from armdyn.dynamics.numeric import forward_dynamics_derivatives, joint_inertia
+from armdyn.dynamics.tree import Tree
+from armdyn.errors import BridgeError
 from oracles import assert_close, random_states, robot_named
+from problems import cart
 
 TOLERANCE = 1e-10
 """What is promised of `Dynamics` against `pin.aba`."""
@@ -33,14 +38,42 @@ def test_friction_is_a_torque_that_is_lost(name):
         assert_close(inverse(q, v, forward(q, v, u)), u, TOLERANCE)
 
 
-@pytest.mark.parametrize("name", ["rr", "kinova"])
-def test_without_friction_they_are_pins(name):
-    robot = robot_named(name)
-    data = robot.model.createData()
-    for q, v, u in random_states(robot.nv, count=2):
-        state = robot.configuration(q), v, u
-        assert np.array_equal(forward_dynamics(robot)(q, v, u), pin.aba(robot.model, data, *state))
-        assert np.array_equal(inverse_dynamics(robot)(q, v, u), pin.rnea(robot.model, data, *state))
+@pytest.mark.parametrize("name", ["rr", "kinova", "cart"])
+def test_many_states_at_once_are_pins(name):
+    robot = cart() if name == "cart" else robot_named(name)
+    model, data, n = robot.model, robot.model.createData(), robot.nv
+    q, v, u = (np.array(each) for each in zip(*random_states(n, count=6), strict=True))
+    a, by_q, by_v, by_u = forward_dynamics_derivatives(robot)(q, v, u)
+    tau, inertia = inverse_dynamics(robot)(q, v, u), joint_inertia(robot)(q.reshape(2, 3, n))
+    assert inertia.shape == (2, 3, n, n)
+    assert_close(forward_dynamics(robot)(q.reshape(2, 3, n), v, u.reshape(2, 3, n)).reshape(6, n), a, TOLERANCE)
+    for k in range(6):
+        state = robot.configuration(q[k]), v[k], u[k]
+        assert_close(a[k], pin.aba(model, data, *state), TOLERANCE)
+        assert_close(tau[k], pin.rnea(model, data, *state), TOLERANCE)
+        upper = np.triu(np.array(pin.crba(model, data, state[0])))
+        assert_close(inertia.reshape(6, n, n)[k], upper + np.triu(upper, 1).T, TOLERANCE)
+        pin.computeABADerivatives(model, data, *state)
+        assert_close(by_q[k], data.ddq_dq, TOLERANCE)
+        assert_close(by_v[k], data.ddq_dv, TOLERANCE)
+        assert_close(np.triu(by_u[k]), np.triu(data.Minv), TOLERANCE)
+        assert_close(by_u[k], by_u[k].T, 0.0)
+
+
+def test_derivatives_know_friction():
+    robot, _ = rubbing("rr")
+    forward, step = forward_dynamics(robot), 1e-6
+    q, v, u = next(random_states(2))
+    _, _, by_v, _ = forward_dynamics_derivatives(robot)(q, v, u)
+    for column, own in enumerate(step * np.eye(2)):
+        assert_close(by_v[:, column], (forward(q, v + own, u) - forward(q, v - own, u)) / (2 * step), 1e-6)
+
+
+def test_an_arm_that_is_not_pins_is_refused(monkeypatch):
+    other = Tree.of(robot_named("rr").with_payload(ad.Payload(mass=0.1)).model)
+    monkeypatch.setattr(Tree, "of", lambda *_: other)
+    with pytest.raises(BridgeError, match=r"differ by .* in the motion of"):
+        forward_dynamics(robot_named("rr"))
 
 
 def test_results_are_the_callers_own():

@@ -28,7 +28,7 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
     """Reference trajectory along a quintic polynomial, from rest to rest, with synchronised joints.
 
     Args:
-        robot: whose torques it has, by `pin.rnea` and the joints' friction.
+        robot: whose torques it has, by `rnea` and the joints' friction.
         q_start: [rad or m], shape (nv,), or the name of one of `robot.poses`.
         q_goal: likewise.
         duration: [s].
@@ -75,6 +75,5 @@ def set_point(robot: Robot, q_goal: ArrayLike, duration: float = _INSTANT) -> Tr
 
 
 def _motion(robot: Robot, t: Array, q: Array, v: Array, a: Array, name: str) -> Trajectory:
-    torque = inverse_dynamics(robot)
-    tau = np.array([torque(*state) for state in zip(q, v, a, strict=True)])
+    tau = inverse_dynamics(robot)(q, v, a)
     return Trajectory(t, q, v, tau, joint_names=robot.joint_names, name=robot.marked(name), model_hash=robot.model_hash)

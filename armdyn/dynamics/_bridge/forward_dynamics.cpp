@@ -1,4 +1,4 @@
-#include "tree.hpp"
+#include "symbolic_arm.hpp"
 
 #include <pinocchio/algorithm/aba.hpp>
 

@@ -1,5 +1,5 @@
 // The boundary: plain numbers in, serialized casadi::Functions out. No object crosses.
-#include "tree.hpp"
+#include "symbolic_arm.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/map.h>
@@ -8,6 +8,7 @@
 
 namespace nb = nanobind;
 
+void add_arm(nb::module_& m);   // arm_module.cpp
 void add_loop(nb::module_& m);  // loop_module.cpp
 
 namespace {
@@ -27,8 +28,9 @@ armdyn::Functions build(std::vector<int> parent, std::vector<bool> prismatic, st
 }  // namespace
 
 NB_MODULE(_armdyn_bridge, m) {
+  add_arm(m);
   add_loop(m);
-  m.doc() = "Pinocchio's algorithms on casadi::SX, and a controller around an arm.";
+  m.doc() = "Pinocchio's algorithms on casadi::SX and on numbers, motions of an arm, and a controller around it.";
   m.attr("casadi_version") = casadi::CasadiMeta::version();
   m.attr("pinocchio_version") = PINOCCHIO_VERSION;
   m.def("build", &build, nb::kw_only(), nb::arg("parent"), nb::arg("prismatic"), nb::arg("axis"),

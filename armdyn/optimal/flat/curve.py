@@ -40,9 +40,8 @@ class CurveLeg:
         return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
 
     def torques(self, robot: Robot, s: Array) -> Array:
-        """Torques at parts s of the duration, by `pin.rnea` and friction [N m or N], shape (m, nv)."""
-        torque = inverse_dynamics(robot)
-        return np.array([torque(*x) for x in zip(*self.at(s), strict=True)])
+        """Torques at parts s of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
+        return inverse_dynamics(robot)(*self.at(s))
 
     @cached_property
     def _curve(self):  # type: ignore[no-untyped-def]  # scipy's BSpline

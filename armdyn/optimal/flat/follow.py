@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.dynamics.numeric import joint_inertia
-from armdyn.optimal.landing.rollout import under_linear_torque
+from armdyn.dynamics.motion import Feedback, tracked
+from armdyn.optimal.landing.rollout import RTOL
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 _CLIPS = 2
 """Rounds in which a torque is clipped to its range in the state that it leads to: each leaves 1e-3 of the excess."""
+_SPARE = 30_000
+"""Accelerations for steps between two samples that are made in halves: those of a smooth torque need none."""
 
 
 def follow(task: Task, wanted: Trajectory) -> Trajectory:
@@ -32,35 +34,20 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
         States and torques, which fit each other; it ends early where the arm was lost, with two samples at least.
     """
     problem, numbers = task.problem, task.policy.curves
-    robot, limits, n = problem.robot, problem.limits, problem.robot.nv
+    limits, n, count = problem.limits.actuators, problem.robot.nv, wanted.t.size
     # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
-    t, jumps, tau = wanted.t, wanted.jumps, wanted.tau.copy() if problem.continuous_torque else _lines(wanted)
-    tau = limits.actuators.clip(tau, wanted.q, wanted.v)
-    reached, bandwidth = under_linear_torque(robot), numbers.bandwidth / wanted.duration
-    inertia = joint_inertia(robot)
-    x = np.empty((t.size, 2 * n))
-    x[0] = np.concatenate([problem.q_start, problem.v_start])
-    last = 1
-    for k in range(t.size - 1):
-        if jumps[k]:  # no time passes
-            x[k + 1] = x[k]
-        else:
-            beside = 2 * bandwidth * (x[k, n:] - wanted.v[k]) + bandwidth**2 * (x[k, :n] - wanted.q[k])
-            fade = min((t.size - 2 - k) / numbers.samples, 1.0) if problem.continuous_torque else 1.0
-            led = (
-                tau[k + 1] - fade * inertia(x[k, :n]) @ beside
-            )  # torques that may not jump end with what holds the arm
-            tau[k + 1] = limits.actuators.clip(led, x[k, :n], x[k, n:])
-            x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
-            for _ in range(0 if limits.actuators.constant else _CLIPS):
-                tau[k + 1] = limits.actuators.clip(led, x[k + 1, :n], x[k + 1, n:])
-                x[k + 1] = reached(t[k : k + 2], x[k], tau[k : k + 2])
-        if not np.all(np.isfinite(x[k + 1])):
-            x[1] = x[1] if k else x[0]
-            break
-        last = k + 1
-    m = max(last, 1) + 1
-    return replace(wanted, t=t[:m], q=x[:m, :n], v=x[:m, n:], tau=tau[:m])
+    tau = wanted.tau if problem.continuous_torque else _lines(wanted)
+    fade = np.ones(count - 1)
+    if problem.continuous_torque:  # torques that may not jump end with what holds the arm
+        fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
+    feedback = Feedback(numbers.bandwidth / wanted.duration, fade, 0 if limits.constant else _CLIPS)
+    start = np.concatenate([problem.q_start, problem.v_start])
+    x, tau = tracked(
+        problem.robot, wanted, limits.clip(tau, wanted.q, wanted.v), start, feedback, limits, rtol=RTOL, spare=_SPARE
+    )
+    x = x if len(x) > 1 else np.vstack([x, x])
+    m = len(x)
+    return replace(wanted, t=wanted.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
 
 
 def _lines(motion: Trajectory) -> Array:

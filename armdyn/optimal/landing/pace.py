@@ -56,18 +56,15 @@ def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, toleranc
     factor = 1 + velocity.share if velocity.share > tolerance else 1.0
     if torque.share <= tolerance:
         return factor
-    inverse, nothing = inverse_dynamics(robot), np.zeros(robot.nv)
-    for k in np.flatnonzero(np.any(torque.beyond > 0, axis=1)):
-        tau, lost = motion.tau[k], robot.friction.torque(motion.v[k])
-        held = inverse(motion.q[k], nothing, nothing) + lost
-        rest = tau - held
-        lower, upper = limits.actuators.range(motion.q[k], motion.v[k])
-        room = np.where(tau > upper, upper - held, held - lower)
-        over = ~limits.actuators.allows(tau, motion.q[k], motion.v[k])
-        if np.any(room[over] <= 0):
-            return np.inf
-        factor = max(factor, float(np.sqrt(np.max(np.abs(rest[over]) / room[over]))))
-    return factor
+    beyond = np.any(torque.beyond > 0, axis=1)
+    q, v, tau = motion.q[beyond], motion.v[beyond], motion.tau[beyond]
+    held = inverse_dynamics(robot)(q, np.zeros_like(v), np.zeros_like(v)) + robot.friction.torque(v)
+    lower, upper = limits.actuators.range(q, v)
+    room = np.where(tau > upper, upper - held, held - lower)
+    over = ~limits.actuators.allows(tau, q, v)
+    if np.any(room[over] <= 0):
+        return np.inf
+    return max(factor, float(np.sqrt(np.max(np.abs(tau - held)[over] / room[over]))))
 
 
 def paced(motion: Trajectory, factor: float) -> Trajectory:
@@ -92,6 +89,4 @@ def paced_torques(robot: Robot, at: Sample | Trajectory, tau: Array, factor: flo
         tau: torques there, shape (m, nv).
         factor: above 0.
     """
-    forward, inverse = forward_dynamics(robot), inverse_dynamics(robot)
-    rows = zip(at.q, at.v, tau, strict=True)
-    return np.array([inverse(q, v / factor, forward(q, v, torque) / factor**2) for q, v, torque in rows])
+    return inverse_dynamics(robot)(at.q, at.v / factor, forward_dynamics(robot)(at.q, at.v, tau) / factor**2)

@@ -61,7 +61,7 @@ def check(
     """
     derivatives = mesh.of_samples @ points
     q, v, a = derivatives[0], derivatives[1] / duration, derivatives[2] / duration**2
-    tau = np.array([torque(*x) for x in zip(q, v, a, strict=True)])
+    tau = torque(q, v, a)
     lower, upper = limits.actuators.range(q, v)
     half = limits.actuators.half_range
     above, below = (

@@ -79,9 +79,8 @@ class Along:
     @classmethod
     def of(cls, robot: Robot, motion: Trajectory, policy: AdjointPolicy) -> "Along":
         """Interpolate a motion, with accelerations from forward dynamics."""
-        acceleration = forward_dynamics(robot)
         q, v, h = motion.q, motion.v, np.diff(motion.t)[:, None]
-        a = np.array([acceleration(*sample) for sample in zip(q, v, motion.tau, strict=True)])
+        a = forward_dynamics(robot)(q, v, motion.tau)
         start, mean, bend = h * v[:-1], h**2 / 2 * a[:-1], h**2 / 2 * np.diff(a, axis=0)
         rise, speed = np.diff(q, axis=0) - start - mean, h * np.diff(v, axis=0) - 2 * mean
         # Of s³, s⁴ and s⁵, so that value, slope and curvature at s = 1 are rise, speed and 2 bend.

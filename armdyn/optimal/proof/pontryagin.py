@@ -15,14 +15,10 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
     """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; the worst sign."""
     robot, n, w = problem.robot, problem.robot.nv, problem.effort_weight
-    acceleration, inertia = forward_dynamics(robot), joint_inertia(robot)
-    tau = _at_knots(phases)
-    hamiltonian, switching = np.empty(phases.t.size), np.empty((phases.t.size, n))
-    for k in range(phases.t.size):
-        v = phases.v[k]
-        a = acceleration(phases.q[k], v, tau[k])
-        switching[k] = np.linalg.solve(inertia(phases.q[k]), phases.costate[k, n:]) + w * tau[k]
-        hamiltonian[k] = 1 + w / 2 * tau[k] @ tau[k] + phases.costate[k, :n] @ v + phases.costate[k, n:] @ a
+    tau, rates = _at_knots(phases), phases.costate[:, n:]  # the costates of the velocities
+    acceleration = forward_dynamics(robot)(phases.q, phases.v, tau)
+    switching = np.linalg.solve(joint_inertia(robot)(phases.q), rates[..., None])[..., 0] + w * tau
+    hamiltonian = 1 + np.sum(w / 2 * tau**2 + phases.costate[:, :n] * phases.v + rates * acceleration, axis=1)
     lower, upper = problem.limits.actuators.range(phases.q, phases.v)
     up, down = upper - tau, tau - lower
     fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up

@@ -118,20 +118,19 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
         return None
     if ticks is not motion:
         segments = Segments.of(robot, ticks)
-    n, inertia = robot.nv, joint_inertia(robot)
+    n, inertia = robot.nv, joint_inertia(robot)(ticks.q[:-1])
     lower, upper = limits.actuators.range(ticks.q[:-1], ticks.v[:-1])
     lowest = np.minimum(lower - np.minimum(ticks.tau[:-1], ticks.tau[1:]), 0)
     highest = np.maximum(upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
     stiffness, damping = FEEDBACK_BANDWIDTH**2, 2 * FEEDBACK_BANDWIDTH
-    beside, correction, largest = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n)), np.zeros(n)
+    gains = -np.concatenate([stiffness * inertia, damping * inertia], axis=2)
+    beside, correction = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n))
     for k, state in enumerate(beside[:-1]):
-        M = inertia(ticks.q[k])
-        wanted = -M @ (damping * state[n:] + stiffness * state[:n])
-        correction[k] = np.clip(wanted, lowest[k], highest[k])
-        unseen = (damping + stiffness) * ACCURACY * np.sum(np.abs(M), axis=1)
-        largest = np.maximum(largest, np.abs(correction[k]) + unseen)
+        correction[k] = np.minimum(np.maximum(gains[k] @ state, lowest[k]), highest[k])
         beside[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
         if not np.max(np.abs(beside[k + 1])) <= _NEAR:
             return None
+    unseen = ACCURACY * np.sum(np.abs(gains), axis=2)
+    largest = np.max(np.abs(correction[:-1]) + unseen, axis=0)
     x = np.concatenate([ticks.q, ticks.v], axis=1) + beside
     return FeedbackReplay(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)

@@ -145,8 +145,7 @@ def ramp_times(problem: MinimumTimeProblem) -> Array:
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
-    torque = inverse_dynamics(problem.robot)
-    return np.array([torque(*x) for x in zip(q, v, a, strict=True)])
+    return inverse_dynamics(problem.robot)(q, v, a)
 
 
 def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) -> float:

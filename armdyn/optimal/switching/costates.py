@@ -187,7 +187,7 @@ class _At:
         p = np.linalg.solve(state_transition.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
         first, last = (tau[step] for tau in rollout.torques.tau)
         tau = first + part[:, None] * (last - first)
-        inertia = np.array([*map(joint_inertia(robot), x[:, :n])])
+        inertia = joint_inertia(robot)(x[:, :n])
         modes = extremal.structure.modes()
         own = [modes[a] for a in rollout.arc[grid.step[:, 0]]]
         shape, carriers = grid.step.shape, extremal.structure.carriers()
@@ -243,6 +243,5 @@ def _torques(at: _At, robot: Robot) -> Array:
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = at.holder[k, at.position[k] | at.velocity[k]]
-        for x, rate, own in zip(at.x[k], at.rate[k], tau[k], strict=True):
-            own[held] = needed(x[:n], x[n:], rate[n:])[held]
+        tau[k][:, held] = needed(at.x[k][:, :n], at.x[k][:, n:], at.rate[k][:, n:])[:, held]
     return tau

@@ -35,7 +35,7 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
     """Accelerations and jerks along a replay, between its samples, too.
 
     Within a sample the torque is linear and the acceleration smooth: it is the polynomial through its values at five
-    Chebyshev points, by `pin.aba`. At a sample the jerk has a value on either side.
+    Chebyshev points, by `aba`. At a sample the jerk has a value on either side.
 
     Args:
         robot: that moves.
@@ -45,15 +45,13 @@ def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array
         Times [s], shape (pieces, places), accelerations [rad/s² or m/s²] and jerks [rad/s³ or m/s³] there, each
         of shape (pieces, places, nv).
     """
-    function, n = forward_dynamics(robot), robot.nv
     flows = ~motion.jumps
     start, steps = motion.t[:-1][flows], np.diff(motion.t)[flows]
     t = start[:, None] + steps[:, None] * _POINTS
     at = motion(t)
     # At its end a sample's torque is its own, not that after the jump.
     tau = motion.tau[:-1][flows][:, None] + _POINTS[:, None] * np.diff(motion.tau, axis=0)[flows][:, None]
-    states = zip(at.q.reshape(-1, n), at.v.reshape(-1, n), tau.reshape(-1, n), strict=True)
-    a = np.array([function(*state) for state in states]).reshape(*t.shape, n)
+    a = forward_dynamics(robot)(at.q, at.v, tau)
     jerks = _SLOPES @ a / steps[:, None, None]
     return start[:, None] + steps[:, None] * _PLACES, _VALUES @ a, jerks
 

@@ -1,0 +1,135 @@
+"""Motions of an arm under torques that are linear from sample to sample, by the bridge's C++.
+
+Explicit steps by Dormand-Prince 8(5,3), with the coefficients of `scipy.integrate.DOP853`; implicit ones by any
+collocation method. Both let go of the interpreter's lock.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import bridge_arm
+from armdyn.models.robots.robot import Robot
+from armdyn.models.values.actuator_limits import ActuatorLimits
+from armdyn.trajectory import Trajectory
+
+STAGES = int(DOP853.n_stages)
+"""Accelerations that an explicit step takes."""
+
+
+@cache
+def _explicit() -> Any:
+    import _armdyn_bridge as bridge
+
+    names = ("A", "B", "C", "E3", "E5")
+    A, b, c, error3, error5 = (np.ascontiguousarray(getattr(DOP853, name), dtype=float) for name in names)
+    return bridge.ExplicitMethod(A[:STAGES, :STAGES], b, c[:STAGES], error3, error5)
+
+
+def replayed(robot: Robot, motion: Trajectory, rtol: float, spare: int) -> Array:
+    """States under a motion's torques, from its first state on.
+
+    A step leads from sample to sample. One whose error by the method's own estimate exceeds the tolerance is made in
+    halves, and these likewise.
+
+    Args:
+        robot: the arm.
+        motion: its first state, its times and its torques count.
+        rtol: relative tolerance of a step; absolute 1e-2 of that.
+        spare: accelerations that may be computed for steps that are made anew.
+
+    Returns:
+        At the first samples, as far as states are finite and steps can be made, shape (m, 2 nv).
+    """
+    x = np.concatenate([motion.q[0], motion.v[0]])
+    states: Array = bridge_arm(robot).replay(
+        _explicit(), motion.t, motion.tau, motion.tau_end, motion.jumps, x, rtol, spare
+    )
+    return states
+
+
+@dataclass(frozen=True, eq=False)
+class Feedback:
+    """Computed torque −M(q) (2 ω (v − v_wanted) + ω² (q − q_wanted)) that is added to torques at samples.
+
+    Attributes:
+        bandwidth: ω [1/s].
+        fade: share of it that acts at the end of each interval between samples, shape (K,).
+        clips: rounds in which a torque is clipped to its range in the state that it leads to.
+    """
+
+    bandwidth: float
+    fade: Array
+    clips: int
+
+
+def tracked(
+    robot: Robot, wanted: Trajectory, tau: Array, x: Array, feedback: Feedback, limits: ActuatorLimits, **steps: float
+) -> tuple[Array, Array]:
+    """States and torques of an arm that is led along a motion.
+
+    Args:
+        robot: the arm.
+        wanted: states at samples.
+        tau: torques there, to which feedback adds, shape (samples, nv).
+        x: state at the first sample, shape (2 nv,).
+        feedback: at every sample, from the state at the one before.
+        limits: to which torques are clipped.
+        steps: rtol and spare, as of `replayed`; spare is for every sample.
+
+    Returns:
+        As of `replayed`, and the torques at all samples, shape (samples, nv).
+    """
+    states = np.concatenate([wanted.q, wanted.v], axis=1)
+    slopes, rests = limits.lines
+    torque_range = [np.ascontiguousarray(each, dtype=float) for each in (limits.lower, limits.upper, slopes, rests)]
+    found: tuple[Array, Array] = bridge_arm(robot).track(
+        _explicit(), wanted.t, tau, wanted.jumps, states, feedback.fade, feedback.bandwidth, feedback.clips,
+        torque_range, x, **steps,
+    )  # fmt: skip
+    return found
+
+
+class Collocation:
+    """Implicit steps through many segments; for one thread.
+
+    Newton's method on the accelerations at the stages, with Pinocchio's derivatives of the forward dynamics at the
+    middle of the step. The same linear equations yield how the end state depends on the start state and on a constant
+    torque (variational equations; Hairer, Nørsett, Wanner, Solving ODEs I, II.17 and IV.8).
+    """
+
+    def __init__(self, robot: Robot, tableau: Sequence[Array], tolerance: float, stalled: float, most: int) -> None:
+        """Prepare steps of a robot.
+
+        Args:
+            robot: the arm.
+            tableau: A, b and c.
+            tolerance: error of the stage velocities, relative to 1 and the velocity, by the last two Newton steps.
+            stalled: the same where Newton steps no longer halve.
+            most: Newton steps.
+        """
+        import _armdyn_bridge as bridge
+
+        A, b, c = (np.ascontiguousarray(each, dtype=float) for each in tableau)
+        self._arm, self._method = bridge_arm(robot), bridge.ImplicitMethod(A, b, c, tolerance, stalled, most)
+
+    def __call__(self, h: Array, x: Array, tau: Array, parts: int = 1) -> tuple[Array, Array, Array]:
+        """Integrate each segment by equal steps, and differentiate its end state.
+
+        Args:
+            h: their lengths [s], shape (K,).
+            x: their start states, shape (K, 2 nv).
+            tau: torques at start and end [N m or N], shape (K, 2, nv).
+            parts: steps in a segment.
+
+        Returns:
+            End states, shape (K, 2 nv), and their derivatives by start state, shape (K, 2 nv, 2 nv), and constant
+            torque, shape (K, 2 nv, nv). End states are not numbers where Newton's method does not converge.
+        """
+        found: tuple[Array, Array, Array] = self._arm.implicit_steps(self._method, h, x, tau, parts)
+        return found

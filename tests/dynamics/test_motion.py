@@ -1,0 +1,142 @@
+"""Explicit and implicit steps against scipy's integrators and difference quotients."""
+
+import numpy as np
+import pytest
+from scipy.integrate import DOP853, solve_ivp
+
+import armdyn as ad
+from armdyn.dynamics import motion
+from armdyn.dynamics.motion import STAGES, Collocation, Feedback, replayed, tracked
+from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.models.values.actuator_limits import ConstantTorque
+from armdyn.optimal.task.tableau import GAUSS_3
+from oracles import robot_named
+
+LOOSE = 1e3
+"""A relative tolerance that every step keeps."""
+
+
+def swing(duration, samples=2, name="rr"):
+    """An arm that falls under torques that change linearly."""
+    robot = robot_named(name)
+    t, n = np.linspace(0, duration, samples), robot.nv
+    tau = (1 - 30 * t)[:, None] * np.ones(n)
+    return robot, ad.Trajectory(t, np.full((samples, n), 0.4), np.full((samples, n), -1.0), tau)
+
+
+def rate_of(robot, motion):
+    acceleration, n = forward_dynamics(robot), robot.nv
+    slope = (motion.tau[-1] - motion.tau[0]) / motion.duration
+    return lambda t, x: np.concatenate([x[n:], acceleration(x[:n], x[n:], motion.tau[0] + t * slope)])
+
+
+def exact(robot, motion, rtol=1e-13):
+    x = np.concatenate([motion.q[0], motion.v[0]])
+    return solve_ivp(rate_of(robot, motion), (0, motion.duration), x, "DOP853", rtol=rtol, atol=1e-15).y[:, -1]
+
+
+def test_a_step_is_scipys():
+    robot, wanted = swing(0.05)
+    x = np.concatenate([wanted.q[0], wanted.v[0]])
+    solver = DOP853(rate_of(robot, wanted), 0, x, 0.05, rtol=LOOSE, atol=1e-2 * LOOSE, first_step=0.05)
+    solver.step()
+    assert solver.t == 0.05
+    # The same sums in another order.
+    np.testing.assert_allclose(replayed(robot, wanted, LOOSE, 0)[1], solver.y, rtol=1e-14, atol=1e-14)
+
+
+def test_order_is_eight():
+    errors = []
+    for h in (0.01, 0.005):
+        robot, wanted = swing(h)
+        errors.append(np.max(np.abs(replayed(robot, wanted, LOOSE, 0)[1] - exact(robot, wanted))))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(9, abs=0.2)  # of one step
+
+
+def test_halves_are_made_until_the_tolerance_is_kept():
+    robot, wanted = swing(0.2, name="ur5")
+    found = replayed(robot, wanted, 1e-11, 10_000)
+    np.testing.assert_allclose(found[1], exact(robot, wanted), atol=1e-9)  # some ten errors of 1e-11, grown by the fall
+    assert len(replayed(robot, wanted, 1e-11, 2 * STAGES)) == 1  # there are more halves than that
+    assert len(replayed(robot, wanted, LOOSE, 0)) == 2
+
+
+def test_no_time_passes_over_a_jump():
+    robot, wanted = swing(0.02, samples=5)
+    t, tau = wanted.t.copy(), wanted.tau.copy()
+    t[2], tau[2:] = np.nextafter(t[1], 1), 7.0
+    found = replayed(robot, ad.Trajectory(t, wanted.q, wanted.v, tau), 1e-10, 1000)
+    np.testing.assert_array_equal(found[2], found[1])
+    later = ad.Trajectory(t[2:] - t[2], *np.split(found[2:], 2, axis=1), tau[2:])
+    np.testing.assert_allclose(replayed(robot, later, 1e-10, 1000), found[2:], rtol=1e-15)
+
+
+def test_what_is_not_finite_ends_it():
+    robot, wanted = swing(0.02, samples=5)
+    limits = ConstantTorque(np.full(2, -9.0), np.full(2, 9.0))
+    tau = wanted.tau.copy()
+    tau[3] = np.nan
+    x, feedback = np.concatenate([wanted.q[0], wanted.v[0]]), Feedback(0.0, np.ones(4), 0)
+    states, torques = tracked(robot, wanted, tau, x, feedback, limits, rtol=1e-10, spare=1000)
+    np.testing.assert_array_equal(states, replayed(robot, wanted, 1e-10, 1000)[:3])
+    np.testing.assert_array_equal(torques, tau)
+
+
+def test_feedback_leads_back_to_the_motion():
+    robot, wanted = swing(0.5, 200, "ur5")
+    states = replayed(robot, wanted, 1e-10, 1000)
+    wanted = ad.Trajectory(wanted.t, *np.split(states, 2, axis=1), wanted.tau)
+    x, limits = states[0] + 0.01, ConstantTorque(np.full(6, -1e4), np.full(6, 1e4))
+    ends = [
+        tracked(robot, wanted, wanted.tau, x, Feedback(40.0, np.full(199, fade), 0), limits, rtol=1e-10, spare=1000)
+        for fade in (0.0, 1.0)
+    ]
+    assert np.max(np.abs(ends[0][0][-1] - states[-1])) > 1e-3
+    assert np.max(np.abs(ends[1][0][-1] - states[-1])) < 1e-5  # exp(-20) (1 + 20) of 0.01, and its velocities 40 times
+    # Torques act as they are given back: from the same start they lead to the same end.
+    again = ad.Trajectory(wanted.t, *np.split(np.vstack([x, states[1:]]), 2, axis=1), ends[1][1])
+    np.testing.assert_allclose(replayed(robot, again, 1e-10, 1000), ends[1][0], atol=1e-12)
+
+
+def implicit(robot):
+    return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), 1e-14, 1e-9, 12)
+
+
+@pytest.mark.parametrize("name", ["rr", "kinova"])
+def test_implicit_steps_are_of_order_six(name):
+    robot, wanted = swing(4e-3, name=name)
+    x, tau = np.concatenate([wanted.q[0], wanted.v[0]])[None], wanted.tau[None]
+    ends = [implicit(robot)(np.array([4e-3]), x, tau, parts)[0][0] for parts in (1, 2)]
+    first, second = (np.max(np.abs(end - exact(robot, wanted))) for end in ends)
+    assert first / second == pytest.approx(2**6, rel=0.1)  # two steps of half the length err by 2⁻⁶
+
+
+@pytest.mark.parametrize("name", ["rr", "kinova"])
+def test_implicit_steps_know_their_derivatives(name):
+    step, errors = 1e-5, []
+    for h in (4e-3, 2e-3):
+        robot, wanted = swing(h, name=name)
+        x, tau = np.concatenate([wanted.q[0], wanted.v[0]]), wanted.tau
+
+        def end(x, tau, robot=robot, h=h):
+            return implicit(robot)(np.array([h]), x[None], tau[None])[0][0]
+
+        by_x = [(end(x + own, tau) - end(x - own, tau)) / (2 * step) for own in step * np.eye(x.size)]
+        by_tau = [(end(x, tau + own) - end(x, tau - own)) / (2 * step) for own in step * np.eye(robot.nv)]
+        _, (transition,), (forced,) = implicit(robot)(np.array([h]), x[None], tau[None])
+        differences = transition - np.column_stack(by_x), forced - np.column_stack(by_tau)
+        errors.append([np.max(np.abs(each)) for each in differences])
+    # They are taken at the middle of the step: the error is of third order.
+    assert np.all(np.array(errors[0]) > 6 * np.array(errors[1]))
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    robot, wanted = swing(0.02)
+    with pytest.raises(ValueError, match="do not fit"):
+        implicit(robot)(np.array([0.02]), np.zeros((1, 3)), wanted.tau[None])
+    with pytest.raises(ValueError, match="do not fit"):
+        forward_dynamics(robot)(np.zeros(3), np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match="do not fit"):
+        motion.bridge_arm(robot).replay(
+            motion._explicit(), wanted.t, wanted.tau, wanted.tau, wanted.jumps, np.zeros(4), 1e-10, 0
+        )
