@@ -149,9 +149,7 @@ def _taken(
     return there, float(np.clip(reach, policy.least_reach, 1.0))
 
 
-def _slowed(
-    arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances: Distances | None
-) -> Improved | None:
+def _slowed(arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances: Distances | None) -> Improved | None:
     """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
     program = arm.program
     factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))

@@ -171,9 +171,7 @@ class StepProgram:
         rates = sum(float(np.sum(np.maximum(np.abs(c) / b - T, 0))) for c, b, T in self._rates(at))
         missing = 0.0 if at.near is None else float(np.sum(at.near.missing))
         smooth = self._smoothness(at)
-        return float(
-            at.duration + smooth + price * np.sum(torque) + policy.rate * rates + policy.distance * missing
-        )
+        return float(at.duration + smooth + price * np.sum(torque) + policy.rate * rates + policy.distance * missing)
 
     def violations(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
         """Excess over the upper and the lower torque limits less margins, as parts of half the ranges."""
@@ -267,7 +265,9 @@ class StepProgram:
                 values[acceleration[0, place]] += by_duration
                 values[acceleration[1, place]] -= by_duration
 
-    def _with_distances(self, near: Linearised, top: Array, price: Array) -> tuple[tuple[Array, Array, Array], Array, Array, Array]:
+    def _with_distances(
+        self, near: Linearised, top: Array, price: Array
+    ) -> tuple[tuple[Array, Array, Array], Array, Array, Array]:
         """Rows, tops, slacks and prices with those of the distances, linearised: spare + J step >= 0."""
         start, column, value = self._pattern
         matrix, poses = near.jacobian[:, : self.size].tocsr(), near.missing.size
