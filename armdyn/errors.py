@@ -102,7 +102,7 @@ class ProblemError(ArmdynError, ValueError):
 
 
 class ContactError(ProblemError):
-    """At a given pose bodies touch that may not, or are nearer than the clearance.
+    """Bodies collide, or are nearer than the clearance, at a given pose.
 
     Attributes:
         robot: the arm.

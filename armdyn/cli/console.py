@@ -7,11 +7,11 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -101,6 +101,17 @@ class Answer:
     def done(self, status: str, facts: Mapping[str, object], files: Iterable[Path] = ()) -> None:
         """Record success."""
         self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
+
+    def judge(self, usable: bool, *, interrupted: bool = False, as_required: bool = True) -> None:
+        """Set the exit code of a result.
+
+        Args:
+            usable: whether it is what the command is for, such as a usable motion.
+            interrupted: whether Ctrl-C has cut it short.
+            as_required: whether it meets `--require` or `--at-least`.
+        """
+        code = DONE if as_required else NOT_AS_REQUIRED
+        self.code = INTERRUPTED if interrupted else code if usable else NOT_USABLE
 
     def interrupted(self) -> None:
         """Record an interrupt."""
@@ -230,6 +241,38 @@ def progress_bar(name: str, total: int) -> Iterator[Bar]:
         own = Bar(bar, total)
         bar.refresh()
         yield own
+
+
+def table(
+    title: str,
+    heads: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    styles: Sequence[str | None] = (),
+    caption: str = "",
+) -> Table:
+    """Table of text, none of which is markup.
+
+    Args:
+        title: above it.
+        heads: of the columns; one that begins with ">" is of numbers, which stand at the right and are never folded.
+        rows: their cells.
+        styles: of the rows, as rich names them; none: all are plain.
+        caption: below it.
+    """
+    from rich.table import Table
+
+    made = Table(
+        title=escape(title), caption=escape(caption), title_justify="left", caption_justify="left",
+        title_style="bold", header_style="bold", box=None, pad_edge=False,
+    )  # fmt: skip
+    for head in heads:
+        numbers = head.startswith(">")
+        justify: Literal["left", "right"] = "right" if numbers else "left"
+        made.add_column(escape(head.removeprefix(">")), justify=justify, no_wrap=numbers, overflow="fold")
+    for i, cells in enumerate(rows):
+        made.add_row(*map(escape, cells), style=styles[i] if styles else None)
+    return made
 
 
 def facts_table(title: str, facts: dict[str, str]) -> Table:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, working
+from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, table, working
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
@@ -177,16 +177,12 @@ def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
         name: the robot's.
         rows: of every number.
     """
-    from rich.table import Table
-
-    table = Table(title=escape(f"{name}: policy of minimum time"), title_justify="left", header_style="bold", box=None)
-    for column in ("number", "value", "meaning and reason"):
-        table.add_column(column, overflow="fold")
+    lines = []
     for what, value, unit, reason, cases in rows:
         shown = "none" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
-        why = f"{escape(reason)}\n[dim]chosen on: {escape(cases)}[/]"
-        table.add_row(escape(what), escape(shown if unit == "-" or value is None else f"{shown} {unit}"), why)
-    return table
+        shown = shown if unit == "-" or value is None else f"{shown} {unit}"
+        lines.append((what, shown, f"{reason}\nchosen on: {cases}"))
+    return table(f"{name}: policy of minimum time", ("number", "value", "meaning and reason"), lines)
 
 
 def _number(x: float) -> float | None:
@@ -243,16 +239,10 @@ def _remarks(robot: ad.Robot) -> list[str]:
 
 
 def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
-    from rich.table import Table
-
-    title = escape(f"{robot.name}: {robot.nv} joints, tip {robot.tip!r}")
-    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
-    table.add_column("joint", overflow="fold")
     more = {"armature": "kg m²", "damping": "N m s/rad", "friction": "N m"}
     more = {what: unit for what, unit in more.items() if any(joint[what] for joint in joints)}
-    columns = ["position\n[rad or m]", "velocity\n[rad/s]", "torque\n[N m]"]
-    for column in [*columns, *(f"{what}\n[{unit}]" for what, unit in more.items())]:
-        table.add_column(escape(column), justify="right")
+    heads = ["joint", ">position\n[rad or m]", ">velocity\n[rad/s]", ">torque\n[N m]"]
+    heads += [f">{what}\n[{unit}]" for what, unit in more.items()]
 
     def show(x: object) -> str:
         return "-" if x is None else f"{x:.4g}"
@@ -265,12 +255,14 @@ def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
             return "-" if lower is upper else f"{show(lower)} … {show(upper)}"
         return f"±{show(upper)}" if -lower == upper else f"{show(lower)} … {show(upper)}"  # type: ignore[operator]
 
-    for joint in joints:
-        table.add_row(
-            escape(str(joint["name"])),
+    rows = [
+        (
+            str(joint["name"]),
             between(joint, "position"),
             show(joint["velocity"]),
             between(joint, "effort"),
             *(show(joint[what]) for what in more),
         )
-    return table
+        for joint in joints
+    ]
+    return table(f"{robot.name}: {robot.nv} joints, tip {robot.tip!r}", heads, rows)

@@ -13,7 +13,7 @@ import typer
 
 import armdyn as ad
 from armdyn.arguments import whole
-from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
+from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.invocation import invocation
 from armdyn.cli.options.course import SceneOptions
 from armdyn.cli.options.groups import flag, given, option
@@ -35,7 +35,7 @@ _MOST_LIKELY = 100
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifyCommandOptions:
-    """What is identified, or the motion to log."""
+    """Unknowns to identify, or the motion to log."""
 
     payload_only: bool = flag("Identify what the arm carries, and friction; the links are as the robot's file says.")
     friction_only: bool = flag("Identify friction alone.")
@@ -201,28 +201,27 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
 
 
 def _show(estimate: ad.Estimate, file: Path) -> None:
-    from rich.table import Table
-
     words = {
         "combinations measured": f"{estimate.measured_combinations} of {estimate.combinations}",
         "condition number": f"{estimate.condition:.3g}",
-        "results": escape(str(file)),
+        "results": str(file),
     }
     if estimate.unmoved:
-        words["not moved"] = ", ".join(map(escape, estimate.unmoved))
-    console.print(facts_table(f"{escape(estimate.robot.name)}: identified", words))
+        words["not moved"] = ", ".join(estimate.unmoved)
+    console.print(facts_table(f"{estimate.robot.name}: identified", words))
     if estimate.judged is not None:
-        table = Table("joint", "torque", "error before", "after", title="root mean square on the end of the logs")
         judged = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
-        for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True):
-            table.add_row(escape(joint), *(f"{value:.3g}" for value in row))
-        console.print(table)
+        rows = [
+            (joint, *(f"{value:.3g}" for value in row))
+            for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True)
+        ]
+        title = "root mean square on the end of the logs"
+        console.print(table(title, ("joint", ">torque", ">error before", ">after"), rows))
     measured = [one for one in estimate.parameters if one.measured]
-    table = Table("measured", "before", "value", "± (95 %)", "unit")
-    for one in measured[:_MOST_ROWS]:
-        table.add_row(
-            escape(one.name), f"{one.prior:.4g}", f"{one.value:.4g}", f"{one.interval[1] - one.value:.2g}", one.unit
-        )
-    console.print(table)
+    rows = [
+        (one.name, f"{one.prior:.4g}", f"{one.value:.4g}", f"{one.interval[1] - one.value:.2g}", one.unit)
+        for one in measured[:_MOST_ROWS]
+    ]
+    console.print(table("", ("measured", ">before", ">value", ">± (95 %)", "unit"), rows))
     left = len(estimate.parameters) - len(measured)
     console.print(f"{left} numbers are the robot's rather than the logs'; --json lists all {len(estimate.parameters)}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, escape, progress_bar
+from armdyn.cli.console import INTERRUPTED, answering, console, escape, progress_bar, table
 from armdyn.cli.options.results import Json
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
@@ -80,7 +80,7 @@ def reproduce(
             answer.code = INTERRUPTED
         else:
             answer.facts |= result.summary()
-            answer.code = 0 if answer.facts["success"] else NOT_USABLE
+            answer.judge(bool(answer.facts["success"]))
             console.print(result.message())
             console.print(
                 f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}"
@@ -104,17 +104,11 @@ def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh:
 
 def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> None:
     """Print the examples with the figures' payload, and the place of their figures."""
-    from rich.table import Table
-
     from armdyn.paper.tables.examples import HEADER, example_lines
 
-    grams = f"{1000 * plan.shown_payload:g} g"
-    table = Table(title=f"The paper's examples with {grams} at the tip", title_justify="left")
-    for column in HEADER:
-        table.add_column(column, justify="right" if column in ("#", "paper", "ours") else "left")
-    for line in example_lines(outcomes):
-        table.add_row(*map(escape, line))
-    console.print(table)
+    title = f"The paper's examples with {1000 * plan.shown_payload:g} g at the tip"
+    heads = [f">{head}" if head in ("#", "paper", "ours") else head for head in HEADER]
+    console.print(table(title, heads, example_lines(outcomes)))
     console.print(f"figures and replays: open {escape(str(out / 'index.html'))} in a browser")
 
 

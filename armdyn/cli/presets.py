@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import Answer, answering, console, escape, facts_table
+from armdyn.cli.console import Answer, answering, console, facts_table, table
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import Json
 
@@ -56,25 +56,18 @@ def _facts(preset: ad.ControllerPreset) -> dict[str, object]:
 
 
 def _list(listed: list[ad.ControllerPreset]) -> Table:
-    from rich.table import Table
-
-    table = Table(title="Controller presets", title_justify="left", title_style="bold", box=None)
-    for head in ("name", "joints", "Hz", "interfaces", "necessary", "as of"):
-        table.add_column(
-            head, justify="right" if head in ("joints", "Hz") else "left", style="" if head == "name" else "dim"
-        )
-    for preset in listed:
-        ways = ", ".join(one.name for one in preset.interfaces)
-        cells = (
+    rows = [
+        (
             preset.name,
             str(len(preset.joints)),
             f"{preset.chosen.rate:g}",
-            ways,
+            ", ".join(one.name for one in preset.interfaces),
             _plain(preset.chosen.necessary),
             preset.date,
         )
-        table.add_row(*map(escape, cells))
-    return table
+        for preset in listed
+    ]
+    return table("Controller presets", ("name", ">joints", ">Hz", "interfaces", "necessary", "as of"), rows)
 
 
 def _show(preset: ad.ControllerPreset, answer: Answer) -> None:
@@ -94,19 +87,13 @@ def _plain(conditions: tuple[str, ...]) -> str:
 
 
 def _limits(preset: ad.ControllerPreset) -> Table:
-    from rich.table import Table
-
     from armdyn.models.presets.interface import LIMITS, UNITS
 
-    rows = {name: row for name in LIMITS if (row := getattr(preset.limits, name)) is not None}
-    table = Table(title="\nLimits", title_justify="left", title_style="bold", box=None)
-    table.add_column("joint")
-    for name in rows:
-        unit = UNITS["position" if name.startswith("position") else name]
-        table.add_column(f"{name.replace('_', ' ')}\n{escape(f'[{unit}]')}", justify="right")
-    for i, joint in enumerate(preset.joints):
-        table.add_row(escape(joint or str(i + 1)), *(f"{row[i]:g}" for row in rows.values()))
-    if preset.limits.taper is not None:
-        table.caption = "The velocity limits fall to zero towards the ends of the joints' ranges (docs/presets.md)."
-        table.caption_justify = "left"
-    return table
+    columns = {name: row for name in LIMITS if (row := getattr(preset.limits, name)) is not None}
+    units = [UNITS["position" if name.startswith("position") else name] for name in columns]
+    heads = [f">{name.replace('_', ' ')}\n[{unit}]" for name, unit in zip(columns, units, strict=True)]
+    rows = [
+        (joint or str(i + 1), *(f"{row[i]:g}" for row in columns.values())) for i, joint in enumerate(preset.joints)
+    ]
+    taper = "The velocity limits fall to zero towards the ends of the joints' ranges (docs/presets.md)."
+    return table("\nLimits", ("joint", *heads), rows, caption="" if preset.limits.taper is None else taper)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.cli.console import NOT_USABLE, Answer, console, escape
+from armdyn.cli.console import NOT_USABLE, Answer, console, escape, table
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import probe_folder, write_whole
@@ -89,20 +89,13 @@ def _facts(found: UrdfRepair) -> dict[str, object]:
 
 def _table(repairs: tuple[InertiaRepair, ...]) -> Table:
     """Principal moments of the changed inertias, before and after."""
-    from rich.table import Table
-
-    title = "nearest physical inertias (masses and centres of mass stay)"
-    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
-    table.add_column("link", overflow="fold")
-    for column in ("principal moments in the file", "nearest physical"):
-        table.add_column(f"{column}\n\\[kg m²]", justify="right")
-    table.add_column("change", justify="right")
-    table.add_column("fault", overflow="fold")
+    rows = []
     for one in repairs:
         before, after = (" ".join(f"{x:.4g}" for x in each) for each in (one.moments_before, one.moments_after))
         why = one.fault.partition(":")[0] or "thin body, rounded in the file"
-        table.add_row(escape(one.link), before, after, f"{100 * one.change:.3g} %", escape(why))
-    return table
+        rows.append((one.link, before, after, f"{100 * one.change:.3g} %", why))
+    heads = ("link", ">principal moments in the file\n[kg m²]", ">nearest physical\n[kg m²]", ">change", "fault")
+    return table("nearest physical inertias (masses and centres of mass stay)", heads, rows)
 
 
 def _proposals(found: UrdfRepair) -> list[str]:

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import Answer, answering, console, escape, facts_table, working
+from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
 Facts = dict[str, object]
 
 _LIMITS = ("position", "velocity", "effort")
+_HEADS = ("name", ">dof", ">q", ">v", ">τ", ">locked", "remarks")
 _MARKS, _PLAIN_MARKS = "●◐○", "*+-"
 """Of all joints, of some, of none; the latter for terminals that lack the former."""
 
@@ -58,9 +56,10 @@ def robots(
             arms = [_facts(name, progress) for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
             others = [_facts(name, progress) for name in other_robots()] if everything or json else []
         answer.done("listed", {"robots": arms, "others": others})
-        console.print(_table("Arms by name", arms))
+        console.print(table("Arms by name", _HEADS, map(_row, arms)))
         if others:
-            console.print(_table("The library's other robots, base fixed and every joint free", others))
+            title = "The library's other robots, base fixed and every joint free"
+            console.print(table(title, _HEADS, map(_row, others)))
         every, some, none = _marks()
         console.print(
             f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
@@ -122,24 +121,11 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     }
 
 
-def _table(title: str, robots: list[Facts]) -> Table:
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=None, header_style="bold", pad_edge=False)
-    table.add_column("name", no_wrap=True)
-    for heading in ("dof", "q", "v", "τ", "locked"):
-        table.add_column(heading, justify="right")
-    table.add_column("remarks")
-    for facts in robots:
-        table.add_row(*_row(facts))
-    return table
-
-
 def _row(facts: Facts) -> list[str]:
-    name = escape(str(facts["name"]))
+    name = str(facts["name"])
     missing, joints = facts.get("missing"), facts.get("joints")
     if not isinstance(missing, dict) or not isinstance(joints, list):
-        return [name, *[""] * 5, f"[yellow]{escape(str(facts['reason']))}[/]"]
+        return [name, *[""] * 5, str(facts["reason"])]
     every, some, none = _marks()
     marks = [every if not missing[k] else none if len(missing[k]) == len(joints) else some for k in _LIMITS]
     remarks = [] if facts["robot"] == facts["name"] else [f"of {facts['robot']}"]
@@ -150,7 +136,7 @@ def _row(facts: Facts) -> list[str]:
     if facts["continuous"]:
         remarks.append(f"no end stops ({_which(facts['continuous'], joints)})")
     locked = facts["locked"]
-    return [name, str(facts["dof"]), *marks, str(len(locked) or ""), escape("; ".join(remarks))]  # type: ignore[arg-type]
+    return [name, str(facts["dof"]), *marks, str(len(locked) or ""), "; ".join(remarks)]  # type: ignore[arg-type]
 
 
 def _marks() -> tuple[str, ...]:

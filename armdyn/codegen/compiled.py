@@ -151,7 +151,7 @@ class _Recipe(Generic[T]):
         return cls(source, compiler, name, instructions, loaded)
 
     def load(self, data: bytes, folder: Path) -> T:
-        """From a library's bytes."""
+        """Load the compiled Functions from a library's bytes."""
         handle, copy = tempfile.mkstemp(".so", ".", folder)
         try:
             with os.fdopen(handle, "wb") as file:

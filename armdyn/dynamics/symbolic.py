@@ -8,9 +8,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, flag, numbers
+from armdyn.arrays import Array
 from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError, SpecError
 from armdyn.locks import built_once
@@ -147,7 +147,7 @@ class Dynamics:
         expect(inertia, pin.Inertia, "inertia", error=SpecError)
         return np.array(frame.placement.act(inertia).toDynamicParameters())
 
-    def along(self, name: str, *rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    def along(self, name: str, *rows: Array) -> Array:
         """A Function of vectors at many states in one call.
 
         Args:
@@ -185,7 +185,7 @@ class Dynamics:
         return out if name in ("crba", "placements") else out.reshape(-1)
 
 
-def _vector(value: Value, name: str) -> NDArray[np.float64]:
+def _vector(value: Value, name: str) -> Array:
     """Numbers in a row; arrays of floats, which inner loops give, are looked at no further."""
     known = isinstance(value, np.ndarray) and value.dtype == float
     return np.ravel(value if known else numbers(value, name, error=SpecError))

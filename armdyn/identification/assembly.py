@@ -6,16 +6,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.identification.equations import Equations, in_tip
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.identification.fitting import Fit
 from armdyn.identification.unknowns import parameters_of
 from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 BODY = (
     *(("mass", "kg"), ("com x", "m"), ("com y", "m"), ("com z", "m")),

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from armdyn.arrays import Array
 from armdyn.errors import LogError
 from armdyn.identification.log import Log, Signals
 from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
-
-Array = NDArray[np.float64]
 
 MOVED = 0.02
 """Way of a joint from which on its velocities and torques say something [rad or m]."""

@@ -8,15 +8,14 @@ from typing import Literal
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.identification.log import Signals
 from armdyn.identification.model import mean_regressor, means_of, rigid_torques
 from armdyn.identification.unknowns import Unknowns, parameters_of, prior_factor
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import Payload
 
-Array = NDArray[np.float64]
 What = Literal["all", "payload", "friction"]
 WHAT: tuple[What, ...] = ("all", "payload", "friction")
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 
 from armdyn.arguments import MOST_MEMBERS, number, numbers, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import Equations
 from armdyn.identification.fitting import Fit, Normal, minimise
 from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 NORMAL_95 = 1.959964
 """95 % of a normal distribution lie within so many standard deviations."""

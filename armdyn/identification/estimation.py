@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, number, one_of, several
+from armdyn.arrays import Array
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification.assembly import assembled
 from armdyn.identification.checks import MOVED, check_log
@@ -19,8 +19,6 @@ from armdyn.identification.log import Log, Signals
 from armdyn.identification.model import means_of, rigid_torques
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
-
-Array = NDArray[np.float64]
 
 _OWN_WIDTH = 0.95
 """Torque residuals of a joint with another width of Coulomb friction, as a part of those with the width that is best

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from armdyn.arguments import expect, number, one_of, several, whole
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import WHAT, Equations, What
 from armdyn.identification.log import Signals
@@ -21,8 +21,6 @@ from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _DEGREE = 5
 _CHECKED = 0.01

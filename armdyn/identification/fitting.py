@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.identification.unknowns import Unknowns
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,18 +9,17 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 
 from armdyn.arguments import expect, numbers, several, text
 from armdyn.arguments import path as path_of
+from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, LogError, MissingPackageError, TrajectoryError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.planned import read_planned
-
-Array = NDArray[np.float64]
 
 BAGS = (".mcap", ".db3", ".bag")
 """Suffixes of ROS bags; a folder is a ROS 2 bag, too."""

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.models.robots.arm import Arm
-
-Array = NDArray[np.float64]
 
 
 def rigid_torques(robot: Arm, q: Array, v: Array, a: Array) -> Array:

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
 
 LEAST_RADIUS = 2e-3
 """Least radius of gyration of a prior's body [m]: a point mass could not be fitted by any other body."""

@@ -64,7 +64,7 @@ class MotionCheck:
 
     @property
     def unstable(self) -> str:
-        """That other integrators do not repeat the replay, for people; empty where they do."""
+        """Remark that other integrators do not reproduce the replay; empty where they do."""
         said = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
         return said if self.growth > OPEN_LOOP_GROWTH else ""
 

@@ -9,16 +9,13 @@ from functools import partial
 import numpy as np
 
 from armdyn.arguments import expect, listener
-from armdyn.arrays import Array
-from armdyn.optimal.answer.assembly import assembled, ended_in_time, failed, with_certificate
-from armdyn.optimal.answer.slid_end import slid_end
+from armdyn.optimal.answer.assembly import assembled, failed
+from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.slow_limits import check_pace
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.optimal.proof.transversality import transversality
+from armdyn.optimal.problem.stop import stopping
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
 from armdyn.optimal.refine.curves import curves
@@ -26,7 +23,6 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import Found
-from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
@@ -54,9 +50,9 @@ def solve_minimum_time(
     along curves instead, replayed all the same.
 
     Args:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         options: defaults suit arms of one to seven joints.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text on the current step.
 
     Returns:
         A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
@@ -75,13 +71,13 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     """Solve a task within its time limit, by its own policy.
 
     Args:
-        task: what `solve_minimum_time` makes of its arguments.
+        task: problem, options and policy, see `Task.of`.
         seconds: how much of the time limit is left [s]; None: all of it.
     """
     started, problem = time.perf_counter(), task.problem
     check_pace(problem)
     if problem.goal_pose is not None or len(problem.goals) > 1:
-        return _fastest_goal(task)
+        return fastest_goal(task, solve_task)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with (
         stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
@@ -155,52 +151,3 @@ def _lower_bound(task: Task) -> float | None:
     """Lower bound on the duration [s]; None: none is known."""
     bound = lower_bound(task.problem, task.stop.__bool__, task.policy.bound)
     return None if bound is None else bound.duration
-
-
-def _fastest_goal(task: Task) -> Solution:
-    """The best of the solutions for the most promising goals, and the durations of all."""
-    started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
-    until = started + options.time_limit
-    task = replace(task, stop=Stop(until))
-    tasks, tried = screened(task)
-    solutions: list[Solution] = []
-    for i, branch in enumerate(tasks):
-        if solutions and (task.stop or solutions[-1].status is Status.INTERRUPTED):
-            break
-        task.progress(f"goal {i + 1} of the {len(tasks)} best")
-        solutions.append(solve_task(branch, max(until - time.perf_counter(), 1e-3)))
-        found = solutions[-1].duration if solutions[-1].success else np.inf
-        tried[i] = GoalTried(np.asarray(branch.problem.q_goal), found, refined=True)
-    best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
-    if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, until))
-    goal = best.problem.x_goal[: problem.robot.nv]
-    if best not in solutions:
-        tried.append(GoalTried(goal, best.duration, refined=True))
-    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
-    missed = transversality(problem, problem.goal_pose, goal, best.phases)
-    certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
-    tried.sort(key=lambda goal: goal.duration)
-    elapsed = time.perf_counter() - started
-    answer = replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
-    return ended_in_time(answer, options.time_limit) if task.stop.cut_short else answer
-
-
-def _near(task: Task, until: float, known: Solution, q: Array) -> Solution | None:
-    """The solution for a goal near that of another one, from its motion; None: the time is up."""
-    if task.stop:
-        return None
-    task.progress("the goal moved along the joint positions that reach its pose")
-    near = task.about(known.problem.variant(q_goal=q))
-    return solve_task(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
-
-
-def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
-    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
-    if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
-        return None
-    with stopping(seconds) as stop:
-        bound = _lower_bound(replace(task, stop=stop))
-    if stop.cut_short:
-        task.stop.cut()
-    return bound

@@ -58,7 +58,7 @@ class Reproduced:
         }
 
     def message(self) -> str:
-        """How many of the paper's numbers are reproduced, in a sentence."""
+        """Number of the paper's numbers that are reproduced, in a sentence."""
         found = standings(self.rows)
         again, close, missing = (Counter(found.values())[verdict] for verdict in VERDICTS)
         return (
@@ -153,7 +153,7 @@ class _SoFar:
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """In the order of the cases."""
+        """Outcomes in the order of the cases."""
         return tuple(self.found[case] for case in self._cases if case in self.found)
 
     @property

@@ -19,7 +19,7 @@ _BETWEEN_STOPS = 100
 
 @dataclass(frozen=True, eq=False)
 class JointSpace:
-    """Where joints may be.
+    """Configuration space of a planner: bounds and collision check.
 
     Attributes:
         is_free: whether joint positions [rad or m], shape (n,), are free of collisions.

@@ -17,7 +17,7 @@ IsFree = Callable[[Array], bool]
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """How finely and how long to plan. Lengths are in the planner's coordinates: seconds at the velocity limits.
+    """Options of the planner; lengths are in its coordinates, seconds at the velocity limits.
 
     Attributes:
         step: distance between collision checks, in the largest component. A Panda's fastest point moves 4 cm in 0.02 s;
@@ -86,7 +86,7 @@ def segment_is_free(is_free: IsFree, a: Array, b: Array, step: float) -> bool:
 def connect(
     is_free: IsFree, ends: tuple[Array, Array], bounds: tuple[Array, Array], seed: list[int], options: PlannerOptions
 ) -> Array:
-    """Find a path.
+    """Find a collision-free path between two points.
 
     Args:
         is_free: of a point; raises `OutOfChecksError` to end the search.

@@ -201,7 +201,7 @@ def _bar(one: Estimated) -> Html:
 
 
 def _unseen_section(estimate: Estimate) -> Section:
-    """What the logs do not tell."""
+    """Section of the numbers that the logs do not determine."""
     unseen = [one for one in estimate.parameters if not one.measured]
     facts = [
         ("joints not moved", ", ".join(estimate.unmoved) or "none"),

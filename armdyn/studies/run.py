@@ -135,7 +135,7 @@ def run_study(
 
 @dataclass
 class CaseRun:
-    """Cases done until all have a row or `stop` is set; those that have one are not done again.
+    """Runs the cases of a study that have no row yet, until all have one or `stop` is set.
 
     Attributes:
         cases: to be done.

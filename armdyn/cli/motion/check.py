@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, answering, console, escape
+from armdyn.cli.console import answering, console, escape, table
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
@@ -81,7 +81,7 @@ def check(
         found = wanted.check(motion, names)
         answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
         answer.facts |= found.facts()
-        answer.code = 0 if found.ok else NOT_USABLE
+        answer.judge(found.ok)
         show_check(found, file.name)
 
 
@@ -127,25 +127,23 @@ def show_check(found: ad.ControllerCheck, name: str) -> None:
 
 
 def _table(found: ad.ControllerCheck) -> Table:
-    """Of each condition the joints that violate it, or the one nearest to its limit."""
-    from rich.table import Table
-
-    table = Table(box=None)
-    for head in ("condition", "joint", "worst", "limit", "at [s]", "first", "at [s]"):
-        table.add_column(escape(head), justify="left" if head in ("condition", "joint") else "right")
+    """Table of each condition's violating joints, or of the joint nearest to its limit."""
+    rows: list[tuple[str, ...]] = []
+    styles: list[str | None] = []
     for necessary in (True, False):
         nearest = [row for row in found.worst if row.necessary is necessary]
         if nearest:
-            table.add_row("necessary" if necessary else "recommended", style="dim")
+            rows.append(("necessary" if necessary else "recommended",))
+            styles.append("dim")
         for one in nearest:
             for row in [row for row in found.offences if row.condition == one.condition] or [one]:
-                condition = f"  {_plain(row.condition)} [{row.unit}]"
                 first = ("", "") if row.first is None else (f"{row.first_value:.4g}", f"{row.first:.4f}")
                 value = row.value if row.share > _NOTHING else 0.0
-                cells = (condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", *first)
-                style = None if row.ok else "red" if row.necessary else "yellow"
-                table.add_row(*map(escape, cells), style=style)
-    return table
+                condition = f"  {_plain(row.condition)} [{row.unit}]"
+                rows.append((condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", *first))
+                styles.append(None if row.ok else "red" if row.necessary else "yellow")
+    heads = ("condition", "joint", ">worst", ">limit", ">at [s]", ">first", ">at [s]")
+    return table("", heads, rows, styles=styles)
 
 
 def _plain(condition: str) -> str:

@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armdyn.cli.console import (
-    INTERRUPTED,
-    NOT_AS_REQUIRED,
-    NOT_USABLE,
     Answer,
     answering,
     console,
     escape,
     facts_table,
+    table,
     working,
 )
 from armdyn.cli.export import sampled, usual_rate
@@ -34,14 +32,13 @@ from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armdyn.cycle import CycleSolution
     from armdyn.models.scene.obstacles import Obstacle
 
 _EXAMPLE = "cell.toml"
 _STEPS = "steps.csv"
 _COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
+_NUMBERS = ("step", "time [s]", "share")
 _MOST_COSTS = 8
 
 
@@ -145,14 +142,10 @@ def _solve(
         written = _write(folder, name, solution, summary, formats, results, progress)
     missing = _missing(solution, most)
     answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
-    if stopped:
-        answer.code = INTERRUPTED
-    elif not solution.usable:
-        answer.code = NOT_USABLE
-    elif missing:
-        answer.code = NOT_AS_REQUIRED
+    answer.judge(solution.usable, interrupted=stopped, as_required=not missing)
     if summary["steps"]:
-        console.print(_table(f"{name}: cycle of {robot.name}", summary["steps"]))
+        heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
+        console.print(table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"])))
     console.print(facts_table("", _words(solution, summary) | missing_words(missing) | written.words))
 
 
@@ -243,19 +236,6 @@ def _cells(step: dict[str, Any]) -> list[str]:
         step["decided_by"],
         step["would_help"],
     ]
-
-
-def _table(title: str, steps: Sequence[dict[str, Any]]) -> Table:
-    """The steps as a line manager reads them."""
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", title_style="bold", box=None, pad_edge=False)
-    for column in _COLUMNS:
-        right = column in ("step", "time [s]", "share")
-        table.add_column(column, justify="right" if right else "left", no_wrap=right, overflow="fold")
-    for step in steps:
-        table.add_row(*map(escape, _cells(step)))
-    return table
 
 
 def _steps_csv(steps: Sequence[dict[str, Any]]) -> str:

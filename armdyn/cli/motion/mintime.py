@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
-from armdyn.cli.console import INTERRUPTED, NOT_AS_REQUIRED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.motion.controller import ControllerVerdict, NoCosts
 from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
@@ -174,12 +174,8 @@ def mintime(
             "missing": missing,
             **written.facts,
         }
-        if solution.status is ad.Status.INTERRUPTED:
-            answer.code = INTERRUPTED
-        elif not solution.usable or verdict.refused:
-            answer.code = NOT_USABLE
-        elif missing:
-            answer.code = NOT_AS_REQUIRED
+        stopped = solution.status is ad.Status.INTERRUPTED
+        answer.judge(solution.usable and not verdict.refused, interrupted=stopped, as_required=not missing)
         words = (
             carried_words(arm) | friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
         )

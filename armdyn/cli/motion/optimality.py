@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 import armdyn as ad
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
@@ -71,10 +71,7 @@ def optimality(
             title = f"{arm.name}: {_title(found)}"
             written = results.write(folder, arm, motions, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        if solution.status is ad.Status.INTERRUPTED:
-            answer.code = INTERRUPTED
-        elif not summary["success"]:
-            answer.code = NOT_USABLE
+        answer.judge(bool(summary["success"]), interrupted=solution.status is ad.Status.INTERRUPTED)
         words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
         console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
@@ -91,7 +91,7 @@ def pid(
             title = f"{arm.name}{carried}: PID loop"
             written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        answer.code = 0 if run.arrival_time is not None else NOT_USABLE
+        answer.judge(run.arrival_time is not None)
         words = friction_words(arm) | _words(run) | written.words
         console.print(facts_table(f"{arm.name}: PID loop", words))
 

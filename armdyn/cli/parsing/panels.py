@@ -7,7 +7,7 @@ _FIRST = (TASK, ROBOT, LIMITS, SCENE)
 
 
 def place(panel: str) -> int:
-    """Where a panel stands: the task first, the output last, the panels of a single command between."""
+    """Sort key of a panel: the task first, the output last, the panels of a single command between."""
     if panel in _FIRST:
         return _FIRST.index(panel)
     return len(_FIRST) + 1 + _LAST.index(panel) if panel in _LAST else len(_FIRST)

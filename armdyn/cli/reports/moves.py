@@ -22,7 +22,7 @@ NEAR = 1e-3
 
 
 def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[ShownMotion]]:
-    """The robot and its motions, whole, each with a name of its own; of a single result its reference, too.
+    """Read motions with unique names, and their robot, from saved results; of a single result also its reference.
 
     The robot is the user's, else that of the first result that says one. A motion without a result is looked at,
     where the robot is at hand: whether it keeps its limits.

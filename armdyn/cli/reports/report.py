@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
-from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.console import answering, console, escape, table, working
 from armdyn.cli.options.groups import option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
@@ -151,7 +151,7 @@ def compare(
 
 
 def _written(folder: Path, made: Report) -> Path:
-    """The page."""
+    """Write a report into a folder; returns the file."""
     from armdyn.files import write_whole
     from armdyn.show.page.report import report_html
 
@@ -161,23 +161,20 @@ def _written(folder: Path, made: Report) -> Path:
 
 
 def _table(title: str, rows: Sequence[Compared]) -> Table:
-    from rich.table import Table
-
-    table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False, caption_justify="left")
-    for column in ("motion", "at the goal", "later", "work", "fastest", "strongest", "verdict"):
-        beside = column in ("motion", "verdict")
-        table.add_column(column, justify="left" if beside else "right", overflow="fold", no_wrap=not beside)
-    for k, row in enumerate(rows):
-        table.add_row(
-            escape(row.name),
+    cells = [
+        (
+            row.name,
             _there(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
             f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
-            escape(row.verdict),
+            row.verdict,
         )
-    table.caption = "later than the first; fastest, strongest: the most that a joint takes of its limit"
-    return table
+        for k, row in enumerate(rows)
+    ]
+    heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
+    caption = "later than the first; fastest, strongest: the most that a joint takes of its limit"
+    return table(title, heads, cells, caption=caption)
 
 
 def _there(row: Compared) -> str:

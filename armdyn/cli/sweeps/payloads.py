@@ -9,14 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from armdyn.cli.console import (
-    DONE,
-    INTERRUPTED,
-    NOT_AS_REQUIRED,
-    NOT_USABLE,
     Answer,
     console,
     errors,
     escape,
+    table,
     working,
 )
 from armdyn.cli.invocation import in_options
@@ -34,7 +31,6 @@ if TYPE_CHECKING:
 ROWS = "study.sqlite"
 _SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
 """Facts of the study's row that are columns of the table."""
-_CODES = {"done": DONE, "not_landed": NOT_USABLE, "interrupted": INTERRUPTED}
 
 
 def run_payloads(
@@ -82,7 +78,7 @@ def run_payloads(
         "missing": missing,
         "files": [str(file) for file in files],
     }
-    answer.code = NOT_AS_REQUIRED if status == "done" and missing else _CODES[status]
+    answer.judge(status == "done", interrupted=status == "interrupted", as_required=not missing)
     if status == "interrupted":
         answer.facts["message"] = f"interrupted; the solved payloads are in {folder}"
     console.print(_table(arm.name, rows))
@@ -173,19 +169,18 @@ def _complain(status: str, missing: Sequence[str]) -> None:
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     """The table for people."""
-    from rich.table import Table
-
-    table = Table(title=f"{escape(name)}: minimum time over payload", title_justify="left")
-    for column in ("payload", "minimum time", "certified", "1 g costs", "limited most by", "1 % saves"):
-        table.add_column(column, justify="left" if column in ("certified", "limited most by") else "right")
+    cells = []
     for row in rows:
         gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]
-        table.add_row(
-            f"{1e3 * row['payload_kg']:g} g",
-            f"{row['duration_s']:.6f} s" if row["success"] else "-",
-            "yes" if row["certified"] else "no",
-            "-" if gram is None else f"{gram:.3f} ms",
-            "-" if most is None else escape(str(most)),
-            "-" if saved is None else f"{saved:.2f} ms",
+        cells.append(
+            (
+                f"{1e3 * row['payload_kg']:g} g",
+                f"{row['duration_s']:.6f} s" if row["success"] else "-",
+                "yes" if row["certified"] else "no",
+                "-" if gram is None else f"{gram:.3f} ms",
+                "-" if most is None else str(most),
+                "-" if saved is None else f"{saved:.2f} ms",
+            )
         )
-    return table
+    heads = (">payload", ">minimum time", "certified", ">1 g costs", "limited most by", ">1 % saves")
+    return table(f"{name}: minimum time over payload", heads, cells)

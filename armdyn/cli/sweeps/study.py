@@ -111,7 +111,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
 def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
     there = sum(run.counts.values())
     odd = there - sum(count for status, count in run.counts.items() if status in _ANSWERS)
-    answer.code = INTERRUPTED if run.interrupted else NOT_USABLE if odd else DONE
+    answer.judge(not odd, interrupted=run.interrupted)
     answer.facts |= {
         "success": answer.code == DONE,
         "status": {INTERRUPTED: "interrupted", NOT_USABLE: "not_usable", DONE: "done"}[answer.code],

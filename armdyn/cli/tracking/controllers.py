@@ -36,7 +36,7 @@ class ControllerOptions:
     gains: str | None = option("KP,KI,KD", "Of pid and others, the same for every joint \\[N m/rad and so on].")
 
     def chosen(self) -> Controller:
-        """The controller.
+        """Controller that the options name.
 
         Raises:
             ProblemError: unknown; an option of another controller, or of wrong numbers.
@@ -76,7 +76,7 @@ class LoopOptions:
     ideal: bool = flag("A continuous loop without imperfections; torques are clipped.")
 
     def joined(self) -> ad.Loop:
-        """The loop.
+        """Loop that the options describe.
 
         Raises:
             ProblemError: something is out of range or unknown.
@@ -99,7 +99,7 @@ class PlantOptions:
     plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
     def real(self, task: FastArmOptions) -> ad.Robot:
-        """The arm that moves.
+        """Simulated arm: the controller's model changed by these options.
 
         Args:
             task: the controller's model.

@@ -9,7 +9,6 @@ from typing import ClassVar
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli.console import (
-    NOT_AS_REQUIRED,
     answering,
     console,
     facts_table,
@@ -138,7 +137,7 @@ def monte_carlo(
             files = _write(folder, found, replace(asked, model_hash=model.model_hash), summary, figure=not no_figure)
         answer.facts |= {**summary, "files": [str(file) for file in files]}
         success = found.success(within)
-        answer.code = NOT_AS_REQUIRED if study.at_least is not None and success.rate < study.at_least else 0
+        answer.judge(True, as_required=study.at_least is None or success.rate >= study.at_least)
         title = f"{model.name}: {options.count} arms with {controller.controller}"
         console.print(facts_table(title, _words(found, within, asked) | {"results": str(folder)}))
 

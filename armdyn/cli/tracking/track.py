@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import armdyn as ad
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, Answer, answering, console, errors, escape, facts_table, working
+from armdyn.cli.console import Answer, answering, console, errors, escape, facts_table, working
 from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
@@ -91,7 +91,7 @@ def track(
             motions = {"trajectory": until(run.trajectory, end), "reference": followed}
             written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
-        answer.code = 0 if run.settled else NOT_USABLE
+        answer.judge(run.settled)
         words = friction_words(real) | _words(run, asked) | written.words
         console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
 
@@ -99,7 +99,7 @@ def track(
 def no_motion(answer: Answer, found: ad.Solution) -> None:
     """Report that there is no motion to follow."""
     answer.facts |= {"success": False, "status": str(found.status), "message": found.message}
-    answer.code = INTERRUPTED if found.status is ad.Status.INTERRUPTED else NOT_USABLE
+    answer.judge(False, interrupted=found.status is ad.Status.INTERRUPTED)
     errors.print(f"no motion to follow: {escape(found.message)}")
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, NOT_USABLE, answering, console, facts_table, working
+from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
@@ -109,9 +109,8 @@ def tune(
         summary = _summary(found)
         files = _write(folder, model, found, summary)
         answer.facts |= {**summary, "files": [str(file) for file in files]}
-        answer.code = 0 if found.training.settled == found.training.count else NOT_USABLE
-        if found.status == "interrupted":
-            answer.code = INTERRUPTED
+        settled = found.training.settled == found.training.count
+        answer.judge(settled, interrupted=found.status == "interrupted")
         told = {
             "status": found.message.partition(":")[0],
             "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),

@@ -40,7 +40,7 @@ class LinearPlant:
 
     @classmethod
     def of(cls, robot: Robot, goal: Array, holding: Array) -> Self:
-        """By Pinocchio's analytic derivatives of the articulated-body algorithm.
+        """Linearise an arm at rest, by Pinocchio's analytic derivatives of the articulated-body algorithm.
 
         Args:
             robot: the arm.
@@ -74,7 +74,7 @@ class Slopes:
 
     @classmethod
     def of(cls, law: Law, goal: Array, holding: Array, delay: int) -> Self:
-        """By casadi's derivatives, in the law's last row, with the integrals that hold the arm.
+        """Differentiate a law by CasADi in its last row, with the integrals that hold the arm.
 
         Where no integral can, as without integral gains, the torque is another than the holding one and the arm would
         rest away from the goal; the slopes are those at the goal all the same.

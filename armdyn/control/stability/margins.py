@@ -119,7 +119,7 @@ def _margins(loop: SampledLoop, joint: int) -> Margins:
 
 
 def _frequencies(loop: SampledLoop) -> Array:
-    """From far below the loop's slowest mode to Nyquist's frequency [rad/s]."""
+    """Frequencies from far below the loop's slowest mode to Nyquist's frequency [rad/s]."""
     nyquist = np.pi / loop.period
     return np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
 

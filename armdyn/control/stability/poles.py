@@ -34,7 +34,7 @@ class ArmAtGoal(NamedTuple):
 
     @classmethod
     def of(cls, robot: Robot, goal: Array, form: Form) -> Self:
-        """By Pinocchio's analytic derivatives of the articulated-body algorithm.
+        """Linearise an arm at its goal, by Pinocchio's analytic derivatives of the articulated-body algorithm.
 
         Args:
             robot: the arm.

@@ -77,7 +77,7 @@ class RouthTable:
 
 
 def routh_table(polynomial: ArrayLike | Sequence[Fraction]) -> RouthTable:
-    """Routh's table.
+    """Routh's table of a real polynomial.
 
     A float is a fraction, and sums, products and quotients of fractions have no rounding: the count is that of the
     given polynomial, however near to a boundary it is.

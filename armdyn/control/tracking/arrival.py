@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from armdyn.arguments import number, one_of
 
 if TYPE_CHECKING:  # the command line's help names the rules, without numpy
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from armdyn.arrays import Array
     from armdyn.trajectory import Trajectory
-
-    Array = NDArray[np.float64]
 
 ArrivalRule = Literal["last_entry_first_joint", "last_entry_all_joints", "first_crossing"]
 """When the arm is "in the final position":

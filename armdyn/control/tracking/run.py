@@ -158,7 +158,7 @@ def run_of(
 
 
 def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
-    """When a distance comes within a tolerance to stay [s], linear between samples; None: it does not.
+    """Time from which a distance stays within a tolerance [s], linear between samples; None: it does not.
 
     Args:
         t: times [s], shape (n,).

@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import UrdfError
 from armdyn.models.mjcf.classes import ROTATIONS, Values
 from armdyn.models.reading.urdf_xml import clipped
@@ -70,7 +70,7 @@ class Compiler:
         )
 
 
-def gravity(root: Element, source: str) -> NDArray[np.float64]:
+def gravity(root: Element, source: str) -> Array:
     """Gravity [m/s²], shape (3,), of an MJCF.
 
     Raises:

@@ -97,7 +97,7 @@ class ControllerCheck:
 
     @property
     def worst(self) -> tuple[ConditionCheck, ...]:
-        """For each condition the joint that comes nearest to its limit, or exceeds it most."""
+        """Row of each condition's most critical joint: nearest to its limit, or exceeding it most."""
         rows: dict[str, ConditionCheck] = {}
         for row in self.rows:
             if row.condition not in rows or row.share > rows[row.condition].share:

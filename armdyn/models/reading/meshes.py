@@ -71,7 +71,7 @@ def geometries(
 
 
 def folders_of(package_dirs: object) -> tuple[str, ...]:
-    """The argument `package_dirs`.
+    """Check the argument `package_dirs`.
 
     Raises:
         SpecError: it is no list of paths.

@@ -79,7 +79,7 @@ def configuration(model: pin.Model, q: ArrayLike) -> Array:
 
 
 def configurations(model: pin.Model) -> Callable[[Array], Array]:
-    """The same as a function of q, shape (nv,), for inner loops."""
+    """Function from joint coordinates q, shape (nv,), to Pinocchio's configuration, for inner loops."""
     return _same if model.nq == model.nv else partial(pin.integrate, model, pin.neutral(model))
 
 

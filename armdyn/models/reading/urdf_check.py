@@ -4,8 +4,8 @@ from collections.abc import Set
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.errors import UnsupportedJointError, UrdfError
 from armdyn.models.reading.urdf_xml import LARGEST, clipped, finite_numbers, parse_xml
 
@@ -89,13 +89,13 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
             raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` says the nearest that a body has", where)
 
 
-def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> NDArray[np.float64]:
+def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:
     """The inertia of an `<inertial>` about the centre of mass [kg m²], shape (3, 3)."""
     xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), MOMENTS, source, where)
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def inertia_fault(tensor: NDArray[np.float64]) -> str:
+def inertia_fault(tensor: Array) -> str:
     """Why no body has such an inertia about its centre of mass [kg m²], shape (3, 3); empty if one may."""
     if np.max(np.abs(tensor)) < POINT_MASS:
         return ""  # a point mass
@@ -166,7 +166,7 @@ def _numbers(
     return [finite_numbers(text, name, source, where, largest=largest)[0] for text, name in named]
 
 
-def _vectors(element: ElementTree.Element, source: str, where: str) -> list[NDArray[np.float64]]:
+def _vectors(element: ElementTree.Element, source: str, where: str) -> list[Array]:
     """The attributes xyz and rpy, those that there are, each of shape (3,)."""
     named = [(element.attrib[key], f"<{element.tag}> {key}") for key in ("xyz", "rpy") if key in element.attrib]
     return [np.array(finite_numbers(text, name, source, where, 3)) for text, name in named]

@@ -196,7 +196,7 @@ def _of_keyframes(robot: Arm) -> dict[str, Array]:
 
 
 def _poses(said: Iterable[tuple[str, Mapping[str, str | float]]], joints: tuple[str, ...]) -> dict[str, Array]:
-    """Those poses of a file that have a name to type, and a finite position of every joint [rad or m]."""
+    """Poses of a file with a name that can be typed and a finite position of every joint [rad or m]."""
     poses = {}
     for name, positions in said:
         try:

@@ -26,7 +26,7 @@ _TOUCHES = 5e-5
 
 @dataclass(frozen=True)
 class Clearance:
-    """Where a motion comes nearest to a contact.
+    """Smallest distance along a motion: its value, time and bodies.
 
     Attributes:
         distance: between the two bodies [m]; negative: they overlap.

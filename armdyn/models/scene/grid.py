@@ -87,7 +87,7 @@ def hollow_parts(mesh: Any) -> list[Array]:
 
 
 def _planes(mesh: Any, axis: int) -> Array:
-    """Places of the planes across an axis [m], increasing: faces, and even ones between them."""
+    """Positions of the grid's planes along an axis [m], increasing: at faces, and evenly between them."""
     across = np.abs(mesh.face_normals[:, axis]) > 1 - 1e-9
     places = np.round(mesh.triangles[across][:, 0, axis] / _EDGE).astype(int)
     known, which = np.unique(places, return_inverse=True)

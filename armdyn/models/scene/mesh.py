@@ -42,7 +42,7 @@ class Mesh(Obstacle):
         parts: corners of each convex part in the mesh's frame [m], each of shape (m, 3).
         placement: of the mesh's frame in the world: a position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
             Kept as the rows of the homogeneous matrix.
-        name: what messages call it.
+        name: in messages.
     """
 
     parts: Sequence[ArrayLike]
@@ -70,7 +70,7 @@ class Mesh(Obstacle):
             vertices: in the mesh's frame [m], shape (m, 3).
             triangles: indices of the vertices of each, shape (k, 3).
             placement: of the mesh's frame in the world.
-            name: what messages call it.
+            name: in messages.
 
         Raises:
             ProblemError: the surface is open, too large, or no surface at all.
@@ -104,7 +104,7 @@ class Mesh(Obstacle):
             path: of an STL, DAE, OBJ, PLY, OFF, GLB or glTF file.
             placement: of the mesh's frame in the world.
             scale: metres per unit of the file, one number or one per axis: 0.001 for millimetres.
-            name: what messages call it; None: the file's name.
+            name: in messages; None: the file's name.
 
         Raises:
             ProblemError: the file cannot be read, or its surface is open or too large.
@@ -174,7 +174,7 @@ class Group(Obstacle):
 
     Attributes:
         members: placed in the world; their names are not used.
-        name: what messages call it.
+        name: in messages.
     """
 
     members: Sequence[Obstacle]

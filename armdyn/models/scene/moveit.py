@@ -84,7 +84,7 @@ def _transforms(scene: Mapping[str, Any]) -> dict[str, pin.SE3 | None]:
 
 
 def _object(given: Any, frames: Mapping[str, pin.SE3 | None], where: str) -> Obstacle:
-    """A moveit_msgs/CollisionObject."""
+    """Obstacles of a moveit_msgs/CollisionObject."""
     one = _table(given, where)
     name = one.get("id")
     if not isinstance(name, str) or not 0 < len(name) <= 200:

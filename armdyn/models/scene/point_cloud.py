@@ -42,7 +42,7 @@ class PointCloud(Obstacle):
         points: in the world [m], shape (n, 3); those with NaN, which cameras write where they saw nothing, are left
             out. Kept as the centres of the cubes that hold any.
         size: edge of the cubes [m]; the cubes' corners are at its multiples.
-        name: what messages call it.
+        name: in messages.
     """
 
     points: ArrayLike
@@ -90,7 +90,7 @@ class PointCloud(Obstacle):
             path: of a file .npy of shape (n, 3) or more columns; .xyz or .txt, a point per line; .ply; or .pcd in text.
             size: edge of the cubes [m].
             placement: of the points' frame, such as the camera's, in the world.
-            name: what messages call it; None: the file's name.
+            name: in messages; None: the file's name.
 
         Raises:
             ProblemError: the file cannot be read, or has no points.
@@ -141,7 +141,7 @@ class HeightMap(Obstacle):
         size: edge of the cells [m].
         origin: the corner of the first column at the lowest x, y and z, in the world [m].
         step: heights are rounded up to its multiples [m]: larger ones make fewer boxes.
-        name: what messages call it.
+        name: in messages.
     """
 
     heights: ArrayLike

@@ -24,7 +24,7 @@ MOST = 20_000
 
 @dataclass(frozen=True, eq=False)
 class ClearanceProof:
-    """How near the pairs of a scene come to each other along a motion.
+    """Proven smallest distances of a scene's pairs along a motion.
 
     Attributes:
         nearest: where the nearest pair is nearest; `sure` if every pair keeps what is asked at all times.
@@ -158,7 +158,7 @@ class _Search:
 
 
 def relative_reach(model: CollisionModel) -> Array:
-    """How far a point of a pair's body moves relative to the other body at most, per joint travel.
+    """Largest relative displacement of points of a pair's bodies per joint travel.
 
     Returns:
         [m/rad], or 1 for a sliding joint, shape (pairs, nv); 0 for joints that move both bodies or none.

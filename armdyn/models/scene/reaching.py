@@ -31,7 +31,7 @@ _DISTINCT = 0.3
 @brief
 @dataclass(frozen=True)
 class GoalPose:
-    """Where a frame of an arm is to be: at a pose, or in a region around it.
+    """Goal of a frame: a pose, or a region around it.
 
     Deviations are measured along the axes of `placement`: of the position [m], and of the orientation as a rotation
     vector [rad]. With one free rotation it is the vector of the turn that brings that axis to the frame's.
@@ -84,7 +84,7 @@ class GoalPose:
 
     @property
     def pose(self) -> pin.SE3:
-        """In the world; without an orientation the world's."""
+        """Pose in the world; without an orientation, with the world's."""
         return pin.SE3(homogeneous(self.placement, "goal pose"))
 
 
@@ -210,7 +210,7 @@ def _turn(goal: GoalPose, rotation: Array) -> Array:
 
 
 def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
-    """How far a frame is from its goal or its region [m, rad], and the Jacobian of the way there by q."""
+    """Error of a frame from its goal or region [m, rad], and its Jacobian by q."""
     here, jacobian = _frame_jacobian(robot, frame, data, q)
     if not goal.exact:
         return _outside(goal, goal.pose.actInv(here), jacobian)
@@ -281,7 +281,7 @@ def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement
 
 
 def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limits: JointLimits) -> tuple[Array, Array]:
-    """Where the method ends, and the error there; damped by the error's own size."""
+    """Joint positions after a Levenberg-Marquardt iteration, and the error there."""
     data = robot.model.createData()
     q = np.clip(start, limits.position_lower, limits.position_upper)
     error, jacobian = _error(robot, goal, frame, data, q)
@@ -302,7 +302,7 @@ def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limi
 
 
 def _unwound(robot: Robot, q: Array, near: Array, limits: JointLimits) -> Array:
-    """The same pose with every angle as near as whole turns within the limits bring it."""
+    """Shift angles by whole turns within the limits, as near as possible to the reference."""
     out = q.copy()
     for i in np.flatnonzero(~robot.slides):
         turned = q[i] - 2 * np.pi * np.round((q[i] - near[i]) / (2 * np.pi))

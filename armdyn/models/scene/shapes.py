@@ -26,7 +26,7 @@ class Obstacle:
         sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to what messages call their
             numbers, such as "R" or "SX,SY,SZ".
         places: the keys behind it, each of three numbers; none: --obstacle does not say the shape.
-        name: what messages call it.
+        name: in messages.
     """
 
     sizes: ClassVar[Mapping[str, str]] = {}
@@ -43,7 +43,7 @@ class Obstacle:
 
     @classmethod
     def option(cls) -> str:
-        """How `--obstacle` says the shape, such as "R@X,Y,Z"."""
+        """Syntax of the shape in `--obstacle`, such as "R@X,Y,Z"."""
         return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
 
     def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:
@@ -70,7 +70,7 @@ class Sphere(Obstacle):
     Attributes:
         center: in the world [m].
         radius: [m].
-        name: what messages call it.
+        name: in messages.
     """
 
     center: Point
@@ -118,7 +118,7 @@ class Capsule(_Round):
         a: one end of the segment, in the world [m].
         b: its other end [m].
         radius: [m].
-        name: what messages call it.
+        name: in messages.
     """
 
 
@@ -136,7 +136,7 @@ class Cylinder(_Round):
         a: centre of one end, in the world [m].
         b: centre of the other end [m].
         radius: [m].
-        name: what messages call it.
+        name: in messages.
     """
 
     _: KW_ONLY
@@ -157,7 +157,7 @@ class Plane(Obstacle):
     Attributes:
         point: of the plane, in the world [m].
         normal: points out of the obstacle, of any length.
-        name: what messages call it.
+        name: in messages.
     """
 
     point: Point
@@ -185,7 +185,7 @@ class Box(Obstacle):
         size: full edge lengths along its own axes [m].
         placement: of its centre in the world: a position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`.
             Kept as the rows of the homogeneous matrix.
-        name: what messages call it.
+        name: in messages.
     """
 
     size: Point
@@ -217,7 +217,7 @@ def primitive(kind: str, sizes: Array, pose: Array, name: str) -> Obstacle:
         kind: "box", "sphere", "cylinder" or "capsule".
         sizes: three edges, a radius, or a length and a radius [m].
         pose: in the world, shape (4, 4) [m].
-        name: what messages call it.
+        name: in messages.
 
     Raises:
         ProblemError: another kind, or numbers that are none.

@@ -64,7 +64,7 @@ class ActuatorLimits(ABC):
         return np.asarray(np.clip(tau, *self.range(q, v)))
 
     def excess(self, tau: Array, q: Array, v: Array) -> Array:
-        """How far torques are outside their ranges in states [N m or N], all of shape (…, nv); negative inside."""
+        """Excess of torques over their ranges in states [N m or N], all of shape (…, nv); negative inside."""
         lower, upper = self.range(q, v)
         return np.asarray(np.maximum(tau - upper, lower - tau))
 
@@ -225,7 +225,7 @@ def _checked(joint: str, given: ArrayLike) -> Array:
 
 
 def _wrong_with(points: Array) -> str:
-    """What is wrong with the points of a curve; empty: nothing."""
+    """Fault of a curve's points, in words; empty: none."""
     if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
         return f"its shape is {points.shape}"
     if not np.all(np.isfinite(points)):

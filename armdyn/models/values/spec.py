@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.values.placement import Placement, homogeneous
 from armdyn.reprs import brief
@@ -106,7 +107,7 @@ class BodyShape(Protocol):
 
     name: str
 
-    def solids(self) -> list[tuple[NDArray[np.float64], Any]]:
+    def solids(self) -> list[tuple[Array, Any]]:
         """Convex solids that it consists of: placement, shape (4, 4) [m], and coal's geometry."""
 
 
@@ -186,7 +187,7 @@ class Payload:
         return self.com
 
     @property
-    def tensor(self) -> NDArray[np.float64]:
+    def tensor(self) -> Array:
         """The inertia as a matrix [kg m²], shape (3, 3)."""
         xx, yy, zz, xy, xz, yz = self.inertia if len(self.inertia) == 6 else (*self.inertia, 0.0, 0.0, 0.0)
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

@@ -30,7 +30,7 @@ def advice(
     become extremal by anything that is asked: the gap says instead how far it may be from the least time.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         certificate: of the answer.
         kept: how it keeps the path constraints.
         arcs: its arcs were resolved.

@@ -141,7 +141,7 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
 
 
 def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """With its certificate judged, and with the states that its torques lead to where its own are a mesh's."""
+    """Complete an optimum's certificate, and replace states of a mesh by those of the replay."""
     motion = optimum.trajectory
     certificate = repeated(task.problem, motion, optimum.certificate)
     if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
@@ -151,13 +151,13 @@ def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
 
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
-    """The same solution with another certificate, and its message."""
+    """Replace a solution's certificate, and its message accordingly."""
     before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """With all that its certificate is to know: when it has landed, the bound, the adjoint equations of an extremal."""
+    """Add to a landed optimum's certificate the lower bound and, of an extremal, the error of the adjoint equations."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_costates(task, replace(optimum, certificate=certificate))

@@ -36,7 +36,7 @@ class Solution:
         success: the solve was not stopped by Ctrl-C, and its motion is `feasible`.
         status: a `Status`.
         message: the same for people.
-        problem: what was asked.
+        problem: the minimum-time problem.
         duration: t_f [s]; of the last iterate if the solve failed: look at `moves` before it is shown to anybody.
         trajectory: the motion; the last iterate if the solve failed.
         certificate: what was checked, each apart.
@@ -87,7 +87,7 @@ class Solution:
         return paragraph(self)
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         found = f"{self.duration:.6g} s" if self.moves else "no motion"
         return [called(self.problem.robot.name), found, verdict(self)]
 
@@ -117,7 +117,7 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """How far this motion is above `lower_bound`, as a part of it; None without one, or if it is not feasible."""
+        """Relative gap (duration - lower_bound) / lower_bound; None without a bound, or if it is not feasible."""
         return self.certificate.gap if self.feasible else None
 
     @property
@@ -166,5 +166,5 @@ class Solution:
         return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
-        """How t_f answers to payload and limits; None if the arcs were not resolved."""
+        """Derivatives of t_f by payload and limits; None if the arcs were not resolved."""
         return None if self.phases is None else sensitivities(self.problem, self.phases)

@@ -17,7 +17,7 @@ _ROUNDING = 1e-9
 
 
 def verdict(solution: Solution) -> str:
-    """How near to the optimum a motion is proven to be, in a few words."""
+    """Verdict on a motion's optimality, in a few words."""
     if not solution.usable:
         return "certified, but cannot stay at the goal" if solution.certified else "not usable"
     gap = solution.gap if solution.gap_proven else None

@@ -6,13 +6,13 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Index
 from armdyn.reprs import brief
 
 
 class Mode(StrEnum):
-    """How a joint's torque is determined on an arc: by a limit, or freely."""
+    """Determination of a joint's torque on an arc: by a limit that is active, or freely."""
 
     UPPER = "torque upper"
     LOWER = "torque lower"
@@ -34,7 +34,7 @@ VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 
 
-def stretches(places: NDArray[np.int_]) -> list[NDArray[np.int_]]:
+def stretches(places: Index) -> list[Index]:
     """Rising numbers in stretches of neighbours; none: there are no numbers."""
     return np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if places.size else []
 
@@ -97,7 +97,7 @@ def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float
 
 
 def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
-    """The same structure when arcs shorter than `shortest` [s] are taken out.
+    """Remove arcs shorter than `shortest` [s] from a structure.
 
     Between two switches of different joints the order is turned; an arc that a joint enters and
     leaves by the same mode, or that stands at an end, goes; on a limit of a state it

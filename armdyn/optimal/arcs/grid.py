@@ -14,7 +14,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """How many intervals a stretch of time deserves.
+    """Density of a mesh: relative number of intervals per stretch of time.
 
     Attributes:
         t: times [s], shape (K + 1,).
@@ -90,7 +90,7 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_densi
 
 
 def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> Density | None:
-    """How densely a mesh should stand where Coulomb friction changes in the blink in which a joint turns around.
+    """Mesh density for the short layers in which Coulomb friction changes sign, where a joint turns around.
 
     Half of the intervals stand evenly in time, half evenly in the change of tanh(v / width), summed over the
     joints: equidistribution of a monitor function (Ascher, Mattheij and Russell, Numerical Solution of

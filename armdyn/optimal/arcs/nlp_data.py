@@ -41,7 +41,7 @@ class TiedArcs:
         return cls(motion, np.array([arc.duration for arc in arcs]))
 
     def at_stages(self, arc_of: Index, part: Array) -> Array:
-        """At the stages of intervals, shape (N, stages, nv).
+        """Values at the stages of intervals, shape (N, stages, nv).
 
         Args:
             arc_of: which arc an interval is in, shape (N,).
@@ -77,7 +77,7 @@ class PhaseAim:
 
 @dataclass(frozen=True, eq=False)
 class ArcNlpData(NlpData):
-    """Arcs as numbers.
+    """Initial guess, bounds and parameters of the program of some arcs.
 
     Attributes:
         arcs: their structure.
@@ -105,7 +105,7 @@ def assemble_arcs(
     """The numbers of a structure.
 
     Args:
-        task: what is to be solved.
+        task: the problem and its settings.
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         layout: of the program.

@@ -41,7 +41,7 @@ def solve_phases(
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
     Args:
-        task: what is to be solved; its scheme says the form of the dynamics.
+        task: the problem and its settings; its scheme says the form of the dynamics.
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         intervals: of the whole mesh.
@@ -140,7 +140,7 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
 
 
 def _density(t: Array, states: Array, stage_costate: Array, layers: Density | None, least_density: float) -> Density:
-    """Where another mesh needs its intervals: where states and costates bend, and where dry friction turns around."""
+    """Mesh density from the curvature of states and costates, and from the layers of dry friction."""
     flat = states.reshape(*states.shape[:2], -1)
     costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
     bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], least_density)

@@ -32,7 +32,7 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 10 * REACHED
+TOLERANCE = 10 * REACHED
 """Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
 
@@ -190,8 +190,8 @@ class GoalSet:
             widest = np.max(reach, axis=1, initial=0.0)
             wide = widest > small
             # Cut is the joint with the largest part in what some equation leaves open, of those that are wide.
-            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + _TOLERANCE), axis=0).T
-            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + _TOLERANCE) * (now.upper - now.lower)
+            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
+            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
@@ -214,7 +214,7 @@ class GoalSet:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
         forms = self._widened(closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
         own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
-        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + _TOLERANCE)
+        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
         """Equations that hold everywhere in the region, by what they may be violated there."""
@@ -231,13 +231,13 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
 
     Args:
         boxes: shape (boxes, nv).
-        forms: of the equations, in ε of `Affine.over`: zero within `_TOLERANCE`.
+        forms: of the equations, in ε of `Affine.over`: zero within `TOLERANCE`.
         numbers: of the policy.
     """
-    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + _TOLERANCE) * (1 + 1e-12), axis=0))
+    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))
     boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
     centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
-    rest, (m, nv) = forms.rest.T + _TOLERANCE, slopes.shape[1:]
+    rest, (m, nv) = forms.rest.T + TOLERANCE, slopes.shape[1:]
     normal = slopes @ slopes.transpose(0, 2, 1)
     damping = numbers.damping * np.trace(normal, axis1=1, axis2=2) + 1e-30
     solved = np.linalg.solve(

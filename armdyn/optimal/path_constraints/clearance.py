@@ -39,7 +39,7 @@ class KeepsClear(PathConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """By the keywords `obstacles` and `self_collision`."""
+        """Constraint of a problem with the keywords `obstacles` or `self_collision`."""
         return cls() if problem.crowded else None
 
     def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances:
@@ -50,7 +50,7 @@ class KeepsClear(PathConstraint):
         return AskedDistances(model, problem.clearance, most, places)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """By coal on the real geometry, proven between the samples."""
+        """Check clearances by coal on the real geometry, proven between the samples."""
         model, ends = _model_and_ends(problem)
         if not model.pairs:
             return ConstraintReport(self.name, "no pair of bodies could touch")

@@ -43,7 +43,7 @@ class Knots:
 
 @dataclass(frozen=True, eq=False)
 class ConstraintReport:
-    """How a motion keeps a constraint, looked at everywhere.
+    """Report on a motion and a path constraint, checked along the whole motion.
 
     Attributes:
         name: of the constraint.
@@ -192,7 +192,7 @@ class PathConstraint(ABC):
 
     @abstractmethod
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """How a motion keeps the constraint, looked at everywhere, without the collocation's help.
+        """Check a motion along its whole duration, independently of the collocation.
 
         Args:
             problem: what is asked.

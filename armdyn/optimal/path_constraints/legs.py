@@ -11,7 +11,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """How a mesh is dealt out to the legs between poses that are passed through.
+    """Distribution of a mesh's intervals over the legs between via points.
 
     Attributes:
         intervals: of every leg.

@@ -43,7 +43,7 @@ def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ..
 
 
 def options() -> dict[str, type[PathConstraint]]:
-    """Those that `--limit NAME=…` knows, by name."""
+    """Path constraints of the option `--limit NAME=…`, by name."""
     return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}
 
 

@@ -21,7 +21,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class ConstraintReports:
-    """How a replayed motion keeps the path constraints.
+    """Reports on a replayed motion, one of each path constraint.
 
     Attributes:
         each: of every path constraint.
@@ -76,30 +76,30 @@ class TightenedConstraints:
         return next((asked for asked in found if asked is not None), None)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
-        """The rows that a program needs besides the equations of motion."""
+        """Rows of the program besides the equations of motion."""
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
-        """Numbers and bounds of each of them."""
+        """Parameters and bounds of these rows."""
         return tuple(values for constraint in self.path_constraints for values in constraint.values(problem, knots))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
-        """How a motion keeps them, looked at everywhere; passing: when it should be at the via points [s]."""
+        """Check all path constraints along a motion; `passing`: times of the via points [s]."""
         return ConstraintReports(
             tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
         )
 
     def tightened(self, problem: MinimumTimeProblem, reports: ConstraintReports) -> Self:
-        """Each asked for more strictly, where it was not kept."""
+        """Tighten each path constraint that the motion has violated."""
         pairs = zip(self.path_constraints, reports.each, strict=True)
         return replace(self, path_constraints=tuple(constraint.tightened(problem, kept) for constraint, kept in pairs))
 
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
-        """Aimed beside via points and goal by the replay's misses."""
+        """Correct the aim at via points and goal by the replay's misses."""
         return replace(self, aim=self.aim.corrected(problem, replay, passing))
 
     def on_finer_mesh(self) -> Self:
-        """For a mesh twice as fine, whose replay misses less."""
+        """Path constraints and aim for a mesh twice as fine, whose replay misses less."""
         return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
 
 

@@ -47,7 +47,7 @@ class ViaPoints(PathConstraint):
         return tuple(region_values(problem.robot, one, parts[leg]) for leg, one in problem.via_regions.items())
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """How far beside each it passes: beside a pose when it should be there, beside a region at the best time."""
+        """Check the distance from each via point: from a pose at its time, from a region at the best time."""
         reasons, worst, errors = list[str](), list[Violation](), []
         for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
             if isinstance(via, GoalPose):
@@ -80,7 +80,7 @@ class ViaPoints(PathConstraint):
 def _beside(
     problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float
 ) -> tuple[float, float, str]:
-    """By how much a motion passes outside a region at most [m or rad], when [s], and in which direction.
+    """Distance of a motion from a region at its nearest [m or rad], its time [s], and its direction.
 
     The time is that near the planned one at which the deviations are least, over the tolerances.
     """

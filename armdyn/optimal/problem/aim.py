@@ -12,7 +12,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """How far beside the via points and the goal a solve is to end, so that its replay is on them.
+    """Offsets of a solve's via points and goal with which its replay is on the original ones.
 
     Attributes:
         offsets: q [rad or m], shape (legs, nv), or one for all.
@@ -38,6 +38,6 @@ class Aim:
         )
 
     def at_goal(self, joints: int) -> Array:
-        """How far beside the goal's state (q, v), shape (2 nv,)."""
+        """Offset from the goal's state (q, v), shape (2 nv,)."""
         offset = np.broadcast_to(self.offsets, (1, joints)) if np.ndim(self.offsets) == 0 else np.asarray(self.offsets)
         return np.concatenate([offset[-1], np.broadcast_to(self.end_velocity, joints)])

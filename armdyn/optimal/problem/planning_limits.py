@@ -39,7 +39,7 @@ class Reserve:
 
     @property
     def any(self) -> bool:
-        """Something is kept."""
+        """Whether any part of a limit is kept for feedback."""
         return bool(np.any(self.effort) or np.any(self.velocity))
 
     def left(self, limits: JointLimits, joints: Sequence[str]) -> JointLimits:

@@ -167,7 +167,7 @@ class MinimumTimeProblem:
         warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
 
     def _words(self) -> list[str]:
-        """What `repr` says."""
+        """Parts of the `repr`."""
         asked = f", {', '.join(self.path_constraint_names)}" if self.path_constraint_names else ""
         ends = [f"{name} {several_numbers(getattr(self, f'q_{name}'))}" for name in ("start", "goal")]
         return [called(self.robot.name), *ends] + ([f"with {asked[2:]}"] if asked else [])
@@ -289,7 +289,7 @@ class MinimumTimeProblem:
         return text
 
     def beside_goal(self, motion: Trajectory) -> Array:
-        """How far a motion's last state (q, v) is from the goal's, shape (2 nv,)."""
+        """Error of a motion's last state (q, v) from the goal's, shape (2 nv,)."""
         expect(motion, Trajectory, "motion")
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal
 

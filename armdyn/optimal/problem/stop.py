@@ -15,7 +15,7 @@ from armdyn.optimal.problem.status import Status
 
 
 class Stop:
-    """When to stop, and why it was stopped.
+    """Stopping condition of a solve: deadline and Ctrl-C, and which of them it was.
 
     Processes forked after it was made share an interruption, and whether the deadline ended some of their work.
 

@@ -68,7 +68,7 @@ class InnerFields:
 
 @dataclass(frozen=True)
 class EquationFields:
-    """Indices of an interval's equations.
+    """Slices of an interval's equations.
 
     Attributes:
         balances: inverse dynamics at all stages; empty if the dynamics are forward.
@@ -97,7 +97,7 @@ class Layout:
 
     @cached_property
     def knot(self) -> KnotFields:
-        """A knot's block."""
+        """Slices of a knot's unknowns."""
         n = self.nv
         torque = slice(2 * n + 1, 2 * n + 1 + (n if self.linear else 0))
         return KnotFields(slice(0, n), slice(n, 2 * n), slice(0, 2 * n), 2 * n, torque, torque.stop)
@@ -113,7 +113,7 @@ class Layout:
 
     @cached_property
     def equations(self) -> EquationFields:
-        """An interval's equations."""
+        """Slices of an interval's equations."""
         n, tableau = self.nv, self.scheme.tableau
         balances = slice(0, n * tableau.c.size if self.scheme.dynamics == "inverse" else 0)
         defects = _after(balances, 2 * n * (len(tableau.inner) + 1))
@@ -214,7 +214,7 @@ class CondensedLayout:
         return np.vstack([own, np.full((1, N), self.kept(N).size - 1)])
 
     def kept(self, N: int) -> Index:
-        """For each unknown its place in the full layout; of the times the first."""
+        """Index of each unknown in the full layout; of the times the first."""
         full, knots = self.full, self.full.knots(N)
         torques = knots[:, full.knot.torque] if self.full.linear else full.torques(N)
         states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
@@ -258,12 +258,12 @@ class Parameters:
 
     @staticmethod
     def size(joints: int, intervals: int = 1) -> int:
-        """How many there are: all but the fraction are the same for all intervals."""
+        """Number of parameters: all but the fraction are the same for all intervals."""
         return intervals + 3 + 2 * joints + _BODY
 
     @classmethod
     def of(cls, p: Any, joints: int) -> Self:
-        """By name, of an interval's parameters one after the other."""
+        """Split an interval's parameter vector by name."""
         weights = slice(4, 4 + joints)
         effort = _after(weights, joints)
         return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, _BODY)])

@@ -88,7 +88,7 @@ class StageFunctions:
 
 
 def _shared(columns: list[ca.SX]) -> list[ca.SX]:
-    """The same columns, with common subexpressions computed once."""
+    """Rewrite columns so that common subexpressions are computed once."""
     ends = np.cumsum([0] + [column.numel() for column in columns]).tolist()
     return list(ca.vertsplit(ca.cse(ca.vertcat(*columns)), ends))
 
@@ -205,7 +205,7 @@ class _Interval:
         return rate
 
     def fall(self, left: _Point, right: _Point) -> ca.SX:
-        """By how much F falls from the left to the right."""
+        """Decrease of F from the left to the right end."""
         return self.rate(self.start, left.a) - self.rate(self.end, right.a)
 
     def middle(self, left: _Point, right: _Point) -> ca.SX:

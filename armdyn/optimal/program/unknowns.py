@@ -39,7 +39,7 @@ class Scales:
         return cls(guess.duration, length, length / guess.duration, effort)
 
     def parameters(self, fractions: Array, weights: Array, last_body: Array) -> Array:
-        """The program's parameters.
+        """Scales as the program's parameter vector.
 
         Args:
             fractions: of the intervals, shape (N,).
@@ -186,7 +186,7 @@ def worst_defect(
     """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.
 
     Args:
-        problem: what is solved.
+        problem: the minimum-time problem.
         layout: of the unknowns.
         x: the unknowns.
         defects: how far every equation is from its bounds, those of an interval in a row.

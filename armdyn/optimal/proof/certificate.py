@@ -246,7 +246,7 @@ def certify(
     """Check a replayed motion, and its costates if its arcs are known; the adjoint equations are `adjoint_error`'s.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         replay: what the torques do under `replay_torques`.
         phases: the arcs solved; None: only the replay is checked.
         remark: why there are no arcs.

@@ -45,7 +45,7 @@ def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple
     """The limits that decide the time of an optimum whose arcs are known, most first; none where effort is paid for.
 
     Args:
-        problem: what was solved.
+        problem: the minimum-time problem.
         phases: its optimum.
         least: smaller shares are left out.
     """

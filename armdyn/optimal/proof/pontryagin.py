@@ -39,7 +39,7 @@ def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, t
     Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         phases: its arcs, with costates.
         switching: S at the knots, shape (K + 1, nv).
         tolerance: of what H feels, against the 1 that time costs.

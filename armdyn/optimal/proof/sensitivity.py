@@ -45,7 +45,7 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
     limit, and the rates through the costates, enter.
 
     Args:
-        problem: what was solved.
+        problem: the minimum-time problem.
         phases: its optimum.
     """
     upper, lower, velocity = by_limits(phases)

@@ -72,7 +72,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """How far refinement has come.
+    """State of one optimum's refinement.
 
     Attributes:
         guess: the last attempt that converged.
@@ -92,7 +92,7 @@ class _Reached:
 
 
 def _first(task: Task, attempt: Attempt, budget: float) -> _Reached:
-    """The first mesh."""
+    """Refinement on the first mesh."""
     if attempt.intervals != task.options.intervals:
         return _on(task, task.options.intervals, _Reached(attempt, left=budget))
     if not attempt.usable:
@@ -103,7 +103,7 @@ def _first(task: Task, attempt: Attempt, budget: float) -> _Reached:
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Solve on one mesh more."""
+    """Refine on one more mesh."""
     attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
     iterations = step.iterations + attempt.iterations
     if not attempt.usable:
@@ -116,7 +116,7 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
 
 
 def _up(task: Task, finest: int, step: _Reached) -> _Reached:
-    """On finer and finer meshes, as far as the finest, until there is enough."""
+    """Refine on meshes up to the finest, until an optimum lands or is certified."""
     while not (_enough(task, step) or task.stop):
         finer = task.options.intervals if step.mesh is None else doubled(step.mesh, finest)
         if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):

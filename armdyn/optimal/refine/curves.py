@@ -84,7 +84,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
-    """How many different optima the guesses have met, for people; empty where a bound says how good the best is.
+    """Number of distinct optima met by the guesses, in words; empty where a bound says how good the best is.
 
     Args:
         task: the problem.
@@ -98,7 +98,7 @@ def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
 
 
 def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
-    """How many different optima some guesses have met, in words.
+    """Number of distinct optima met by some guesses, in words.
 
     Args:
         durations: of the motions that guesses led to [s].

@@ -1,4 +1,4 @@
-"""Arcs made finer, and aimed beside the goal, until their replay lands on it."""
+"""Refine arcs, and offset their goal, until their replay reaches the original goal."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
     """Solve arcs until their replay is on the goal, and certify it.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         phases: a solution of its arcs.
         remark: what there is to say against them already.
         intervals: of the mesh that they were read from; None: their own.
@@ -39,10 +39,10 @@ def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = N
 
 
 def with_costates(task: Task, optimum: Optimum) -> Optimum:
-    """With the adjoint equations in its certificate, where they may yet spoil it.
+    """Check an extremal's adjoint equations, where its certificate lacks that check.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         optimum: landed.
     """
     known = optimum.certificate.adjoint_error is not None
@@ -53,10 +53,10 @@ def with_costates(task: Task, optimum: Optimum) -> Optimum:
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
-    """Aim an extremal beside the goal until the replay of its sampled torques ends there; certify it.
+    """Offset an extremal's goal until the replay of its sampled torques reaches the original; certify it.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         extremal: of it.
         intervals: of the mesh that it was read from.
         stop: asked before it is integrated in finer steps.
@@ -101,7 +101,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
 
 
 def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Trajectory, str]:
-    """Aimed beside the goal by the collocation's own error."""
+    """Offset the goal by the collocation's error until the replay reaches it."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
     for _ in range(numbers.aims):

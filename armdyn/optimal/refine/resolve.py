@@ -44,7 +44,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     """The arcs of a mesh's solution, or its own motion and why they resist.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
@@ -130,7 +130,7 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
     """Phases whose switching functions agree with their modes, or the last ones and why they do not.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         arcs: to begin with.
         motion: a guess.
         budget: of integrator steps, of which IPOPT's iterations take some, too; None: as many as it takes.

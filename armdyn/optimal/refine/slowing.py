@@ -23,7 +23,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     clearances, via points.
 
     Args:
-        task: what is solved.
+        task: the problem and its settings.
         optimum: replayed and certified.
     """
     numbers, factor = task.policy.refinement, _factor(task, optimum)

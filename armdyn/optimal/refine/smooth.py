@@ -223,7 +223,7 @@ class _Settling:
 
 
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
-    """With the structure that the multipliers ask for; None: there is none, or it is no better."""
+    """Solve the structure that the multipliers imply; None: there is none, or it is no better."""
     arcs = task.policy.arcs
     wanted = (
         without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
@@ -243,7 +243,7 @@ def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: flo
 
 
 def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
-    """How far H is from 0, or could fall."""
+    """Largest deviation of the Hamiltonian from 0, or its possible decrease."""
     hamiltonian, _, sign = pontryagin(problem, phases)
     return float(max(np.max(np.abs(hamiltonian)), sign))
 

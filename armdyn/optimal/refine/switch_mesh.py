@@ -20,7 +20,7 @@ from armdyn.optimal.task.task import Task
 
 
 def at_switches(task: Task, attempt: Attempt) -> Attempt:
-    """The same optimum on a mesh that is refined at its switches; the attempt itself where no such mesh converges.
+    """Solve an optimum on meshes refined at its switches; the attempt itself where none converges.
 
     Args:
         task: its problem; torques are constant in the intervals.
@@ -115,7 +115,7 @@ class _Stretch:
 
 
 def _left(level: Array, lengths: Array, limit: float) -> float:
-    """How long in the first interval the torque is yet on its limit, where a line through the next two goes on."""
+    """Time for which the torque is still on its limit in the first interval, extrapolated from the next two."""
     middles = np.cumsum(lengths) - lengths / 2
     slope = (level[2] - level[1]) / (middles[2] - middles[1])
     beyond = level[1] + slope * (middles[0] - middles[1])

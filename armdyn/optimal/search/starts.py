@@ -7,7 +7,6 @@ import pinocchio as pin
 from scipy.interpolate import BPoly
 
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.path_constraints.constraint import Path
@@ -145,7 +144,11 @@ def ramp_times(problem: MinimumTimeProblem) -> Array:
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
-    return inverse_dynamics(problem.robot)(q, v, a)
+    """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
+    robot, data = problem.robot, problem.robot.model.createData()
+    rows = zip(q, v, a, strict=True)
+    torques = [pin.rnea(robot.model, data, robot.configuration(x), y, z) for x, y, z in rows]
+    return np.array(torques) + robot.friction.torque(v)
 
 
 def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) -> float:

@@ -33,7 +33,7 @@ def solve_quickly(
     """`direct.solve_on_mesh`, by way of the condensed program where that is possible.
 
     Args:
-        task: what is to be solved, and how.
+        task: the problem and its settings.
         guess: where it starts.
         intervals: of the mesh.
         settings: iteration limit, tolerance, verbosity.
@@ -59,7 +59,7 @@ def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: Solver
     """The condensed program on any mesh, within all limits in the middle of the intervals, too.
 
     Args:
-        task: what is to be solved; `has_stagewise`.
+        task: the problem and its settings; `has_stagewise`.
         guess: where it starts.
         knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
@@ -99,7 +99,7 @@ def _condensed(
     """An attempt, and whether it keeps all limits between the knots, too.
 
     Args:
-        task: what is to be solved, and how.
+        task: the problem and its settings.
         guess: where it starts.
         knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.

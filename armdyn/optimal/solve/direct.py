@@ -36,7 +36,7 @@ def solve_on_mesh(
     """Solve one guess on one mesh.
 
     Args:
-        task: what is to be solved, and how.
+        task: the problem and its settings.
         guess: where it starts.
         intervals: of the mesh, dealt out to the legs between via points.
         settings: iteration limit, tolerance, verbosity.

@@ -80,7 +80,7 @@ class Ipopt(Generic[P]):
 
 
 def _options(settings: SolverSettings) -> dict[str, float | str]:
-    """IPOPT's own options."""
+    """IPOPT's options for solver settings."""
     options: dict[str, float | str] = {
         "tol": settings.tolerance,
         "max_iter": settings.max_iterations,

@@ -40,9 +40,9 @@ class Monitor(ca.Callback):
         return str(ca.nlpsol_out(i))
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        """Dense columns."""
+        """Sparsity of each input: dense columns."""
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, arguments: Any) -> list[int]:
-        """Not zero: stop."""
+        """Returns nonzero where IPOPT is to stop."""
         return [int(bool(self._stop))]

@@ -39,5 +39,5 @@ class Scheme:
 
     @property
     def tableau(self) -> Tableau:
-        """The coefficients."""
+        """Coefficients of the collocation method."""
         return TABLEAUS[self.method]

@@ -22,7 +22,7 @@ class Acceptable:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How accurately, how long and from how near a program is solved.
+    """Settings of one solve of a program: tolerance, iterations, initial barrier.
 
     Attributes:
         tolerance: of the optimality conditions and the equations, on the scaled problem.

@@ -27,13 +27,13 @@ class Task:
     """A problem with all settings of its solve.
 
     Attributes:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         dynamics: of its robot, with a free last body.
         scheme: how motion becomes unknowns.
         options: what the user chose.
         policy: what depends on the kind of problem, and the tuned numbers.
         stop: asked every few iterations.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text on the current step.
         lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
     """
 
@@ -57,7 +57,7 @@ class Task:
         """The task that a problem and a user's options make.
 
         Args:
-            problem: what is to be solved.
+            problem: the minimum-time problem.
             options: by default, `MinimumTimeOptions()`.
             stop: by default nothing stops it.
             progress: by default nobody is told.

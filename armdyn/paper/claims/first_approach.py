@@ -74,12 +74,12 @@ class OneLink:
 
     @property
     def r(self) -> float:
-        """Of (11) [1/s²], negative."""
+        """Coefficient r of (11) [1/s²], negative."""
         return -self.gravity / self.inertia
 
     @property
     def k(self) -> float:
-        """Of (11) [1/(kg m²)]."""
+        """Coefficient k of (11) [1/(kg m²)]."""
         return 1 / self.inertia
 
     @property
@@ -110,7 +110,7 @@ class OneLink:
         return np.asarray(centre + self.transition(t) @ (np.asarray(x, dtype=float) - centre))
 
     def linearised_minimum_time(self, theta_goal: float) -> BangBang:
-        """From rest at -π/2 to rest at a goal in minimum time, under the linearised dynamics (11).
+        """Minimum time from rest at -π/2 to rest at a goal, under the linearised dynamics (11).
 
         Args:
             theta_goal: above -π/2 [rad].
@@ -133,7 +133,7 @@ class OneLink:
         return BangBang(tuple(map(float, times[:-1])), tuple(reversed(last_first)), float(times[-1]))
 
     def minimum_time(self, theta_start: float, theta_goal: float) -> BangBang:
-        """From rest to rest upwards in minimum time, under the true dynamics, by quadrature of the energy.
+        """Minimum time from rest to rest upwards under the true dynamics, by quadrature of the energy.
 
         Pushed up by τ_max, then braked: ½ J θ̇² is τ_max (θ - θ_0) - G (sin θ - sin θ_0) before and
         τ_max (θ_f - θ) + G (sin θ_f - sin θ) after θ_s, where both agree.
@@ -264,5 +264,5 @@ def linearisation(payload: float, reading: Reading = "tip") -> Linearisation:
 
 @cache
 def all_linearisations() -> tuple[Linearisation, ...]:
-    """With every payload of Table 2 in both readings."""
+    """Linearisations with every payload of Table 2, in both readings."""
     return tuple(linearisation(payload, reading) for reading in READINGS for payload in PAYLOADS)

@@ -106,7 +106,7 @@ class PayloadEffect:
 
     @classmethod
     def of(cls, times: Sequence[tuple[float, float | None]]) -> "PayloadEffect":
-        """From pairs of payload [kg] and time [s], in any order."""
+        """Effect of payload, from pairs of payload [kg] and time [s] in any order."""
         pairs = sorted(times, key=lambda pair: pair[0])
         return cls(tuple(m for m, _ in pairs), tuple(t for _, t in pairs))
 

@@ -41,7 +41,7 @@ class BangBangProblem:
     stop: Stop
 
     def torques(self, arcs: Sequence[Arc]) -> Array:
-        """Of every arc [N m], shape (arcs, nv)."""
+        """Torques of every arc [N m], shape (arcs, nv)."""
         upper = np.array([[mode is Mode.UPPER for mode in arc.modes] for arc in arcs])
         return np.where(upper, self.upper, self.lower)
 
@@ -116,7 +116,7 @@ def guess_arcs(problem: BangBangProblem, t: Array, y: Array) -> BangBangExtremal
 
 
 def _sign_changes(t: Array, values: Array) -> list[tuple[float, int]]:
-    """When [s], and in which row, the lines between samples change their sign, in order of time."""
+    """Times [s] and rows of the sign changes of lines between samples, in order of time."""
     events: list[tuple[float, int]] = []
     for i, row in enumerate(values):
         for k in np.flatnonzero(np.signbit(row[1:]) != np.signbit(row[:-1])):
@@ -126,10 +126,10 @@ def _sign_changes(t: Array, values: Array) -> list[tuple[float, int]]:
 
 
 def with_samples(problem: BangBangProblem, found: BangBangExtremal) -> BangBangExtremal:
-    """The same with samples along the arcs and the worst sign of S there.
+    """Sample an extremal along its arcs, with the worst sign of S there.
 
     Args:
-        problem: what was solved.
+        problem: the minimum-time problem.
         found: of which arcs and their starts count.
     """
     tau, m, size = problem.torques(found.arcs), *found.starts.shape

@@ -191,7 +191,7 @@ def _trapezoidal(problem: BoundaryProblem, s: Array, unknowns: Array) -> Point:
 
 
 def _trapezoidal_residual(problem: BoundaryProblem, s: Array, unknowns: Array) -> Array:
-    """Of all intervals, then of the ends, shape (4 nv m + 1,)."""
+    """Residual of all intervals, then of the ends, shape (4 nv m + 1,)."""
     z, p = unknowns[:-1].reshape(s.size, -1).T, unknowns[-1:]
     g = problem.rate(s, z, p)
     defects = np.diff(z, axis=1) - np.diff(s) / 2 * (g[:, :-1] + g[:, 1:])

@@ -43,7 +43,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Root:
-    """Where Newton's method came to.
+    """Result of Newton's method.
 
     Attributes:
         unknowns: x, shape (n,).

@@ -9,7 +9,7 @@ from armdyn.optimal.task.policy.tuned import by_kind, tuned
 
 @dataclass(frozen=True, kw_only=True)
 class IndirectPolicy:
-    """How the indirect method is seeded and led to minimum time."""
+    """Tuned numbers of the indirect method: its seeds, and its way to minimum time."""
 
     cases: ClassVar = "R, RR, Luus"
 

@@ -32,7 +32,7 @@ def shoot(problem: BangBangProblem, guess: BangBangExtremal) -> BangBangExtremal
     """Newton's method on the durations, then the signs of S; where they object, again with what they say.
 
     Args:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         guess: its arcs and their starts.
     """
     found = guess
@@ -85,7 +85,7 @@ class ShootingEquations:
     last one in the goal; S of the joint that switches is zero; H is zero.
 
     Attributes:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         tau: torques of the arcs [N m], shape (m, nv).
         switches: the joint that switches after each arc but the last.
         scale: what is one in y, shape (4 nv,).
@@ -103,7 +103,7 @@ class ShootingEquations:
         """The equations of a guess's structure; its peaks, one for all joints, are the scale.
 
         Args:
-            problem: what is to be solved.
+            problem: the minimum-time problem.
             guess: its arcs and their starts.
         """
         n = problem.system.nv

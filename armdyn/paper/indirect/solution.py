@@ -86,7 +86,7 @@ class IndirectSolution:
         success: converged, within position and velocity limits.
         status: SOLVED; INFEASIBLE if it leaves those limits, which this method does not know; or why it failed.
         message: the same for people, with where the residual is largest.
-        problem: what was asked.
+        problem: the minimum-time problem.
         options: how.
         duration: t_f [s]; of the last iterate if the solve failed.
         cost: J = ∫ (1 + w/2 τᵀτ) dt [s].
@@ -152,7 +152,7 @@ def from_extremal(
     """The solution that an extremal is, converged or not.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         boundary: what was solved; its law and weight give the torque.
         found: the extremal.
         options: how.
@@ -183,7 +183,7 @@ def from_arcs(
     """The solution that converged arcs are; a jump of the torque is two samples one ulp apart.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         shooting: what was solved.
         found: the arcs.
         options: how.
@@ -206,7 +206,7 @@ def checked(
     """The solution, if it keeps the limits on position and velocity that went into no equation.
 
     Args:
-        problem: what was asked.
+        problem: the minimum-time problem.
         options: how.
         samples: the extremal.
         direct: what it was seeded with.
@@ -235,7 +235,7 @@ def checked(
 
 
 def _limit_left(problem: MinimumTimeProblem, motion: Trajectory) -> str:
-    """Where a motion leaves a limit on position or velocity the furthest; "": nowhere."""
+    """Largest violation of a position or velocity limit, in words; "": none."""
     _, *others = excesses(problem.limits, motion, dense=1)
     excess = max(others, key=lambda one: one.share)
     if excess.share <= _LIMIT_SLACK:

@@ -119,7 +119,7 @@ class Case:
         return ContinuousLoop(self.robot(), self.q_goal, GAINS, ERROR_RATES[self.derivative_sign], printed)
 
     def problem(self) -> MinimumTimeProblem:
-        """Of an open-loop case: torques within ±3 N m for minimum time, unbounded for time-energy (w = 1).
+        """Problem of an open-loop case: torques within ±3 N m for minimum time, unbounded for time-energy (w = 1).
 
         Raises:
             ProblemError: the case is a PID loop.

@@ -12,7 +12,7 @@ Fact = float | str | bool | None | list[float]
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What came of a case.
+    """Result of a case.
 
     Attributes:
         case: what was asked.
@@ -36,5 +36,5 @@ class Outcome:
 
 
 def by_case(outcomes: Iterable[Outcome]) -> dict[Case, Outcome]:
-    """Outcomes by what was moved how: under the case of the paper's arrival rule, whichever rule a run had."""
+    """Outcomes by case; the arrival rule is not part of the key."""
     return {replace(outcome.case, arrival_rule=PAPER_RULE): outcome for outcome in outcomes}

@@ -34,7 +34,7 @@ def run_case(
 
     Args:
         case: what.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text on the current step.
         workers: processes of the search for minimum time; None: one per core.
         near: of the same case with another payload: where the search begins. It has few other guesses if that is
             certified, and the payloads are `ALIKE`.
@@ -90,7 +90,7 @@ def _open_loop(case: Case, solution: Solution) -> Outcome:
 
 
 def _indirect(case: Case, solution: Solution) -> dict[str, Fact]:
-    """The same optimum by the paper's second approach, corrected: Pontryagin's conditions as equations."""
+    """Solve a case by the paper's second approach, corrected: Pontryagin's conditions as equations."""
     options = IndirectOptions(bounded=case.kind == "minimum_time", time_limit=INDIRECT_LIMIT)
     found = solve_indirect(solution.problem, solution, options)
     facts: dict[str, Fact] = {

@@ -199,7 +199,7 @@ def _approaches(outcomes: Sequence[Outcome]) -> Html:
 
 
 def _replays(outcomes: Iterable[Outcome], payload: float) -> dict[str, object]:
-    """For the page's script: template, viewer and motions, compressed and as base64; the first one to show."""
+    """Data of the page's script: template, viewer and motions, compressed and as base64; the first one to show."""
     found = by_case(outcome for outcome in outcomes if outcome.trajectory is not None)
     motions = []
     for one in EXAMPLES:

@@ -26,7 +26,7 @@ class Grid:
     note: str = ""
 
     def markdown(self) -> str:
-        """As GitHub shows it."""
+        """The table in GitHub's Markdown."""
         lines = [self.header, tuple("---:" for _ in self.header), *self.body]
         table = "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
         return f"**{self.title}**\n\n{table}\n" + (f"\n{self.note}\n" if self.note else "")
@@ -77,7 +77,7 @@ def csv_text(lines: Iterable[Sequence[object]]) -> str:
 
 
 def _cell(value: object) -> object:
-    """For CSV, which writes numbers as Python prints them."""
+    """Cell of a CSV, in which numbers are as Python prints them."""
     return "" if value is None else repr(float(value)) if isinstance(value, float) else value
 
 

@@ -58,7 +58,7 @@ def _row(step: Facts) -> list[Html]:
 
 
 def costs_section(facts: Facts) -> Section | None:
-    """How much sooner the cycle would end without each of its conditions; None: nobody asked."""
+    """Section of the time that each condition of a cycle costs; None: not computed."""
     said = [one.text("said") for one in facts.parts("costs")]
     if not said:
         return None

@@ -58,7 +58,7 @@ class Subject:
 
     @classmethod
     def of(cls, robot: Robot, obstacles: Sequence[Obstacle] = ()) -> Subject:
-        """The subject of a robot."""
+        """Describe a robot for a report."""
         sliding = tuple(robot.slides.tolist())
         return cls(robot.name, tuple(robot.joint_names), robot.limits, sliding, robot, tuple(obstacles))
 

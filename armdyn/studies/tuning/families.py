@@ -173,7 +173,7 @@ class Ramps:
 
     @property
     def parameter(self) -> Parameter:
-        """The duration [s]."""
+        """Parameter "ramp": the duration [s]."""
         return Parameter("ramp", *self.duration)
 
     def reference(self, robot: Robot, values: Values) -> Trajectory:

@@ -104,7 +104,7 @@ class PandaPython(Stream):
     tolerance: float = 0.01
 
     def text(self, samples: Samples) -> str:
-        """The program.
+        """Text of the program.
 
         Raises:
             TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is none; or an event

@@ -257,7 +257,7 @@ class UrRtde(UrScript):
     tolerance: float = 0.01
 
     def text(self, samples: Samples) -> str:
-        """The program.
+        """Text of the program.
 
         Raises:
             TrajectoryError: see `UrScript.text`.

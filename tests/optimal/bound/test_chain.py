@@ -122,7 +122,8 @@ def test_a_motion_between_two_sets():
     assert found.kinematic <= min(problem.variant(q_start=a, q_goal=b).duration_bound() for a in starts for b in ends)
     wide = ad.GoalPose(robot.tip, placement(robot, UR5[0]), tolerance=[0.02] * 3 + [0.1] * 3)
     passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_bounds=4))
-    assert passing.duration == found.duration  # too wide to add anything
+    through = ad.lower_bound(problem.variant(via=[UR5[0]]))  # a member of the region
+    assert found.duration <= passing.duration <= through.duration
 
 
 def test_a_motion_of_an_endless_arm_between_two_sets():

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.constraint import Knots
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.curves import curves
@@ -193,6 +195,21 @@ def bound_of_a_chain():
         chain_bound([problem, problem], stops, upper, policy=Noted.of(problem).bound)
 
 
+def bound_of_a_line():
+    """Up along a straight line, and down along another one."""
+    robot, q = ad.Robot.from_library("ur5"), np.array([-0.67, -1.44, 2.03, -0.58, 0.9, 0.0])
+    goal, most = q + np.array([0.7, 0, 0, 0, 0.7, 0]), (3.5e-4, 3.5e-4, 0.0, 5e-3, 5e-3, 5e-3)
+    here, there = (frame_placement(robot, robot.tip, one).homogeneous for one in (q, goal))
+    above, beyond = (one - 0.025 * np.outer(one[:, 2], [0, 0, 0, 1]) for one in (here, there))
+    lines = [
+        FrameRegion(ad.GoalPose(robot.tip, at, free=("z",), tolerance=most), leg=leg)
+        for leg, at in ((0, here), (2, there))
+    ]
+    passed = [ad.GoalPose(robot.tip, at, tolerance=most) for at in (above, beyond)]
+    problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=passed, path_constraints=lines)
+    chain_bound([problem], [q, goal], 0.4, policy=Noted.of(problem).bound)
+
+
 def goals_as_coarse_curves():
     screened(noted(posed("rr", relative_effort_weight=0.5)))
 
@@ -234,6 +251,7 @@ CALLS = (
     constraints_that_are_tightened,
     bounds_of_a_pose,
     bound_of_a_chain,
+    bound_of_a_line,
     goals_as_coarse_curves,
     a_curve_after_an_interrupt,
     guesses_for_two_workers,

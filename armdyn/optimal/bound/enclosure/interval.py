@@ -188,6 +188,14 @@ def up(x: Array) -> Array:
     return np.asarray(np.nextafter(x, np.inf))
 
 
+def sum_down(numbers: Sequence[float]) -> float:
+    """Sum, rounded down."""
+    total = 0.0
+    for number in numbers:
+        total = number if total == 0 else float(down(np.array(total + number)))
+    return total
+
+
 def rounding(terms: int, sizes: Array) -> Array:
     """Upper bound on the rounding error of a sum of products, from the sum of their sizes.
 

@@ -29,14 +29,14 @@ class AccelerationLimit(PartialLimit):
         return 2, self.part * np.asarray(problem.acceleration_limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
-        """At the stages of every interval, as parts of the limits."""
+        """Rows of accelerations at the stages of every interval, over the limits."""
         return (StageRows(_accelerations, numbers=problem.robot.nv),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
         return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """By forward dynamics, within every sample."""
+        """Check accelerations by forward dynamics, within every sample."""
         t, a, _ = accelerations(problem.robot, motion)
         return kept_by_joints(self.policy, problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
 

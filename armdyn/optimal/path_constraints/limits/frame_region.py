@@ -68,7 +68,7 @@ class FrameRegion(PartialLimit):
         return {"region": self.region, **({} if self.leg is None else {"leg": self.leg})}
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """With tolerances in all directions in which the frame can move."""
+        """Check the frame, and complete the tolerances in all directions in which it can move."""
         try:
             moving = moving_directions(robot, self.region)
         except SpecError as error:
@@ -109,7 +109,7 @@ class FrameRegion(PartialLimit):
         return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """By Pinocchio, at the samples and so many times between them that second derivatives prove the rest."""
+        """Check the region by Pinocchio, at so many times that second derivatives prove the rest."""
         marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
         first, last = (marks[0], marks[-1]) if self.leg is None else marks[self.leg : self.leg + 2]
         limited = np.isfinite(self.region.deviations) & moving_directions(problem.robot, self.region)

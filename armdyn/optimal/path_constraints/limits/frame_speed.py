@@ -57,7 +57,7 @@ class FrameSpeedLimit(PartialLimit):
         return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """With the frame's name; start and goal are not too fast already."""
+        """Resolve the frame's name, and check that start and goal keep the limit."""
         frame = robot.tip if self.frame is None else self.frame
         try:
             fixed = robot.frame(frame)
@@ -82,7 +82,7 @@ class FrameSpeedLimit(PartialLimit):
         return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """By Pinocchio, at five points of every sample."""
+        """Check speeds by Pinocchio, at five points of every sample."""
         t, n = pieces(motion)[0].ravel(), problem.robot.nv
         at = motion(t)
         speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))

@@ -42,7 +42,7 @@ class JerkLimit(PartialLimit):
         return own, RowValues(0, 0), RowValues(0, 0)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """By the slope of forward dynamics, within every sample."""
+        """Check jerks by the time derivative of forward dynamics, within every sample."""
         t, _, jerks = accelerations(problem.robot, motion)
         return kept_by_joints(self.policy, problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
 

@@ -81,7 +81,7 @@ class PartialLimit(PathConstraint):
 def kept_by_joints(
     policy: PathConstraintPolicy, robot: Robot, order: int, t: Array, values: Array, limits: Array
 ) -> ConstraintReport:
-    """How a derivative of the positions keeps its limits.
+    """Report on a derivative of the positions and its limits.
 
     Args:
         policy: tuned numbers of path constraints.

@@ -125,7 +125,7 @@ class TorqueRateLimit(PathConstraint):
 
 
 def _slope(stages: Stages) -> ca.SX:
-    """How much the torque, linear in the interval, changes over it [N m or N]."""
+    """Change of the torque, linear in the interval, over it [N m or N]."""
     slope: ca.SX = (stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0])
     return slope
 
@@ -136,7 +136,7 @@ def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
 
 
 def _beside(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
-    """How far the torque is from another at a part of the interval, over its scale."""
+    """Difference of the torque from another one at a fraction of the interval, over its scale."""
     beside: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
     return beside
 

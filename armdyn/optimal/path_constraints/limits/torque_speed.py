@@ -29,7 +29,7 @@ class TorqueSpeedLimit(PartialLimit):
         return cls() if problem.limits.actuators.lines[0].size else None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
-        """At the stages of every interval, as parts of c; torques do not jump at knots."""
+        """Rows of the torque-speed lines at the stages of every interval, over c; torques are continuous at knots."""
         slopes, _ = problem.limits.actuators.lines
         count, numbers = len(slopes), 2 * slopes.size
         return StageRows(_lines, (count, True), numbers), StageRows(_lines, (count, False), numbers, "first")
@@ -40,7 +40,7 @@ class TorqueSpeedLimit(PartialLimit):
         return own, own
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """At the samples, between which torques are linear."""
+        """Check torques at the samples, between which they are linear."""
         slopes, rest = problem.limits.actuators.lines
         used = np.max(np.abs(motion.tau[:, None] + slopes * motion.v[:, None]) / rest, axis=1)
         k, i = np.unravel_index(np.argmax(used), used.shape)

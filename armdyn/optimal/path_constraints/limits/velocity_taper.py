@@ -33,7 +33,7 @@ class VelocityTaperLimit(PartialLimit):
         return None if problem.preset is None or problem.preset.taper is None else cls()
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
-        """At the stages of every interval, as parts of the joints' ranges."""
+        """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
         return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
 
     def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
@@ -41,7 +41,7 @@ class VelocityTaperLimit(PartialLimit):
         return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """At five points of every sample."""
+        """Check tapered velocities at five points of every sample."""
         t = pieces(motion)[0].ravel()
         at = motion(t)
         lower, upper = _taper(problem).at(at.q)

@@ -10,7 +10,7 @@ TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
 
 @dataclass(frozen=True, kw_only=True)
 class CurvePolicy:
-    """How a curve is laid out, solved, kept within its limits and followed."""
+    """Tuned numbers of curves: their layout, solver, margins and replay."""
 
     cases: ClassVar = TRAINED
 

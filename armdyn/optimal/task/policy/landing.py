@@ -8,7 +8,7 @@ from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, tuned
 
 @dataclass(frozen=True, kw_only=True)
 class LandingPolicy:
-    """How torques of a mesh are brought to land."""
+    """Tuned numbers of the terminal correction of a mesh's torques."""
 
     cases: ClassVar = LARGE
 

@@ -127,7 +127,7 @@ class Policy:
         )
 
     def scheme(self, options: MinimumTimeOptions) -> Scheme:
-        """How motion becomes unknowns: as the options say, but for torques that a condition forbids to jump."""
+        """Transcription scheme of the options; torques that may not jump are linear."""
         control = "linear" if self.program.linear else options.control
         return Scheme(options.method, control, options.dynamics, options.compile)
 

@@ -8,7 +8,7 @@ from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind,
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementPolicy:
-    """How far an optimum of a mesh is refined."""
+    """Tuned numbers of the refinement of a mesh's optimum to arcs."""
 
     cases: ClassVar = PLANAR
 
@@ -49,17 +49,17 @@ class RefinementPolicy:
     )
     rounds: int = tuned(12, "rounds", "of structures corrected by multipliers")
     aims: int = tuned(8, "rounds", "of aiming arcs beside the goal")
-    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: a hundredth of what is certified")
-    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of what is certified")
+    landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
+    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of the certificate's tolerance")
     slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
-    astray: float = tuned(1e-7, "rad or m", "from the path's own end: a tenth of what is on the goal", LARGE)
+    astray: float = tuned(1e-7, "rad or m", "from the path's own end: a tenth of the tolerance at the goal", LARGE)
     most_samples: int = tuned(2000, "samples", "of a replay that segments are checked on: six times most")
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or held against conditions", "RR")
 
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchMeshPolicy:
-    """How a mesh is refined at the switches before arcs are read from it."""
+    """Tuned numbers of mesh refinement at the switches."""
 
     cases: ClassVar = "RRR, random pairs"
 
@@ -81,7 +81,7 @@ class SwitchMeshPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
-    """How arcs are read from a mesh, laid on intervals and solved."""
+    """Tuned numbers of arcs: their detection on a mesh, their intervals and their solver."""
 
     cases: ClassVar = PLANAR
 
@@ -141,7 +141,7 @@ class ArcsPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class AdjointPolicy:
-    """How finely the adjoint equations are integrated along a replay, to check the costates."""
+    """Tuned numbers of the integration of the adjoint equations along a replay."""
 
     cases: ClassVar = PLANAR
 
@@ -158,7 +158,7 @@ class AdjointPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothPolicy:
-    """How optima of time and energy are searched and refined."""
+    """Tuned numbers of the search and refinement of time-energy optima."""
 
     cases: ClassVar = PLANAR
 
@@ -173,7 +173,7 @@ class SmoothPolicy:
         0.98, "of a coarse J", "what it may yet fall to: more is another optimum's", "RR, RRR, ten payloads"
     )
     steps: int = tuned(12, "solves", "spent on all optima together: one takes 0.1 to 6 s", "RRR, ten payloads")
-    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of what is certified")
+    settled: float = tuned(1e-5, "-", "|H| at which a mesh is replayed: a tenth of the certificate's tolerance")
     warm: float = tuned(0.02, "-", "|H| below which the next solve stays where it is: 4 to 10 iterations, not 50")
     rough: float = tuned(0.05, "-", "|H| beyond which a mesh is too coarse to tell limits by")
     artefact: float = tuned(1.0, "-", "|H| beyond which it says nothing of where to look, either")

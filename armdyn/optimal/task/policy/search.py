@@ -10,7 +10,7 @@ from armdyn.optimal.task.policy.tuned import PLANAR, UNRECORDED, by_kind, tuned
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramPolicy:
-    """How a motion becomes a nonlinear program, and IPOPT's options."""
+    """Tuned numbers of the nonlinear program and of IPOPT."""
 
     cases: ClassVar = "by definition"
 
@@ -50,7 +50,7 @@ class ProgramPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchPolicy:
-    """How many guesses are made and how, and which of their optima are refined."""
+    """Tuned numbers of the search: its guesses, and the choice of optima to refine."""
 
     cases: ClassVar = PLANAR
 
@@ -136,7 +136,7 @@ class SearchPolicy:
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
-        """How many the options ask for.
+        """Number of guesses that the options request.
 
         Args:
             options: starts, or effort.
@@ -146,7 +146,7 @@ class SearchPolicy:
         return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
 
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
-        """How many optima the options ask for. Arguments as of `guesses`."""
+        """Number of optima to refine that the options request; arguments as of `guesses`."""
         own = self.refined if normal is None else normal
         return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
 
@@ -179,7 +179,7 @@ class GoalPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SamePolicy:
-    """When two durations are one optimum's, as parts of them: by how well each kind of answer is known."""
+    """Relative tolerances within which two durations are the same optimum's, by the accuracy of each kind of answer."""
 
     cases: ClassVar = PLANAR
 

@@ -9,7 +9,7 @@ TRAINED = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
 
 @dataclass(frozen=True, kw_only=True)
 class SequentialPolicy:
-    """How curves among obstacles are laid out and iterated."""
+    """Tuned numbers of sequential convexification: layout of curves among obstacles, and iterations."""
 
     intervals: int = tuned(56, "intervals", "of the last mesh", TRAINED)
     shortest: float = tuned(2e-3, "of a leg", "first and last interval of the last mesh", TRAINED)

@@ -32,5 +32,5 @@ class StrategyPolicy:
 
     @property
     def curves_alone(self) -> bool:
-        """No method collocates."""
+        """Whether curves are the only method."""
         return self.methods == ("curves",)

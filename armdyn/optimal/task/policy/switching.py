@@ -10,7 +10,7 @@ PAIRS = "RRR, random pairs (seed 1, poses within ±π)"
 
 @dataclass(frozen=True, kw_only=True)
 class RolloutPolicy:
-    """How finely arcs are integrated, and which excess and which contact count."""
+    """Tuned numbers of rollouts: steps of the arcs, tolerances of limits and contacts."""
 
     cases: ClassVar = PAIRS
 
@@ -33,7 +33,7 @@ class RolloutPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class DescentPolicy:
-    """How a structure is brought onto the goal, and its times to the least duration."""
+    """Tuned numbers of the optimisation of switching times: Newton's method, and descent."""
 
     cases: ClassVar = PAIRS
 
@@ -48,7 +48,7 @@ class DescentPolicy:
     steps: int = tuned(20, "steps", "along tangents: those that came to an extremal took 13 at most")
     radius: float = tuned(0.03, "of the duration", "first radius of the trust region")
     narrow: float = tuned(1e-6, "of the duration", "radius below which the model is not to be trusted at all")
-    flat: float = tuned(1e-6, "-", "∂t_f/∂(time of a change) that is none: a hundredth of what is certified")
+    flat: float = tuned(1e-6, "-", "∂t_f/∂(time of a change) that is none: a hundredth of the certificate's tolerance")
     nearly_flat: float = tuned(1e-4, "-", "the same where the model promises nothing any more: what is certified")
     worth: float = tuned(1e-12, "of the duration", "what a step must promise")
     difference: float = tuned(
@@ -75,7 +75,7 @@ class ContactPolicy:
 
     excess: float = tuned(1e-6, "of half a torque's range", "that a contact may take beyond a torque limit")
     inward: float = tuned(
-        5e-5, "of the largest multiplier", "inward pull at which a contact is let go: half of what is certified"
+        5e-5, "of the largest multiplier", "inward pull at which a contact is let go: the certificate's / 2"
     )
     mostly: float = tuned(0.5, "of a contact", "too weak for more of it, another joint rather holds all of it")
     whole: float = tuned(0.02, "of a contact", "that is left at an end is not worth another contact")
@@ -87,7 +87,7 @@ class ContactPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SingularPolicy:
-    """Where a singular control takes the place of bang arcs, and its first guess."""
+    """Tuned numbers of singular controls: their insertion and initial guess."""
 
     cases: ClassVar = PAIRS
 
@@ -110,13 +110,13 @@ class SingularPolicy:
 
 @dataclass(frozen=True, kw_only=True)
 class SwitchingPolicy:
-    """How a switching structure is corrected until it satisfies Pontryagin's conditions."""
+    """Tuned numbers of the correction of switching structures by Pontryagin's conditions."""
 
     cases: ClassVar = PAIRS
 
     rounds: int = tuned(40, "rounds", "a contact that is left by shorter and shorter bounces takes two for each")
     least: float = tuned(
-        5e-5, "-", "decrease of H that justifies a bang arc or a longer control: half of what is certified"
+        5e-5, "-", "decrease of H that justifies a bang arc or a longer control: half of the certificate's tolerance"
     )
     worse: float = tuned(0.05, "of the worst decrease of H", "stretches below it wait for another round")
     drift: float = tuned(1e-5, "-", "of H along an arc, beyond which steps are too long: a tenth of certified")

@@ -1,0 +1,75 @@
+"""Problems with several goals, such as the joint positions that reach a goal pose: the fastest of their solutions."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.optimal.answer.assembly import ended_in_time, with_certificate
+from armdyn.optimal.answer.slid_end import slid_end
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.proof.transversality import transversality
+from armdyn.optimal.search.goals import GoalTried, screened
+from armdyn.optimal.task.task import Task
+
+Solve = Callable[[Task, float], Solution]
+
+
+def fastest_goal(task: Task, solve: Solve) -> Solution:
+    """Solve for the most promising goals of a problem; the best solution, with the durations of all.
+
+    Args:
+        task: of a problem with several goals, or a goal pose.
+        solve: solves a task with one goal in so much time [s].
+    """
+    started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
+    until = started + options.time_limit
+    task = replace(task, stop=Stop(until))
+    tasks, tried = screened(task)
+    solutions: list[Solution] = []
+    for i, branch in enumerate(tasks):
+        if solutions and (task.stop or solutions[-1].status is Status.INTERRUPTED):
+            break
+        task.progress(f"goal {i + 1} of the {len(tasks)} best")
+        solutions.append(solve(branch, max(until - time.perf_counter(), 1e-3)))
+        found = solutions[-1].duration if solutions[-1].success else np.inf
+        tried[i] = GoalTried(np.asarray(branch.problem.q_goal), found, refined=True)
+    best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
+    if problem.goal_pose is not None and best.status is Status.SOLVED:
+        best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
+    goal = best.problem.x_goal[: problem.robot.nv]
+    if best not in solutions:
+        tried.append(GoalTried(goal, best.duration, refined=True))
+    bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
+    missed = transversality(problem, problem.goal_pose, goal, best.phases)
+    certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)
+    tried.sort(key=lambda goal: goal.duration)
+    elapsed = time.perf_counter() - started
+    answer = replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
+    return ended_in_time(answer, options.time_limit) if task.stop.cut_short else answer
+
+
+def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> Solution | None:
+    """The solution for a goal near that of another one, from its motion; None: the time is up."""
+    if task.stop:
+        return None
+    task.progress("the goal moved along the joint positions that reach its pose")
+    near = task.about(known.problem.variant(q_goal=q))
+    return solve(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
+
+
+def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
+    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
+    if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
+        return None
+    with stopping(seconds) as stop:
+        bound = lower_bound(task.problem, stop.__bool__, task.policy.bound)
+    if stop.cut_short:
+        task.stop.cut()
+    return None if bound is None else bound.duration
