@@ -1,12 +1,12 @@
 """A Panda catches a goal that moves at 0.3 m/s: replanned at 50 Hz by armdyn's Resolver, and by Ruckig.
 
     pip install ruckig
-    python scripts/live.py [SECONDS] [SEEDS] [DEADLINE]      # the goal moves for 1 s, from 5 random poses; then it stays
+    python scripts/live.py [SECONDS] [SEEDS] [DEADLINE]    # the goal moves for 1 s, from 5 random poses, then stays
 
-Every 20 ms the planner gets the state that the reference will have 20 ms later, and where the goal is now. The
-references that come out are tracked by `track`'s default controller at 1 kHz, by a Panda whose payload of 0.5 kg the
-model does not know. Ruckig has the accelerations and jerks of Franka's data sheet; it knows no torques. The Resolver has
-the torques, and in the third row those accelerations, too.
+Every 20 ms the planner gets the state that the reference will have 20 ms later, and where the goal is now. `track`'s
+default controller follows the references at 1 kHz, with a payload of 0.1 kg that its model does not know. Ruckig has
+the accelerations and jerks of Franka's data sheet; it knows no torques. The Resolver has 80 % of the torques (a
+reserve for feedback), and in the third row the data sheet's accelerations, too.
 """
 
 import sys
@@ -29,15 +29,17 @@ Plan = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], ad.Trajectory]
 
 
 def by_resolver(robot: ad.Robot, deadline: float, **limits: object) -> Plan:
-    resolver = ad.Resolver(robot, **limits)
+    """Plan by armdyn, within a deadline [s]."""
+    resolver = ad.Resolver(robot, reserve=0.2, velocity_reserve=0.05, **limits)
     return lambda q, v, a, goal: resolver.solve(q, v, goal, deadline).trajectory
 
 
 def by_ruckig(robot: ad.Robot) -> Plan:
+    """Plan by Ruckig."""
     import ruckig
 
     planner, asked = ruckig.Ruckig(robot.nv), ruckig.InputParameter(robot.nv)
-    asked.max_velocity, asked.max_acceleration, asked.max_jerk = robot.limits.velocity, ACCELERATION, JERK
+    asked.max_velocity, asked.max_acceleration, asked.max_jerk = 0.95 * robot.limits.velocity, ACCELERATION, JERK
 
     def plan(q: np.ndarray, v: np.ndarray, a: np.ndarray, goal: np.ndarray) -> ad.Trajectory:
         asked.current_position, asked.current_velocity, asked.current_acceleration, asked.target_position = (
@@ -91,7 +93,7 @@ def chased(robot: ad.Robot, plan: Plan, q: np.ndarray, wanted: np.ndarray) -> tu
 def judged(robot: ad.Robot, name: str, plan: Plan, q: np.ndarray, wanted: np.ndarray, seconds: float) -> list[float]:
     """How long the arm takes to catch the goal, how far it lags behind, and what it takes of its limits."""
     reference, took = chased(robot, plan, q, wanted)
-    arm = robot.with_payload(ad.Payload(mass=0.5))
+    arm = robot.with_payload(ad.Payload(mass=0.1))
     run = ad.track(robot, reference, plant=arm, duration=len(wanted) * PERIOD)
     moved, data, tip = run.trajectory, robot.model.createData(), robot.model.njoints - 1
 
@@ -121,6 +123,7 @@ def _states(motion: ad.Trajectory) -> list[tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def main(seconds: float = 1.0, seeds: int = 5, deadline: float = PERIOD) -> None:
+    """Chase goals by all planners."""
     robot = ad.Robot.from_library("panda")
     planners = {
         "armdyn": lambda: by_resolver(robot, deadline),

@@ -48,6 +48,7 @@ def moved(robot: ad.Robot, goal: np.ndarray, random: np.random.Generator, tip: b
 
 
 def main(goals: int, seed: int, deadline: float) -> None:
+    """Plan, compare and check."""
     random, robot, clock = np.random.default_rng(seed), ad.Robot.from_library("panda"), time.perf_counter
     limits, at_rest, resolver = robot.limits, np.zeros(robot.nv), ad.Resolver(robot)
     middle, half = (
@@ -79,7 +80,7 @@ def main(goals: int, seed: int, deadline: float) -> None:
     if gaps:
         near = np.mean(np.array(gaps) <= 2e-3)
         print(
-            f"duration within 0.2 % of the cold answer: {near:.1%}; median {np.median(gaps):+.3%}, worst {max(gaps):+.2%}"
+            f"duration within 0.2 % of the cold one: {near:.1%}; median {np.median(gaps):+.3%}, worst {max(gaps):+.2%}"
         )
 
 

@@ -59,7 +59,7 @@ class Improved:
         duration: [s].
         seen: its samples.
         margins: of the torques with which it was found.
-        settled: whether the last step changed its duration by less than is worth another one.
+        settled: whether the last step, free to be long, changed its duration by less than is worth another one.
     """
 
     duration: float
@@ -86,7 +86,8 @@ def improve(
     """
     program, policy = arm.program, arm.program.policy
     best, k, calm, began = None, 0, 0, time.perf_counter()
-    pace = Pace(1.0, policy.torque * min(duration for _, duration in guesses))
+    price = policy.torque * min(duration for _, duration in guesses)
+    pace = Pace(1.0, price)
     starts = [_at(arm, ends, *guess, distances) for guess in guesses]
     here = min(starts, key=lambda one: program.merit(one, margins, pace.price))
     took = time.perf_counter() - began
@@ -99,16 +100,18 @@ def improve(
         seen = arm.seen(here.points, here.duration)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
-            best = Improved(here.duration, seen, margins, settled)
+            best = Improved(here.duration, seen, margins, settled and pace.reach >= policy.stuck)
             if settled:
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
             best = _slowed(arm, here, seen, margins, distances)
         free = step is not None and calm > policy.eager and 2 * step.part < pace.reach
         stuck = settled and (free or pace.reach < policy.stuck)
-        if stuck and np.max(program.violations(here, margins)) > policy.missed:
+        if stuck and np.max(program.violations(here, margins)) > policy.missed and pace.price < policy.dearest * price:
             pace, calm = Pace(1.0, policy.dearer * pace.price), 0
         margins = _tightened(program, margins, here, seen, settled)
+        if best is None and k >= policy.patient:
+            margins = margins.at_least(min(policy.strict * seen.torque + policy.spare, policy.most_even))
         took = max(took, time.perf_counter() - began)
     return best, k
 

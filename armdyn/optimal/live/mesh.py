@@ -1,4 +1,4 @@
-"""The fixed layout of live motions: one B-spline, the places where torques are limited, those where they are checked."""
+"""Layout of live motions: one B-spline, the places where torques are limited, those where they are checked."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,7 +77,7 @@ class Mesh:
         """Samples around each place, up to halfway to the next places, shape (places, looks / 2 + 1)."""
         half = self.looks // (2 * _PER_INTERVAL)
         middle = np.arange(self.places.size)[:, None] * (self.looks // _PER_INTERVAL)
-        return np.clip(middle + np.arange(-half, half + 1), 0, self.samples.size - 1)
+        return np.asarray(np.clip(middle + np.arange(-half, half + 1), 0, self.samples.size - 1))
 
     def per_interval(self, values: Array) -> Array:
         """Values at the samples, shape (samples, nv), interval by interval, shape (intervals, looks + 1, nv)."""

@@ -4,24 +4,28 @@ The start state is kept exactly: the first control point is its position, the se
 velocity, at a distance that grows with the duration. The last two control points are the goal.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple, Self
 
 import _armdyn_curves as curves
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
-from armdyn.arrays import Array, Index
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import InverseDerivatives
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.live.mesh import WINDOW, Mesh
+from armdyn.optimal.live.mesh import Mesh
 from armdyn.optimal.task.policy.live import LivePolicy
 
 _IN_FLIGHT = 1e-5
 """Part of the velocity limits that is kept: programs are solved to a tenth of it."""
+_OPEN = 1e-9
+"""Room that a control point at, or beyond, a position limit has in its direction [rad or m]."""
 _MOST_ITERATIONS = 60
 """Of the interior-point method; it takes 6 to 20."""
 
@@ -47,6 +51,10 @@ class Margins:
 
     upper: Array
     lower: Array
+
+    def at_least(self, least: float) -> Self:
+        """Margins of which none is less."""
+        return replace(self, upper=np.maximum(self.upper, least), lower=np.maximum(self.lower, least))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +110,17 @@ class Step:
     longer: float
     promised: float
     part: float
+
+
+class _Rows(NamedTuple):
+    """Compressed rows, their upper sides, and slacks with their prices."""
+
+    start: NDArray[np.int32]
+    column: NDArray[np.int32]
+    value: Array
+    top: Array
+    slack: NDArray[np.int32]
+    price: Array
 
 
 class StepProgram:
@@ -188,7 +207,6 @@ class StepProgram:
             pace: greatest step, and price of torques.
         """
         policy, T, reach = self.policy, at.duration, pace.reach
-        trust = reach * policy.trust
         lower, upper = self._torque_limits(at, margins)
         self._fill(at, ends)
         (velocity, bound, _), *others = self._rates(at)
@@ -196,30 +214,39 @@ class StepProgram:
         tops = [(upper - at.tau) / self.half, (at.tau - lower) / self.half, T - inner, T + inner]
         for c, most, whole in others:
             tops += [whole - c / most, whole + c / most]
-        rows, top = self._pattern, np.concatenate([np.ravel(each) for each in tops])
-        slack, price = self._slack, self._price.copy()
+        price = self._price.copy()
         price[: self.mesh.places.size] = pace.price
+        rows = _Rows(*self._pattern, np.concatenate([np.ravel(each) for each in tops]), self._slack, price)
         if at.near is not None:
-            rows, top, slack, price = self._with_distances(at.near, top, price)
+            rows = self._with_distances(rows, at.near)
         gradient = np.append((self._smoothing @ at.points / self._scale**2).ravel(), 1.0)
         gradient[-1] += gradient[self.nv : 2 * self.nv] @ self._lead(ends)
-        low, high = np.full(self.size, -trust), np.full(self.size, trust)
-        down, up = self.limits.position_lower - at.points, self.limits.position_upper - at.points
-        low[:-1] = np.maximum(low[:-1], np.minimum(down.ravel(), -1e-9))
-        high[:-1] = np.minimum(high[:-1], np.maximum(up.ravel(), 1e-9))
-        low[-1], high[-1] = -reach * policy.faster * T, reach * policy.slower * T
+        low, high = self._bounds(at, reach)
+        start, column, value = self._curvature
+        curvature = start, column, (1 + policy.proximal / reach) * value
         found, _, cost, step, _, _ = curves.solve(
-            place=self._place, gradient=gradient, curvature=(*self._curvature[:2], self._curvature[2] * (1 + policy.proximal / reach)), squares=self._nothing,
-            square_weight=np.empty(0), lower=low, upper=high, rows=rows, top=top, slack=slack, price=price,
-            tolerance=policy.accuracy, most=_MOST_ITERATIONS,
+            place=self._place, gradient=gradient, curvature=curvature, squares=self._nothing,
+            square_weight=np.empty(0), lower=low, upper=high, rows=rows[:3], top=rows.top, slack=rows.slack,
+            price=rows.price, tolerance=policy.accuracy, most=_MOST_ITERATIONS,
         )  # fmt: skip
-        change = np.frombuffer(step)
+        change: Array = np.frombuffer(step)
         if not found or not np.all(np.isfinite(change)):
             return None
         points, longer = change[:-1].reshape(at.points.shape), float(change[-1])
-        most = policy.faster if longer < 0 else policy.slower
-        part = max(float(np.max(np.abs(points))) / policy.trust, abs(longer) / (most * T))
-        return Step(points, longer, T + self._smoothness(at) + cost, part)
+        greatest = T * (policy.faster if longer < 0 else policy.slower)
+        part = max(float(np.max(np.abs(points))) / policy.trust, abs(longer) / greatest)
+        return Step(points, longer, T + self._smoothness(at) + float(cost), part)
+
+    def _bounds(self, at: Iterate, reach: float) -> tuple[Array, Array]:
+        """Bounds of a step: its reach, and the position limits of control points."""
+        policy, limits = self.policy, self.limits
+        high = np.full(self.size, reach * policy.trust)
+        low = -high
+        down, up = (limits.position_lower - at.points).ravel(), (limits.position_upper - at.points).ravel()
+        low[:-1] = np.maximum(low[:-1], np.minimum(down, -_OPEN))
+        high[:-1] = np.minimum(high[:-1], np.maximum(up, _OPEN))
+        low[-1], high[-1] = -reach * policy.faster * at.duration, reach * policy.slower * at.duration
+        return low, high
 
     def _smoothness(self, at: Iterate) -> float:
         """What squared accelerations cost [s]."""
@@ -227,7 +254,7 @@ class StepProgram:
 
     def _lead(self, ends: Ends) -> Array:
         """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
-        return ends.v / self.mesh.basis.factors(1)[0]
+        return np.asarray(ends.v / self.mesh.basis.factors(1)[0])
 
     def _torque_limits(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
         """Least and largest torques at the places, in the states of the iterate."""
@@ -265,19 +292,17 @@ class StepProgram:
                 values[acceleration[0, place]] += by_duration
                 values[acceleration[1, place]] -= by_duration
 
-    def _with_distances(
-        self, near: Linearised, top: Array, price: Array
-    ) -> tuple[tuple[Array, Array, Array], Array, Array, Array]:
-        """Rows, tops, slacks and prices with those of the distances, linearised: spare + J step >= 0."""
-        start, column, value = self._pattern
-        matrix, poses = near.jacobian[:, : self.size].tocsr(), near.missing.size
-        rows = (
-            np.concatenate([start, start[-1] + matrix.indptr[1:]]).astype(np.int32),
-            np.concatenate([column, matrix.indices]).astype(np.int32),
-            np.concatenate([value, -matrix.data]),
+    def _with_distances(self, rows: _Rows, near: Linearised) -> _Rows:
+        """Rows with those of the distances, linearised: spare + J step >= 0."""
+        matrix = near.jacobian[:, : self.size].tocsr()
+        return _Rows(
+            np.concatenate([rows.start, rows.start[-1] + matrix.indptr[1:]]).astype(np.int32),
+            np.concatenate([rows.column, matrix.indices]).astype(np.int32),
+            np.concatenate([rows.value, -matrix.data]),
+            np.append(rows.top, near.spare),
+            np.concatenate([rows.slack, rows.price.size + near.samples]).astype(np.int32),
+            np.append(rows.price, np.full(near.missing.size, self.policy.distance)),
         )
-        slack = np.concatenate([self._slack, self._price.size + near.samples]).astype(np.int32)
-        return rows, np.append(top, near.spare), slack, np.append(price, np.full(poses, self.policy.distance))
 
     def _lay_out(self) -> None:
         """Columns of all rows, their slacks, the order of elimination and the smoothing."""
@@ -336,7 +361,7 @@ class StepProgram:
         return np.asarray(self.policy.smooth * (second.T * self.mesh.weights) @ second)
 
 
-def _compressed(matrix: sp.csr_matrix) -> tuple[Index, Index, Array]:
+def _compressed(matrix: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
     """Compressed rows, as `_armdyn_curves` takes them."""
     matrix.sort_indices()
     return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data
