@@ -5,8 +5,8 @@
 
 Every 20 ms the planner gets the state that the reference will have 20 ms later, and where the goal is now. `track`'s
 default controller follows the references at 1 kHz, with a payload of 0.1 kg that its model does not know. Ruckig has
-the accelerations and jerks of Franka's data sheet; it knows no torques. The Resolver has 80 % of the torques (a
-reserve for feedback), and in the third row the data sheet's accelerations, too.
+the accelerations and jerks of Franka's data sheet; it knows no torques. The Resolver has these accelerations and 80 %
+of the torques (a reserve for feedback), in the third row the torques alone: motions of 20 ms, which no loop follows.
 """
 
 import sys
@@ -126,9 +126,9 @@ def main(seconds: float = 1.0, seeds: int = 5, deadline: float = PERIOD) -> None
     """Chase goals by all planners."""
     robot = ad.Robot.from_library("panda")
     planners = {
-        "armdyn": lambda: by_resolver(robot, deadline),
+        "armdyn": lambda: by_resolver(robot, deadline, acceleration_limit=ACCELERATION),
         "Ruckig": lambda: by_ruckig(robot),
-        "armdyn, its accelerations": lambda: by_resolver(robot, deadline, acceleration_limit=ACCELERATION),
+        "armdyn, torques alone": lambda: by_resolver(robot, deadline),
     }
     ready = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
     print("caught: after the goal has stopped [s]; lag: mean distance of the tip while the goal moves [mm]; torque,")

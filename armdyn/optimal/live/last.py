@@ -26,11 +26,13 @@ class LastMotion:
         motion: from its start to rest.
         margins: of the torques with which it was found; None: not known.
         places: at which they hold, as parts of the duration.
+        settled: whether it is the shortest that is found.
     """
 
     motion: Trajectory
     margins: Margins | None = None
     places: Array | None = None
+    settled: bool = True
 
     def passed(self, q: Array, v: Array) -> float:
         """Time on the motion at which it is nearest to a state [s]; states of shape (nv,)."""

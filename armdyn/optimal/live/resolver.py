@@ -26,7 +26,7 @@ from armdyn.optimal.live.improving import Arm, Improved, improve
 from armdyn.optimal.live.last import LastMotion
 from armdyn.optimal.live.mesh import Mesh
 from armdyn.optimal.live.program import Ends, Margins, StepProgram
-from armdyn.optimal.live.stopping import fallback
+from armdyn.optimal.live.stopping import at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -42,6 +42,8 @@ _WORDS = {
     Status.STOPPED: "no motion to the goal in time: the arm comes to rest",
 }
 """Messages."""
+_THERE = 1e-9
+"""Distance from the goal [rad or m, and per second] at which an arm is there: rounding of samples."""
 _NOTHING = "no motion to the goal in time, and no stop that was tried keeps all limits"
 _REMARK = "a live motion: neither a lower bound nor Pontryagin's conditions are checked"
 
@@ -137,11 +139,13 @@ class Resolver:
         ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
         inertia = np.diag(joint_inertia(self.robot)(ends.q))
         distances = Distances.of(problem, policy.sequential)
+        if (rest := self._on_the_way(arm, ends, distances)) is not None:
+            return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
         found, steps = self._improved(arm, ends, inertia, distances, until)
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
             status, motion = Status.SOLVED if found.settled else late, arm.motion(found.seen, "live")
-            self._last = LastMotion(motion, found.margins, arm.program.mesh.places)
+            self._last = LastMotion(motion, found.margins, arm.program.mesh.places, found.settled)
         else:
             left = fallback(arm, ends, inertia, self._last, distances)
             if left is None:
@@ -179,6 +183,15 @@ class Resolver:
             dynamics = inverse_dynamics(self.robot), inverse_dynamics_derivatives(self.robot)
             known = self._arm = Arm(self.robot, program, *dynamics)
         return known
+
+    def _on_the_way(self, arm: Arm, ends: Ends, distances: Distances | None) -> Trajectory | None:
+        """The rest of the last motion where it goes to the goal, or rest where the arm is there; None: neither."""
+        if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
+            return at_rest(arm, ends.goal, distances)
+        last = self._last
+        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - ends.goal)) > _THERE:
+            return None
+        return rest_of_last(arm, ends, last, distances)
 
     def _improved(
         self, arm: Arm, ends: Ends, inertia: Array, distances: Distances | None, until: float

@@ -28,15 +28,25 @@ def fallback(
         last: motion that was handed out.
         distances: to be kept; None: none.
     """
-    rest = None if last is None else last.rest(ends.q, ends.v, arm.program.policy)
-    if rest is not None and rest.model_hash == arm.robot.model_hash and _kept(arm, rest, distances):
+    rest = None if last is None else rest_of_last(arm, ends, last, distances)
+    if rest is not None:
         return Status.FOLLOWED, rest
-    if not np.any(ends.v):
-        hold, names = arm.robot.holding_torque(ends.q), arm.robot.joint_names
-        stay = Trajectory.at_rest(ends.q, hold, _REST, names, name="stays", model_hash=arm.robot.model_hash)
-        return (Status.STOPPED, stay) if _kept(arm, stay, distances) else None
-    stop = _brake(arm, ends, inertia, distances)
+    stop = _brake(arm, ends, inertia, distances) if np.any(ends.v) else at_rest(arm, ends.q, distances)
     return None if stop is None else (Status.STOPPED, stop)
+
+
+def rest_of_last(arm: Arm, ends: Ends, last: LastMotion, distances: Distances | None) -> Trajectory | None:
+    """The rest of the last motion from the start state on; None: that is not on it, or a limit is no longer kept."""
+    rest = last.rest(ends.q, ends.v, arm.program.policy)
+    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _kept(arm, rest, distances)
+    return rest if fits else None
+
+
+def at_rest(arm: Arm, q: Array, distances: Distances | None) -> Trajectory | None:
+    """Rest at joint positions, shape (nv,); None: the motors cannot hold the arm there."""
+    hold, names = arm.robot.holding_torque(q), arm.robot.joint_names
+    stay = Trajectory.at_rest(q, hold, _REST, names, name="stays", model_hash=arm.robot.model_hash)
+    return stay if _kept(arm, stay, distances) else None
 
 
 def _brake(arm: Arm, ends: Ends, inertia: Array, distances: Distances | None) -> Trajectory | None:

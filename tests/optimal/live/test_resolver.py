@@ -103,7 +103,7 @@ def test_another_payload_holds_from_the_next_call_on():
 )
 def test_limits_may_change_between_calls(limits):
     resolver = ad.Resolver(panda())
-    before = resolver.solve(READY, REST, THERE)
+    before = first_motion()
     for name, value in limits.items():
         setattr(resolver, name, value)
     after = resolver.solve(READY, REST, THERE)
@@ -207,3 +207,17 @@ def test_bad_input_says_what_is_wrong():
         resolver.begin_with(ad.Resolver(panda().with_payload(HEAVY)).solve(READY, REST, THERE))
     with pytest.warns(ad.ArmdynWarning), pytest.raises(ad.ArmdynError, match="has none"):
         ad.Resolver(panda().with_passive(["panda_joint4"])).solve(READY, REST, THERE)
+
+
+def test_towards_the_same_goal_the_last_motion_goes_on():
+    resolver = ad.Resolver(panda())
+    whole = resolver.solve(READY, REST, THERE)
+    at = whole.trajectory(0.3 * whole.duration)
+    rest = resolver.solve(at.q, at.v, THERE)
+    assert rest.usable
+    assert rest.iterations == 0
+    assert rest.duration == pytest.approx(0.7 * whole.duration, abs=1e-6)
+    end = whole.trajectory(whole.duration)
+    there = resolver.solve(end.q + 1e-13, end.v, THERE)
+    assert there.usable
+    assert not np.any(there.trajectory.v)
