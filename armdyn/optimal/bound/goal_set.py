@@ -182,7 +182,7 @@ class GoalSet:
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
-            forms = self._widened(closing(Affine.over(now.turned((1, 0)))))
+            forms = self._widened(closing.forms(now.turned((1, 0))))
             now, left = narrowed(now, forms, self.policy)
             near = self.within.times(now, self.turning) < self.within.duration
             now, left = now[near], left[near]
@@ -212,7 +212,7 @@ class GoalSet:
 
     def closure_over(self, box: Interval) -> Affine:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
-        forms = self._widened(closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
+        forms = self._widened(closure(self.dynamics, self.goal).forms(box[:, None]))
         own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
         return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
 
@@ -231,7 +231,7 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
 
     Args:
         boxes: shape (boxes, nv).
-        forms: of the equations, in ε of `Affine.over`: zero within `TOLERANCE`.
+        forms: of the equations, in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
         numbers: of the policy.
     """
     left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))

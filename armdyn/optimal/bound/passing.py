@@ -12,7 +12,7 @@ import pinocchio as pin
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.course import Phase
 from armdyn.optimal.bound.course_bound import course_bound
-from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down, up
+from armdyn.optimal.bound.enclosure.interval import Interval, sum_down, up
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.region import BoundRegion
@@ -45,9 +45,17 @@ def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float,
         longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
     """
-    numbers = leg.policy
-    longest = min(longest, (1 + numbers.ahead) * known)
-    phases = _phases(leg, passage, longest, stop)
+    for _ in range(leg.policy.course_grids):
+        most = min(longest, (1 + leg.policy.passing_ahead) * known)
+        known = _within(leg, passage, known, most, stop)
+        if known < most or known == longest or stop():
+            break
+    return known
+
+
+def _within(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:
+    """The bound for motions that take no longer than some time [s]."""
+    numbers, phases = leg.policy, _phases(leg, passage, longest, stop)
     if phases is None:
         return longest
     known = max(known, min(sum_down([phase.least for phase in phases]), longest))
@@ -143,11 +151,7 @@ def _on_line(
     plane = float(np.copysign(max(abs(off.translation[axis]) - beside, 0.0), off.translation[axis]))
     if not np.isfinite(beside) or plane == 0:
         return None
-    found = tube(leg, line, plane, ends[0], longest)
-    if found is not None:
-        # What is left of the time once the other end is as near as can be.
-        beyond = float(np.max(down((ends[1].q - found.plane).mignitude / leg.velocity)))
-        found = tube(leg, line, plane, ends[0], longest - beyond) or found
+    found = tube(leg, line, plane, ends, longest)
     if found is None:
         return None
     at = goal.pose * pin.SE3(np.eye(3), plane * np.eye(3)[axis])

@@ -12,7 +12,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.scene.reaching import GoalPose, moving_directions
 from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
 from armdyn.optimal.bound.leg import LegEnd
@@ -53,7 +53,7 @@ class BoundRegion:
             Shape (m, boxes).
         """
         function, moving = _deviations(self.dynamics, self.goal)
-        forms, most = function(Affine.over(boxes.turned((1, 0)))), self.goal.deviations.copy()
+        forms, most = function.forms(boxes.turned((1, 0))), self.goal.deviations.copy()
         if self.goal.axis is not None:
             most[3:] = np.inf  # deviations of an axis that may turn are others
         limit = np.repeat(most[:, None], len(boxes.lower), axis=1)
@@ -81,7 +81,7 @@ class BoundRegion:
 
 
 @built_once(maxsize=32)
-def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[LevelledFunction, NDArray[np.bool_]]:
+def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[EnclosedFunction, NDArray[np.bool_]]:
     """Deviations along and about x, y, z [m and of a rotation's entries], and in which of them the frame moves."""
     q = ca.SX.sym("q", dynamics.nv)
     rotation, origin = dynamics.frame_placement(q, goal.frame)
@@ -89,4 +89,4 @@ def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[LevelledFunction, N
     turned = back @ rotation
     turns = ca.vertcat(turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1])
     expression = ca.cse(ca.densify(ca.vertcat(back @ (origin - goal.pose.translation), 0.5 * turns)))
-    return LevelledFunction.of(ca.Function("deviations", [q], [expression])), moving_directions(dynamics.robot, goal)
+    return EnclosedFunction.of(ca.Function("deviations", [q], [expression])), moving_directions(dynamics.robot, goal)

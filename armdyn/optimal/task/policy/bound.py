@@ -77,6 +77,7 @@ class BoundPolicy:
     slice: float = tuned(0.005, "m", "of a line, about, whose joint positions get a box of their own", POSES)
     beside_line: float = tuned(0.05, "rad or m", "by which such boxes are wider, before they are narrowed", POSES)
     most_slices: int = tuned(60, "slices", "of a line behind its end, at most", POSES)
+    passing_ahead: float = tuned(0.25, "of the bound so far", "the same where lines are enclosed", POSES)
     phase_grids: int = tuned(8, "grids", "of a phase by itself, at most", POSES)
     phase_ahead: float = tuned(0.2, "of a phase's bound so far", "the same for a phase by itself", POSES)
     phase_worth: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", POSES)
