@@ -21,7 +21,7 @@ class LivePolicy:
     )
     dearer: float = tuned(5.0, "-", "factor on it where the curve settles with a torque beyond its limit")
     dearest: float = tuned(30.0, "-", "times the first price: more stalls")
-    patient: int = tuned(8, "steps", "without a motion within the limits, after which all torques get a margin")
+    patient: int = tuned(5, "steps", "without a motion within the limits, after which all torques get a margin")
     most_even: float = tuned(0.3, "of half the range", "of which at most: as much as torques go beyond their limits")
     missed: float = tuned(1e-3, "of half the range", "by which it is")
     rate: float = tuned(1.0, "1", "price of a velocity beyond its limit, times the duration")
