@@ -48,7 +48,8 @@ class Arm:
 
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
         """Whether a curve keeps all limits and distances."""
-        return seen.kept(LIMIT_TOLERANCE) and (distances is None or distances.kept(self.motion(seen, "checked")))
+        kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
+        return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
 
 
 @dataclass(frozen=True, eq=False)
