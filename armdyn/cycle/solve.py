@@ -12,6 +12,7 @@ import numpy as np
 from armdyn.arguments import expect, listener
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
+from armdyn.cycle.order_bound import order_bound
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
@@ -59,11 +60,15 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
-        seconds = min(
-            max(time.perf_counter() - started, CyclePolicy().bound), max(stop.deadline - time.perf_counter(), 0.0)
-        )
+        seconds = _seconds_of_bound(time.perf_counter() - started, options.time_limit, CyclePolicy())
+        seconds = 0.0 if stop.interrupted else seconds
         answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
+
+
+def _seconds_of_bound(spent: float, limit: float, numbers: CyclePolicy) -> float:
+    """Time for the bound of the whole cycle [s]: as long as the search took, and a little where its time was up."""
+    return max(min(max(spent, numbers.bound), limit - spent), min(numbers.bound, numbers.beyond * limit))
 
 
 def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report: Report) -> Tour:
@@ -166,14 +171,18 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, seconds: float, report
     cycle = found.cycle
     if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
         return graph.bound(graph.bounds) + cycle.dwell
-    if graph.cycle.order == "free" or not found.usable or not seconds:
+    if not found.usable or not seconds:
         return None  # `graph.bounds` know sampled branches only
     report("a lower bound of the whole cycle")
-    problems = [leg.solution.problem for leg in found.legs]
-    stops = [place.target for place in cycle.stops]
+    moves, duration = found.duration - cycle.dwell, 0.0
     with stopping(seconds) as stop:
-        bound = chain_bound(problems, stops, found.duration - cycle.dwell, stop.__bool__)
-    return None if bound is None else bound.duration + cycle.dwell
+        if graph.cycle.order == "free":
+            duration = order_bound(graph, moves, stop.__bool__)
+        else:
+            problems = [leg.solution.problem for leg in found.legs]
+            bound = chain_bound(problems, [place.target for place in cycle.stops], moves, stop.__bool__)
+            duration = 0.0 if bound is None else bound.duration
+    return duration + cycle.dwell if duration > 0 else None
 
 
 def _why(graph: CycleGraph) -> str:

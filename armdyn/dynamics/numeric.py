@@ -13,13 +13,12 @@ import pinocchio as pin
 from armdyn.arrays import Array
 from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError
-from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (…, nv)."""
 InverseDerivatives = Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]
-"""(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of many states, each argument of shape (k, nv)."""
+"""(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of states, each argument of shape (…, nv), the joints' friction included."""
 
 _AGREES = 1e-8
 """Largest difference to `pin.aba`, relative to the largest acceleration: light wrists lose eight digits."""
@@ -76,23 +75,12 @@ def inverse_dynamics(robot: Robot) -> StateFunction:
 
 
 def inverse_dynamics_derivatives(robot: Robot) -> InverseDerivatives:
-    """(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of states, each argument of shape (k, nv), the joints' friction included.
-
-    Pinocchio's derivatives of the recursive Newton-Euler algorithm: Carpentier and Mansard, as of
-    `forward_dynamics_derivatives`.
-    """
-    model, data, friction = robot.model, robot.model.createData(), robot.friction
-    configuration, lower, diagonal = configurations(model), np.tril_indices(robot.nv, -1), np.arange(robot.nv)
+    """Inverse dynamics of states with derivatives: those of forward dynamics, and ∂tau/∂x = -M ∂a/∂x."""
+    arm = bridge_arm(robot)
 
     def derivatives(q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
-        tau, (by_q, by_v, inertia) = np.empty_like(v), np.empty((3, *v.shape, v.shape[-1]))
-        for k in range(len(v)):
-            pin.computeRNEADerivatives(model, data, configuration(q[k]), v[k], a[k])
-            tau[k], by_q[k], by_v[k], inertia[k] = data.tau, data.dtau_dq, data.dtau_dv, data.M
-        inertia[:, lower[0], lower[1]] = inertia[:, lower[1], lower[0]]
-        if friction.present:
-            tau += friction.torque(v)
-            by_v[:, diagonal, diagonal] += friction.slope(v)
-        return tau, by_q, by_v, inertia
+        tau, inertia = arm.torque(q, v, a), arm.inertia(q)
+        _, by_q, by_v, _ = arm.derivatives(q, v, tau)
+        return tau, -inertia @ by_q, -inertia @ by_v, inertia
 
     return derivatives

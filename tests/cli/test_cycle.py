@@ -73,6 +73,8 @@ def test_the_table_is_for_people(solved):
         (("mass = 0.1", "mass = 90"), (), 2, "step 2 (grasp bolt): the arm cannot rest with 'bolt' of 90 kg"),
         (("", ""), ("--format", "cvs"), 2, "--format is 'cvs'"),
         (("", ""), ("--require", "certified"), 2, "of a cycle the gap can be required"),
+        (("", ""), ("--require", "speed:3"), 2, "of a cycle the gap can be required"),
+        (("", ""), ("--format", "urscript"), 2, "has 2 joints; urscript is for arms of 6"),
         (('search = "quick"', "time_limit = 1e-3"), (), 3, "time"),
     ],
 )

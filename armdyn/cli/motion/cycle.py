@@ -30,6 +30,7 @@ from armdyn.cli.parsing.panels import OUTPUT, SOLVER, TASK
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS
+from armdyn.trajectory.formats.streams import Stream
 
 if TYPE_CHECKING:
     from armdyn.cycle import CycleSolution
@@ -101,7 +102,7 @@ def cycle(
     [dim]armdyn cycle --example
     armdyn cycle cell.toml
     armdyn cycle cell.toml --costs --require gap:3%
-    armdyn cycle cell.toml --format urscript --format ros2 --out results/cell[/]
+    armdyn cycle cell.toml --format panda-python --format ros2 --out results/cell[/]
     """
     with answering(results.output.json) as answer:
         if example:
@@ -134,6 +135,9 @@ def _solve(
     robot, options = read.cycle.robot, search.over({name: getattr(read.options, name) for name in OPTIONS}).options()
     name = Path(file).stem
     folder = results.folder("cycle", name)
+    for kind in (FORMATS[each] for each in formats):
+        if issubclass(kind, Stream):  # at once, not after the solve
+            kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress:
         solution = solve_cycle(read.cycle, options, progress)
         stopped = solution.status is Status.INTERRUPTED
@@ -175,9 +179,9 @@ def _largest_gap(text: str | None) -> float | None:
 
     if text is None:
         return None
-    (one,) = requirements_of([text])
-    if one.kind != "gap":
+    if not text.startswith("gap:"):
         raise ProblemError(f"--require {text}: of a cycle the gap can be required, such as gap:1%")
+    (one,) = requirements_of([text])
     return one.most
 
 

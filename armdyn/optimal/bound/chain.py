@@ -16,19 +16,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, several, stopper
+from armdyn.arrays import Array
+from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import covers
-from armdyn.optimal.bound.enclosure.interval import Interval, down
+from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
-from armdyn.optimal.bound.lattice import Lattice, Region, sum_down
+from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
+from armdyn.optimal.bound.passing import Passage
+from armdyn.optimal.bound.region import BoundRegion
+from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
+from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 Place = Array | GoalPose
 
@@ -91,8 +96,8 @@ def chain_bound(
         raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
     places = [_place(given[max(k - 1, 0)], place, f"stops[{k}]") for k, place in enumerate(stops)]
     longest = np.inf if upper is None else number(upper, "upper", sign="positive")
-    vias = [[_via(problem, 0.0) for problem in given], [_via(problem, numbers.passed) for problem in given]]
-    if list(map(len, vias[0])) == list(map(len, vias[1])):
+    vias = [[_via(problem, widest) for problem in given] for widest in (0.0, numbers.passed)]
+    if vias[0] == vias[1]:
         vias.pop()  # there are no regions, or none that could help
     found = [_bounded(given, via, places, longest, stopped, numbers) for via in vias]
     return max((bound for bound in found if bound is not None), key=lambda bound: bound.duration, default=None)
@@ -100,13 +105,13 @@ def chain_bound(
 
 def _bounded(
     problems: Sequence[MinimumTimeProblem],
-    via: Sequence[Sequence[Place]],
+    via: Sequence[Sequence[int]],
     stops: Sequence[Place],
     longest: float,
     stop: Stop,
     policy: BoundPolicy,
 ) -> ChainBound | None:
-    """The bound of a chain, given what is passed between its stops, problem by problem."""
+    """The bound of a chain, given the numbers of the via points that are its places, problem by problem."""
     runs = _runs(problems, via, stops, policy)
     found = [run.least for run in runs]
     for k in sorted(range(len(runs)), key=lambda k: len(runs[k].legs)):  # points first: they leave others less time
@@ -115,15 +120,35 @@ def _bounded(
     return _together(found, np.cumsum([0, *(len(one) + 1 for one in via)]), longest)
 
 
-def _via(problem: MinimumTimeProblem, widest: float) -> list[Place]:
-    """What a motion passes: joint positions, and regions that equations enclose, with no larger deviations [m, rad]."""
-    passed: list[Place] = []
-    for q, one in zip(problem.poses[1:-1], problem.via, strict=True):
-        if not isinstance(one, GoalPose):
-            passed.append(q)
-        elif is_closed(one) and np.max(one.deviations[np.isfinite(one.deviations)]) < widest:
-            passed.append(one)
+def _via(problem: MinimumTimeProblem, widest: float) -> list[int]:
+    """Numbers of the via points that are places of the chain, from 0.
+
+    They are joint positions, and regions that equations enclose, with no larger deviations [m, rad], unless a line
+    leads to one or away from it.
+    """
+    passed, lines = [], _lines(problem)
+    for k, one in enumerate(problem.via):
+        narrow = isinstance(one, GoalPose) and is_closed(one) and lines.keys().isdisjoint((k, k + 1))
+        if not isinstance(one, GoalPose) or (narrow and np.max(one.deviations[np.isfinite(one.deviations)]) < widest):
+            passed.append(k)
     return passed
+
+
+def _lines(problem: MinimumTimeProblem) -> dict[int, GoalPose]:
+    """Regions in which a frame stays on one leg, by its number between the via points."""
+    given = [one for one in path_constraints_of(problem) if isinstance(one, FrameRegion)]
+    return {one.leg: one.region for one in given if one.leg is not None}
+
+
+def _passages(problem: MinimumTimeProblem, passed: Sequence[int], dynamics: Dynamics) -> list[Passage | None]:
+    """What is passed from each place of a problem to the next, given the numbers of the via points that are places."""
+    lines = {leg: BoundRegion(dynamics, region) for leg, region in _lines(problem).items()}
+    found: list[Passage | None] = []
+    for first, last in pairwise([-1, *passed, len(problem.via)]):
+        regions = tuple(BoundRegion(dynamics, problem.via_regions[k]) for k in range(first + 1, last))
+        own = {leg - first - 1: line for leg, line in lines.items() if first < leg <= last}
+        found.append(Passage(regions, own) if regions else None)
+    return found
 
 
 def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:
@@ -132,12 +157,13 @@ def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name:
 
 def _runs(
     problems: Sequence[MinimumTimeProblem],
-    via: Sequence[Sequence[Place]],
+    via: Sequence[Sequence[int]],
     stops: Sequence[Place],
     policy: BoundPolicy,
 ) -> list[_Run]:
     """The chain, cut where the arm passes one joint position."""
     legs: list[BoundLeg] = []
+    passages: list[Passage | None] = []
     owners: list[MinimumTimeProblem] = []
     places = [stops[0]]
     for problem, passed, stop in zip(problems, via, stops[1:], strict=True):
@@ -146,10 +172,15 @@ def _runs(
         ends = [*(replace(own[-1].goal, v=None) for _ in passed), own[-1].goal]
         legs += [replace(own[0], start=begin, goal=end) for begin, end in zip(begins, ends, strict=True)]
         owners += [problem] * (len(passed) + 1)
-        places += [*passed, stop]
+        passages += _passages(problem, passed, own[0].dynamics)
+        between = [problem.via_regions.get(k, problem.poses[k + 1]) for k in passed]
+        places += [*between, stop]
     cuts = [k for k, place in enumerate(places) if not isinstance(place, GoalPose)]
     cuts = sorted({0, *cuts, len(legs)})
-    return [_Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b])) for a, b in pairwise(cuts)]
+    return [
+        _Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b]), tuple(passages[a:b]))
+        for a, b in pairwise(cuts)
+    ]
 
 
 def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) -> ChainBound | None:
@@ -176,11 +207,13 @@ class _Run:
         legs: their ends say the velocities there.
         places: one more than legs.
         problems: of each leg.
+        passages: what each leg passes on its way; None: nothing.
     """
 
     legs: tuple[BoundLeg, ...]
     places: tuple[Place, ...]
     problems: tuple[MinimumTimeProblem, ...]
+    passages: tuple[Passage | None, ...]
 
     @property
     def least(self) -> ChainBound:
@@ -199,7 +232,7 @@ class _Run:
         policy = self.legs[0].policy
         if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
             longest = min(longest, self._sampled(stop)) if np.isinf(longest) else longest
-        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, stop))
+        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, stop), self.passages)
         boxes, first = tuple(len(layer) for layer in lattice.layers), lattice.path()
         path = lattice.improve(longest * (1 - policy.near_enough), policy.chain_bounds, stop)
         if first is None or path is None:  # no chain is as fast

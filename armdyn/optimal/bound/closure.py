@@ -12,7 +12,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
 
 _TRIALS = 20
 """Random positions at which a polynomial of sines and cosines, of second degree in each joint's, is zero but by chance
@@ -33,7 +33,7 @@ def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
 
 
 @built_once(maxsize=16)
-def closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
+def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
     """The equations of q: zero where the frame is at its goal, and there alone."""
     q, chain = ca.SX.sym("q", dynamics.nv), chain_to(dynamics.robot, goal)
     # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
@@ -56,7 +56,7 @@ def closure(dynamics: Dynamics, goal: GoalPose) -> LevelledFunction:
         rows.append(ca.vec(inner[:, :3] - ca.SX(goal.pose.rotation.copy()) @ rotation.T))
     if goal.exact and goal.oriented:
         rows += _distances(dynamics, goal, q)
-    return LevelledFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
+    return EnclosedFunction.of(ca.Function("closure", [q], [ca.cse(ca.densify(ca.vertcat(*rows)))]))
 
 
 def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:

@@ -20,22 +20,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.values.friction import JointFriction
-from armdyn.optimal.bound.enclosure.interval import Interval, rounding
+from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.terms import Indices, Terms
 
 Array = NDArray[np.float64]
 
 MOST_CORNERS = 9
 """Joints up to which all 2ⁿ corners are tried; beyond, every product counts with its greatest size."""
-
-_LEAST = 1e-300
-"""Squares that bend a chord by less count for nothing, as what underflows does [the unit of the rate]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +64,17 @@ class Forces:
         boxes, nv = self.v.lower.shape
         damping, coulomb = self.friction.per_joint(nv)
         exact = Interval.at(np.broadcast_to(w, (boxes, nv, w.shape[-1])))
-        linear = -Interval.at(damping[:, None]) * exact
-        turning = Interval.at(np.zeros((1, nv, 1, 1)))
+        linear, turning = -Interval.at(damping[:, None]) * exact, None
         if way is not None:
             linear = linear + way
         if steps is not None:
             steps = steps.spread((boxes, *steps.lower.shape[-2:]))
             linear = linear + self.terms.inertia.dot(steps)
-            turning = self.terms.inertia_slopes.dot(steps[:, None])
+            turning = self.terms.inertia_slopes.dot(steps[:, None]).spread((boxes, nv, nv, w.shape[-1]))
         constant = self.torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
         weight = self.terms.gravity_slopes.dot(exact)
-        return self._form(linear, self._squares(w), turning, -weight) + constant[:, None].dot(exact)[:, 0]
+        found = range_of(self.v, linear, self._squares(w), turning, -weight)
+        return found + constant[:, None].dot(exact)[:, 0]
 
     @cached_property
     def _tanh(self) -> Interval:
@@ -86,74 +82,29 @@ class Forces:
 
     def _squares(self, w: Array) -> Interval:
         """Coefficients of v_a v_b, a ≥ b, in ½ vᵀ (Σ w_k ∂M/∂q_k) v, shape (boxes, pairs, m)."""
-        rows, columns = self._pairs
+        rows, columns = np.tril_indices(self.v.lower.shape[1])
         return self.terms.bends.times(w) * Interval.at(np.where(rows == columns, 0.5, 1.0)[:, None])
 
-    @property
-    def _pairs(self) -> tuple[Indices, Indices]:
-        return np.tril_indices(self.v.lower.shape[1])
 
-    @cached_property
-    def _corners(self) -> Array:
-        """Corners of the boxes of velocities, shape (boxes, corners, nv); one alone, at rest, if there are too many."""
-        boxes, nv = self.v.lower.shape
-        if nv > MOST_CORNERS:
-            return np.zeros((boxes, 1, nv))
-        upper = np.array(list(product((False, True), repeat=nv)))
-        return np.where(upper, self.v.upper[:, None], self.v.lower[:, None])
+def range_of(v: Interval, linear: Interval, squares: Interval, turning: Interval | None, weight: Interval) -> Interval:
+    """The range of linearᵀ v + Σ squares_ab v_a v_b + Σ_k ε_k (turning_kᵀ v + weight_k) over |ε_k| ≤ 1, (boxes, m).
 
-    def _form(self, linear: Interval, squares: Interval, turning: Interval, weight: Interval) -> Interval:
-        """The range of linearᵀ v + Σ squares_ab v_a v_b + Σ_k ε_k (turning_k v + weight_k), shape (boxes, m).
+    Args:
+        v: boxes of velocities, shape (boxes, nv).
+        linear: shape (boxes, nv, m).
+        squares: a ≥ b, row by row, shape (boxes, pairs, m).
+        turning: by k, then by v, shape (boxes, nv, nv, m); None: zero.
+        weight: shape (boxes, nv, m).
+    """
+    import _armdyn_enclosure as enclosure
 
-        Args:
-            linear: shape (boxes, nv, m).
-            squares: shape (boxes, pairs, m).
-            turning: shape (boxes, nv, nv, m), or with 1 for boxes, the second nv and m.
-            weight: shape (boxes, nv, m).
-        """
-        boxes, nv, many = weight.lower.shape
-        rows, columns = self._pairs
-        v, most = self._corners, self.v.magnitude[:, None]
-        pairs, most_pairs = (x[..., rows] * x[..., columns] for x in (v, most))
-        tried = 1.0 if nv <= MOST_CORNERS else 0.0
-        parts = [(linear, most), (squares, most_pairs), (weight, np.ones((1, 1, nv)))]
-        turned = turning.spread((boxes, nv, nv, many)).turned((0, 1, 2, 3)).shaped((boxes, nv * nv, many))
-        parts.append((turned, np.tile(most, nv)))
-        beside = np.zeros((boxes, 1, many))
-        for x, size in parts:
-            beside += size @ (x.radius + (1 - tried) * np.abs(x.centre))
-            beside += rounding(4 * nv * nv + 2 * len(rows) + 16 * nv, size @ x.magnitude)
-        own = rows == columns
-        slopes = v @ turning.spread((boxes, nv, nv, many)).centre.transpose(0, 2, 1, 3).reshape(boxes, nv, nv * many)
-        slopes = tried * slopes.reshape(boxes, -1, nv, many) + weight.centre[:, None]
-        beside_q = np.sum(np.abs(slopes), axis=2)
-        ends = []
-        for sign in (-1.0, 1.0):
-            square = sign * tried * squares.centre
-            concave = np.maximum(-square[:, own], 0.0)
-            square[:, own] = np.maximum(square[:, own], 0.0)
-            reached = v @ (sign * tried * linear.centre) + pairs @ square + beside_q
-            ends.append(sign * (self._greatest(reached, concave) + beside[:, 0]))
-        return Interval(ends[0], ends[1])
+    corners, many = v.lower.shape[1] <= MOST_CORNERS, weight.lower.shape[-1]
+    tables = (
+        None if each is None else (_whole(each.lower), _whole(each.upper))
+        for each in (linear, squares, turning, weight)
+    )
+    return Interval(*enclosure.range_of(_whole(v.lower), _whole(v.upper), many, *tables, corners))
 
-    def _greatest(self, corners: Array, concave: Array) -> Array:
-        """Maximum over a box's velocities of a function convex in each one, less Σ concave_a v_a², shape (boxes, m).
 
-        A chord less c v² is greatest at an end or where 2 c v is the chord's slope. An error δ of that place costs
-        c δ², of second order in the unit roundoff: what counts is the rounding of some 16 operations a joint.
-
-        Args:
-            corners: the function's values at the corners of the velocities' box, shape (boxes, corners, m).
-            concave: not negative, shape (boxes, nv, m).
-        """
-        if self.v.lower.shape[1] > MOST_CORNERS:
-            return corners[:, 0]
-        for joint in range(concave.shape[1]):
-            first, last = np.split(corners, 2, axis=1)
-            lower, upper = (end[:, joint, None, None] for end in (self.v.lower, self.v.upper))
-            c, wide, rise = concave[:, None, joint], upper - lower, last - first
-            bend = 2 * c * wide**2
-            share = np.clip(rise - 2 * c * wide * lower, 0.0, bend) / np.maximum(bend, _LEAST)
-            between = first + share * rise - c * (lower + share * wide) ** 2
-            corners = np.maximum(between, np.maximum(first - c * lower**2, last - c * upper**2))
-        return corners[:, 0]
+def _whole(table: Array) -> Array:
+    return np.ascontiguousarray(table)

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
@@ -30,9 +31,7 @@ from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
-Array = NDArray[np.float64]
-
-_TOLERANCE = 10 * REACHED
+TOLERANCE = 10 * REACHED
 """Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
 
@@ -73,7 +72,7 @@ class Within:
             box = Interval(np.maximum(box.lower, near.lower), np.minimum(box.upper, near.upper))
         return box
 
-    def times(self, boxes: Interval, turning: NDArray[np.bool_]) -> Array:
+    def times(self, boxes: Interval, turning: Flags) -> Array:
         """Time from end to end through each box by the velocity limits [s], rounded down, shape (boxes,).
 
         Args:
@@ -131,7 +130,7 @@ class GoalSet:
         return any(self.goal.tolerance) or self.dynamics.nv > np.sum(np.isfinite(self.goal.deviations))
 
     @cached_property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Flags:
         """Joints that may turn by more than 2π: the set is the same after a turn, shape (nv,)."""
         box = self.within.box
         return ~self.dynamics.robot.slides & (box.upper - box.lower > 2 * np.pi)
@@ -182,7 +181,7 @@ class GoalSet:
             order = np.argsort(self.within.times(boxes, self.turning), kind="stable")
             now, later = boxes[order[:_BATCH]], boxes[order[_BATCH:]]
             examined += len(now.lower)
-            forms = self._widened(closing(Affine.over(now.turned((1, 0)))))
+            forms = self._widened(closing.forms(now.turned((1, 0))))
             now, left = narrowed(now, forms, self.policy)
             near = self.within.times(now, self.turning) < self.within.duration
             now, left = now[near], left[near]
@@ -190,8 +189,8 @@ class GoalSet:
             widest = np.max(reach, axis=1, initial=0.0)
             wide = widest > small
             # Cut is the joint with the largest part in what some equation leaves open, of those that are wide.
-            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + _TOLERANCE), axis=0).T
-            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + _TOLERANCE) * (now.upper - now.lower)
+            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
+            cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
@@ -212,9 +211,9 @@ class GoalSet:
 
     def closure_over(self, box: Interval) -> Affine:
         """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
-        forms = self._widened(closure(self.dynamics, self.goal)(Affine.over(box[:, None])))
+        forms = self._widened(closure(self.dynamics, self.goal).forms(box[:, None]))
         own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
-        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + _TOLERANCE)
+        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
         """Equations that hold everywhere in the region, by what they may be violated there."""
@@ -231,13 +230,13 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
 
     Args:
         boxes: shape (boxes, nv).
-        forms: of the equations, in ε of `Affine.over`: zero within `_TOLERANCE`.
+        forms: of the equations, in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
         numbers: of the policy.
     """
-    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + _TOLERANCE) * (1 + 1e-12), axis=0))
+    left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))
     boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
     centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
-    rest, (m, nv) = forms.rest.T + _TOLERANCE, slopes.shape[1:]
+    rest, (m, nv) = forms.rest.T + TOLERANCE, slopes.shape[1:]
     normal = slopes @ slopes.transpose(0, 2, 1)
     damping = numbers.damping * np.trace(normal, axis1=1, axis2=2) + 1e-30
     solved = np.linalg.solve(

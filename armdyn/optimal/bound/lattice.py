@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from armdyn.optimal.bound.enclosure.interval import Interval, down, joined
+from armdyn.arrays import Array, Flags
+from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, sum_down
 from armdyn.optimal.bound.goal_set import TURN, GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.optimal.bound.rates import least_times
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 
 
@@ -105,13 +105,20 @@ class Lattice:
 
     Attributes:
         legs: one less than layers; their ends say the velocities there.
+        passages: what each leg passes on its way; None: nothing.
         layers: regions of every stop.
         bounds: of every leg [s], shape (regions of its start, regions of its goal).
         tried: by momentum, likewise.
     """
 
-    def __init__(self, legs: Sequence[BoundLeg], layers: Sequence[Sequence[Region]]) -> None:
+    def __init__(
+        self,
+        legs: Sequence[BoundLeg],
+        layers: Sequence[Sequence[Region]],
+        passages: Sequence[Passage | None] | None = None,
+    ) -> None:
         self.legs, self.layers = tuple(legs), [list(layer) for layer in layers]
+        self.passages = tuple(passages or [None] * len(self.legs))
         pairs = zip(self.legs, self.layers[:-1], self.layers[1:], strict=True)
         self.bounds = [shortest_times(leg, *ends) for leg, *ends in pairs]
         # Between any velocities the velocity limits say all there is.
@@ -147,13 +154,13 @@ class Lattice:
                 k for k, (tried, ends) in enumerate(zip(self.tried, pairwise(path.at), strict=True)) if not tried[ends]
             ]
             if untried:
-                self._bound(untried[0], path, stop)
+                self._bound(untried[0], path, enough, stop)
                 tries += 1
             elif not self._cut(path, stop):
                 return path
 
-    def _bound(self, k: int, path: Path, stop: Stop) -> None:
-        """Bound a leg of the path by momentum."""
+    def _bound(self, k: int, path: Path, enough: float, stop: Stop) -> None:
+        """Bound a leg of the path by momentum, as far as the path is then long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
         self.tried[k][at] = True
@@ -163,11 +170,15 @@ class Lattice:
             same, turns = self._turned_alike(k, at)
             position = leg.position + TURN * Interval(-turns, turns)
             one = replace(leg, start=start, goal=goal, position=position.hull(start.q).hull(goal.q), policy=policy)
-            bound = leg_bound(one, stop, float(self.bounds[k][at]))[0]
+            bound, passage = leg_bound(one, stop, float(self.bounds[k][at]))[0], self.passages[k]
+            # Of all paths along this edge none has shorter others than the shortest path of all.
+            most = enough - path.duration + path.legs[k]
+            if passage is not None and points and bound < most:
+                bound = passing_bound(one, passage, bound, most, stop)
             self.bounds[k][same] = np.maximum(self.bounds[k][same], bound)
             self.tried[k][same] = True
 
-    def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[NDArray[np.bool_], Array]:
+    def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[Flags, Array]:
         """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).
 
         Only the position limits tell them apart: inertia and weight are the same after whole turns.
@@ -204,11 +215,3 @@ class Lattice:
                 fresh = np.full(new.shape, ends_free)
                 self.tried[leg] = np.insert(np.delete(self.tried[leg], at, axis), [at] * count, fresh, axis)
         return True
-
-
-def sum_down(durations: Sequence[float]) -> float:
-    """Sum of durations [s], rounded down."""
-    total = 0.0
-    for duration in durations:
-        total = duration if total == 0 else float(down(np.array(total + duration)))
-    return total

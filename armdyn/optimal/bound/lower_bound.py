@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arguments import stopper
-from armdyn.optimal.bound.enclosure.interval import down
+from armdyn.optimal.bound.enclosure.interval import sum_down
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound
@@ -79,13 +79,13 @@ def lower_bound(
     else:
         *ends, fastest = pose_bound(problem, last, stopped)
         slowest = (ends[0], int(ends[1]))
-    kinematic = _sum_down([*(leg.shortest for leg in legs), fastest])
+    kinematic = sum_down([*(leg.shortest for leg in legs), fastest])
     if kinematic == 0:
         return None
     found = [*(leg_bound(leg, stopped) for leg in legs), slowest]
     _, joint = max(found)
     return LowerBound(
-        duration=max(_sum_down([duration for duration, _ in found]), kinematic),
+        duration=max(sum_down([duration for duration, _ in found]), kinematic),
         joint=problem.robot.joint_names[joint],
         kinematic=kinematic,
     )
@@ -123,11 +123,3 @@ def _other_turns(problem: MinimumTimeProblem) -> float:
         least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if len(fixed) == 2 else 0.0)
     before = np.max(np.abs(np.diff(fixed[:-1], axis=0)) / speed, axis=1)
     return (least + float(np.sum(before))) * (1 - _ROUNDED)
-
-
-def _sum_down(durations: list[float]) -> float:
-    """Sum of durations [s], rounded down."""
-    total = 0.0
-    for duration in durations:
-        total = duration if total == 0 else float(down(np.array(total + duration)))
-    return total

@@ -16,14 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
-
-Array = NDArray[np.float64]
-
 
 _HUGE = 1e100
 """Acceleration [rad/s² or m/s²] that stands for none: sums of infinite ones are not defined."""
@@ -63,19 +61,26 @@ def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
     for outward, own in ((1, np.arange(k + 1)), (-1, np.arange(2 * k, k - 1, -1))):
         end = End.at(leg, outward)
         if end is not None:
-            found = _from_end(leg, end, times, forces[own]).meet(_accelerated(end, times, fastest[own]))
+            found = by_momentum(leg, end, Interval.at(times), forces[own]).meet(_accelerated(end, times, fastest[own]))
             met = found.meet(Interval(lower[own], upper[own]))
             lower[own], upper[own] = met.lower, met.upper
     return Interval(lower, upper)
 
 
-def _from_end(leg: BoundLeg, end: End, times: Array, forces: Forces) -> Interval:
-    """Bounds by momentum, shape (k, nv)."""
+def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces) -> Interval:
+    """Bounds of the velocities in consecutive cells, shape (k, nv).
+
+    Args:
+        leg: of which the end is one.
+        end: where the first cell begins.
+        times: lengths of the cells [s], shape (k,).
+        forces: over the cells, in their order from the end.
+    """
     w, joint = multipliers(leg, end)
     units = np.zeros_like(w)
     units[joint, np.arange(len(joint))] = 1.0
     rate = forces.rate(w)
-    changes = (Interval.at(times[:, None]) * (rate if end.outward > 0 else -rate)).running()
+    changes = (times[:, None] * (rate if end.outward > 0 else -rate)).running()
     at_nodes = end.momentum[None].times(w) + changes
     momentum = at_nodes[:-1].hull(at_nodes[1:])
     bounds = momentum + forces.rate(np.zeros_like(w), Interval.at(units), Interval.at(-w))

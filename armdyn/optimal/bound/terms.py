@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.instructions import LevelledFunction
+from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
@@ -54,8 +54,8 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
     full[rows, columns] = full[columns, rows] = np.arange(len(rows))
     values, slopes = _programs(dynamics)
     turned = q.turned((1, 0))
-    forms, bends = values(Affine.over(turned)), slopes(Affine.over(turned))
-    at_centres = values(Interval.at(turned.centre))[: len(rows)]
+    forms, bends = values.forms(turned), slopes.forms(turned)
+    at_centres = values.over(Interval.at(turned.centre))[: len(rows)]
     better = _by_slopes(at_centres, bends, turned.radius)
     inertia, fall = Affine(*(part[: len(rows)] for part in forms.parts)), Affine(*(p[len(rows) :] for p in forms.parts))
     narrower = better.rest < inertia.rest
@@ -69,7 +69,7 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
         gravity=_constant(fall).turned((1, 0)),
         inertia_slopes=Interval.at(inertia.slopes)[full].turned((3, 2, 0, 1)),
         gravity_slopes=Interval.at(fall.slopes).turned((2, 1, 0)),
-        bends=bends.interval.meet(slopes(turned)).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
+        bends=bends.interval.meet(slopes.over(turned)).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
     )
 
 
@@ -100,7 +100,7 @@ def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
 
 
 @built_once(maxsize=16)
-def _programs(dynamics: Dynamics) -> tuple[LevelledFunction, LevelledFunction]:
+def _programs(dynamics: Dynamics) -> tuple[EnclosedFunction, EnclosedFunction]:
     """Functions of q: the lower triangle of M, then g; and derivatives of the triangle, joint after joint."""
     q = ca.SX.sym("q", dynamics.nv)
     inertia = dynamics.crba(q)
@@ -108,6 +108,6 @@ def _programs(dynamics: Dynamics) -> tuple[LevelledFunction, LevelledFunction]:
     values = ca.vertcat(triangle, dynamics.gravity(q))
     slopes = ca.vec(ca.jacobian(triangle, q))
     return (
-        LevelledFunction.of(ca.Function("values", [q], [ca.cse(values)])),
-        LevelledFunction.of(ca.Function("slopes", [q], [ca.cse(slopes)])),
+        EnclosedFunction.of(ca.Function("values", [q], [ca.cse(values)])),
+        EnclosedFunction.of(ca.Function("slopes", [q], [ca.cse(slopes)])),
     )

@@ -100,6 +100,7 @@ class PandaPython(Stream):
     summary: ClassVar[str] = "a Python program for panda-python, 1 kHz"
     rate: ClassVar[float] = 1000.0
     flange: ClassVar[str] = "link8"
+    joints: ClassVar[int] = 7
 
     tolerance: float = 0.01
 
@@ -119,7 +120,7 @@ class PandaPython(Stream):
                     f"{speed:.3g} rad/s; a Franka arm takes a new load at rest only"
                 )
         constants = {
-            "RATE": (self.rate_of(samples, 7, (self.rate,)), "[Hz]"),
+            "RATE": (self.rate_of(samples, (self.rate,)), "[Hz]"),
             "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
             "APPROACH_SPEED": (0.1, "part of the arm's velocity limits"),
             "MOST_LATE": (20, "ticks"),

@@ -48,6 +48,8 @@ class Stream:
     name: ClassVar[str]
     flange: ClassVar[str]
     """End of the name of the flange's frame, in whose axes the controller takes loads."""
+    joints: ClassVar[int]
+    """Number of joints of the arms whose controllers run the program."""
 
     payload: float | None = None
     payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -92,19 +94,27 @@ class Stream:
             )
         return own.mass, list(own.com), list(own.inertia)
 
-    def rate_of(self, samples: Samples, joints: int, rates: Sequence[float]) -> float:
+    @classmethod
+    def check_joints(cls, count: int) -> None:
+        """Refuse motions of arms with another number of joints.
+
+        Raises:
+            TrajectoryError: it is another one.
+        """
+        if count != cls.joints:
+            raise TrajectoryError(f"the motion has {count} joints; {cls.name} is for arms of {cls.joints}")
+
+    def rate_of(self, samples: Samples, rates: Sequence[float]) -> float:
         """Ticks per second of the samples [Hz].
 
         Args:
             samples: the motion.
-            joints: number of the arm's joints.
             rates: rates that the controller takes [Hz].
 
         Raises:
             TrajectoryError: another number of joints, or other ticks.
         """
-        if samples.q.shape[1] != joints:
-            raise TrajectoryError(f"the motion has {samples.q.shape[1]} joints; {self.name} is for arms of {joints}")
+        self.check_joints(samples.q.shape[1])
         for rate in rates:
             if abs(samples.t[:-1] * rate - range(samples.t.size - 1)).max() < _EVEN:
                 return rate

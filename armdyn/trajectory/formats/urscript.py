@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 UR_RATES = (500.0, 125.0)
 """Ticks per second of a UR controller [Hz]: e-Series and later, CB3."""
 
-UR_JOINTS = 6
 
 _RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
 """Ranges of servoj's lookahead_time [s] and gain, Script manual."""
@@ -92,6 +91,7 @@ class UrScript(Stream):
     summary: ClassVar[str] = "a URScript program of servoj, 500 or 125 Hz"
     rate: ClassVar[float] = UR_RATES[0]
     flange: ClassVar[str] = "tool0"
+    joints: ClassVar[int] = 6
 
     lookahead: float = 0.1
     gain: float = 300.0
@@ -141,7 +141,7 @@ class UrScript(Stream):
             TrajectoryError: the motion has not six joints, is not sampled at 500 or 125 Hz, or a field is out of
                 URScript's range.
         """
-        rate, load = self.rate_of(samples, UR_JOINTS, UR_RATES), self.load()
+        rate, load = self.rate_of(samples, UR_RATES), self.load()
         rows = [_vector(row) for row in samples.q.tolist()]
         kept = rows[-1:] * self.settling(rate)
         late, events = self.late_events(samples, rate), dict[int, list[str]]()
@@ -262,7 +262,7 @@ class UrRtde(UrScript):
         Raises:
             TrajectoryError: see `UrScript.text`.
         """
-        rate = self.rate_of(samples, UR_JOINTS, UR_RATES)
+        rate = self.rate_of(samples, UR_RATES)
         if self.transition:
             raise TrajectoryError("transition is of urscript: setTargetPayload of ur_rtde changes a load at once")
         constants = {

@@ -7,7 +7,7 @@ import pytest
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.bound import forces as forces_module
 from armdyn.optimal.bound.enclosure.interval import Interval
-from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.forces import Forces, range_of
 from armdyn.optimal.bound.terms import terms_over
 from optimal.bound.arms import ARMS, drawn
 
@@ -59,27 +59,34 @@ def test_the_range_holds_the_rate_at_points(arm, most_corners, monkeypatch):
 
 
 @pytest.mark.parametrize("concave", [0.0, 0.5, 30.0])
-def test_the_greatest_value_is_that_of_chords_less_squares(concave):
+@pytest.mark.parametrize("bent", [0.0, 1.0])
+def test_the_range_is_that_of_chords_less_squares(concave, bent):
     """Of f(v) = bᵀv + Σ |v_i + v_j| less squares: never below its values at points; reached, if f is linear."""
     rng = np.random.default_rng(3)
-    robot = ARMS["rr"]()
     lower = np.array([[-1.0, -2.0], [0.5, -0.1], [0.3, 0.3]])
     v = Interval(lower, lower + np.array([[2.0, 2.5], [1.0, 0.3], [0.0, 0.0]]))
-    forces = Forces(terms_over(Dynamics(robot), v), v, torques_of(robot, v), robot.friction)
-    linear, weights = rng.uniform(-1, 1, (2, 1)), np.full((3, 2, 1), concave)
+    linear = rng.uniform(-1, 1, 2)
+    squares = np.broadcast_to(np.array([-concave, 0.0, -concave])[:, None], (3, 3, 1))  # v_1², v_2 v_1, v_2²
+    turning = np.broadcast_to(np.array([[bent, bent], [0.0, 0.0]])[..., None], (3, 2, 2, 1))
+    given = (np.broadcast_to(linear[:, None], (3, 2, 1)), squares, turning, np.zeros((3, 2, 1)))
+    found = range_of(v, *map(Interval.at, given))
     points = lower[:, None] + rng.uniform(0, 1, (3, 4000, 2)) * (v.upper - lower)[:, None]
-    points = np.concatenate([points, forces._corners], axis=1)
-    squares = (points**2) @ weights
-    for bent in (0.0, 1.0):
+    corners = np.stack(np.broadcast_arrays(*np.ix_((0, 1), (0, 1))), axis=-1).reshape(4, 2)
+    points = np.concatenate([points, lower[:, None] + corners * (v.upper - lower)[:, None]], axis=1)
+    convex = points @ linear + bent * np.abs(points.sum(axis=2))
+    seen = np.max(convex - concave * np.sum(points**2, axis=2), axis=1)
+    assert np.all(found.upper[:, 0] >= seen - 1e-12)  # of rounding
+    assert np.all(found.lower[:, 0] <= np.min(convex - concave * np.sum(points**2, axis=2), axis=1) + 1e-12)
+    if not bent:
+        assert found.upper[:, 0] == pytest.approx(seen, abs=0.02 * (1 + concave))  # how far the nearest point may be
+    without = range_of(v, *map(Interval.at, given[:2]), None, Interval.at(given[3]))
+    assert bent or (np.all(without.lower >= found.lower) and np.all(without.upper <= found.upper))
 
-        def convex(at, bent=bent):
-            return at @ linear + bent * np.abs(at.sum(axis=2, keepdims=True))
 
-        found = forces._greatest(convex(forces._corners), weights)
-        seen = np.max(convex(points) - squares, axis=1)
-        assert np.all(found >= seen - 1e-12)  # of rounding
-        if not bent:
-            assert found == pytest.approx(seen, abs=0.02 * (1 + concave))  # how far the nearest of the points may be
+def test_forms_of_other_shapes_are_refused():
+    v, one = Interval.at(np.zeros((2, 2))), Interval.at(np.zeros((2, 2, 1)))
+    with pytest.raises(ValueError, match="do not fit"):
+        range_of(v, one, one, None, one)
 
 
 def test_velocities_that_only_hurt_count_at_their_best():

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
 
 _UNIT = 2.0**-53
 """Unit roundoff u of a float."""
@@ -23,10 +23,7 @@ _TINY = 1e-300
 """Covers what underflows, whatever is summed up [the unit of the sum]."""
 
 _LIBRARY = 1e-15
-"""Error of a sine, cosine or hyperbolic tangent of the mathematical library: 9 ulp of 1; vendors state 4 at most."""
-
-_NEAR = 1e-12
-"""An extremum of the sine so near an interval's end, in multiples of its half period, counts as inside."""
+"""Error of a hyperbolic tangent of the mathematical library: 9 ulp of 1; vendors state 4 at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +43,6 @@ class Interval:
         """Floats as they are."""
         exact = np.asarray(value, dtype=float)
         return cls(exact, exact)
-
-    @property
-    def parts(self) -> tuple[Array, ...]:
-        """The arrays that it is made of."""
-        return self.lower, self.upper
-
-    @staticmethod
-    def number(value: float) -> tuple[float, ...]:
-        """A float's parts."""
-        return value, value
 
     @property
     def magnitude(self) -> Array:
@@ -102,18 +89,6 @@ class Interval:
         return Interval(
             down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
         )
-
-    def square(self) -> Interval:
-        """x²."""
-        return Interval(np.maximum(down(self.mignitude**2), 0.0), up(self.magnitude**2))
-
-    def sin(self) -> Interval:
-        """Sines."""
-        return _wave(self, np.sin, 0.5)
-
-    def cos(self) -> Interval:
-        """Cosines."""
-        return _wave(self, np.cos, 0.0)
 
     def tanh(self) -> Interval:
         """Hyperbolic tangents."""
@@ -188,6 +163,14 @@ def up(x: Array) -> Array:
     return np.asarray(np.nextafter(x, np.inf))
 
 
+def sum_down(numbers: Sequence[float]) -> float:
+    """Sum, rounded down."""
+    total = 0.0
+    for number in numbers:
+        total = number if total == 0 else float(down(np.array(total + number)))
+    return total
+
+
 def rounding(terms: int, sizes: Array) -> Array:
     """Upper bound on the rounding error of a sum of products, from the sum of their sizes.
 
@@ -198,17 +181,3 @@ def rounding(terms: int, sizes: Array) -> Array:
 
 def _from_zero(sums: Array) -> Array:
     return np.concatenate([np.zeros_like(sums[:1]), sums])
-
-
-def _wave(x: Interval, wave: np.ufunc, phase: float) -> Interval:
-    """A sine or a cosine, whose greatest values are at (2 k + phase) π and least ones half a period on."""
-    first, last = wave(x.lower), wave(x.upper)
-    a, b = x.lower / np.pi - phase, x.upper / np.pi - phase
-    room = _NEAR * (1 + np.maximum(np.abs(a), np.abs(b)))
-    a, b = a - room, b + room
-    greatest = 2 * np.floor(b / 2) >= a
-    least = 2 * np.floor((b - 1) / 2) + 1 >= a
-    return Interval(
-        np.where(least, -1.0, np.maximum(np.minimum(first, last) - _LIBRARY, -1.0)),
-        np.where(greatest, 1.0, np.minimum(np.maximum(first, last) + _LIBRARY, 1.0)),
-    )

@@ -70,3 +70,17 @@ class BoundPolicy:
     cut: float = tuned(0.1, "of the widest joint's", "width in m or rad of a box's joints that may be cut", POSES)
     narrowings: int = tuned(2, "rounds", "over all equations, each of which profits from the others", POSES)
     damping: float = tuned(1e-6, "of the equations' size", "keeps dependent combinations of them solvable", POSES)
+    region_rounds: int = tuned(3, "rounds", "that narrow the box of a region that is passed, each pass", POSES)
+    phase_cells: int = tuned(32, "cells", "of a phase between regions", POSES)
+    course_grids: int = tuned(4, "grids", "of a motion that passes regions, at most", POSES)
+    course_ahead: float = tuned(0.1, "of the bound so far", "motions that take longer are left out", POSES)
+    slice: float = tuned(0.005, "m", "of a line, about, whose joint positions get a box of their own", POSES)
+    beside_line: float = tuned(0.05, "rad or m", "by which such boxes are wider, before they are narrowed", POSES)
+    most_slices: int = tuned(60, "slices", "of a line behind its end, at most", POSES)
+    passing_ahead: float = tuned(0.25, "of the bound so far", "the same where lines are enclosed", POSES)
+    phase_grids: int = tuned(8, "grids", "of a phase by itself, at most", POSES)
+    phase_ahead: float = tuned(0.2, "of a phase's bound so far", "the same for a phase by itself", POSES)
+    phase_worth: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", POSES)
+    phase_growth: float = tuned(
+        1.25, "-", "from cell to cell, from a region on, where the motion goes on behind it", POSES
+    )

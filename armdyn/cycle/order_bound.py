@@ -1,0 +1,74 @@
+"""Lower bound on a cycle whose jobs may be done in any order, over all joint positions that reach its goal poses.
+
+Boxes enclose the joint positions of every stop, and each move between two stops has the least bound between any of
+their boxes. No cycle is shorter than the best order by these, whatever branches it goes through. Bounds of the moves of
+the best order are improved, until it is long enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from armdyn.cycle.graph import Arc, CycleGraph
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.covers import covers
+from armdyn.optimal.bound.lattice import Lattice, Region
+from armdyn.optimal.bound.leg import BoundLeg, legs_of
+from armdyn.optimal.task.policy.bound import BoundPolicy
+
+Stop = Callable[[], bool]
+
+
+def order_bound(graph: CycleGraph, enough: float, stop: Stop) -> float:
+    """Lower bound on the time of all moves in any order [s]; 0 says nothing.
+
+    Args:
+        graph: of a cycle in free order.
+        enough: duration of all moves of a cycle that is known [s]: the bound is no more than that.
+        stop: asked now and then; once it is true, what is proven so far is returned.
+    """
+    legs = _legs(graph)
+    if legs is None:
+        return 0.0
+    stops = _regions(graph, legs, enough, stop)
+    lattices = {arc: Lattice([leg], [stops[arc[0]], stops[arc[1] + 1]]) for arc, leg in legs.items()}
+    least = {arc: np.inf if (path := own.path()) is None else path.duration for arc, own in lattices.items()}
+    left = set(lattices)
+    while True:
+        lengths = {arc: np.full(own.shape, least[arc]) for arc, own in graph.lengths.items()}
+        tour = graph.best(lengths)
+        arcs = [edge[:2] for edge in tour.edges if edge[:2] in left]
+        if stop() or tour.length >= enough or not arcs:
+            return min(graph.bound(lengths), enough)
+        for arc in arcs:
+            path = lattices[arc].improve(enough, 1, stop)
+            least[arc] = np.inf if path is None else path.duration
+            if path is None or lattices[arc].tried[0][path.at]:
+                left.discard(arc)  # no other boxes are nearer, and these are bounded as well as can be
+
+
+def _legs(graph: CycleGraph) -> dict[Arc, BoundLeg] | None:
+    """The leg of every arc, between any of its ends; None: one of them poses no problem."""
+    found = {}
+    for arc, own in graph.lengths.items():
+        edges = ((*arc, i, j) for i, j in np.ndindex(own.shape))
+        problem = next((posed for edge in edges if (posed := graph.problem(edge)) is not None), None)
+        if problem is None:
+            return None
+        found[arc] = legs_of(problem, BoundPolicy())[0]
+    return found
+
+
+def _regions(graph: CycleGraph, legs: dict[Arc, BoundLeg], longest: float, stop: Stop) -> list[list[Region]]:
+    """Regions of every stop: those that are reached from the start in some time [s]."""
+    start = graph.cycle.stops[0].target
+    ends = [] if isinstance(start, GoalPose) else [start]
+    found = []
+    for k, place in enumerate(graph.cycle.stops):
+        own = next(leg for arc, leg in legs.items() if k in (arc[0], arc[1] + 1))
+        places = [*ends, place.target, *(ends if graph.cycle.closed else [])]
+        layers = covers([own] * max(len(places) - 1, 1), places, longest, stop)
+        found.append(layers[len(ends)])
+    return found

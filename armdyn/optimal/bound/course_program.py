@@ -1,0 +1,212 @@
+"""Linear program of a motion that passes regions, and its multipliers.
+
+Unknown are the mean velocities v_k of the fixed cells, the ways x_e and lengths d_e of the elastic ones, and the
+positions at the nodes at which something is known of them. As in `relaxation.py` momentum changes from one fixed cell
+to the next by half of what the forces' bounds allow over each, and over an elastic cell between them by all of it,
+d_e (τ + e). The least Σ d_e is sought.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import linprog
+from scipy.sparse import csr_matrix
+
+from armdyn.arrays import Array
+from armdyn.optimal.bound.course import Course
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
+
+Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
+"""Rows, columns and values of a matrix's entries."""
+
+
+@dataclass(frozen=True, eq=False)
+class CourseMultipliers:
+    """Dual variables of the proof: any values give a valid bound.
+
+    Attributes:
+        way: λ in every cell [s/rad or s/m], shape (n, nv).
+        momentum: w where every cell begins and ends [1/(N m)], shape (n + 1, nv): linear within the fixed cells, the
+            same on both sides of an elastic one.
+    """
+
+    way: Array
+    momentum: Array
+
+
+def relaxed_course(
+    leg: BoundLeg, course: Course, forces: Forces, ends: Sequence[LegEnd | None], scale: float
+) -> CourseMultipliers | None:
+    """The multipliers of a course's program; None if the solver finds none.
+
+    Args:
+        leg: its ends.
+        course: its cells.
+        forces: over the cells.
+        ends: what is known of the positions at the nodes.
+        scale: a time [s], by which all times are divided.
+    """
+    elastic = course.elastic
+    fixed, free = np.flatnonzero(~elastic), np.flatnonzero(elastic)
+    node = np.concatenate([[0], np.cumsum(~elastic)])  # of momentum: an elastic cell is none
+    known = [k for k, end in enumerate(ends) if end is not None]
+    segment = np.searchsorted(known, np.arange(len(elastic)), side="right") - 1
+    nv, speed = len(leg.velocity), leg.velocity
+    inertia, rate = forces.terms.inertia, forces.rate(np.eye(nv))
+    unit = np.abs(inertia.centre[0]) @ speed
+    program = _Program(nv)
+    v = program.unknown((len(fixed), nv), course.v.lower[fixed] / speed, course.v.upper[fixed] / speed)
+    x, d = program.unknown((len(free), nv)), program.unknown((len(free), 1), 0.0, cost=1.0)
+    half = course.lengths[fixed, None] / 2 / unit
+    lower, upper = (np.zeros((len(fixed) + 1, nv)) for _ in range(2))
+    for bound, force in ((lower, rate.lower), (upper, rate.upper)):
+        bound[:-1] += half * force[fixed]
+        bound[1:] += half * force[fixed]
+    given = np.zeros((len(fixed) + 1, nv))
+    for at, own, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
+        if own is None:
+            lower[at], upper[at] = -np.inf, np.inf
+        else:
+            given[at] = sign * (inertia.centre[at] @ own) / unit
+    pushed = program.unknown(given.shape, lower, upper)
+    pushed_free = program.unknown((len(free), nv))
+    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, course.v.magnitude)[fixed] / unit
+    open_ = program.unknown((len(fixed), nv), -beside, beside)
+    # Momentum: out of a node less into it, and what forces add there.
+    momentum = program.rows(given)
+    moved = inertia.centre[fixed] * speed / unit[:, None]
+    for cells, sign in ((slice(0, -1), 1.0), (slice(1, None), -1.0)):
+        program.blocks(momentum[cells], v, sign * moved)
+        program.diagonal(momentum[cells], open_, sign)
+    program.diagonal(momentum, pushed, -1.0)
+    program.diagonal(momentum[node[free]], pushed_free, -1.0)
+    # Ways between nodes of which something is known.
+    given_ends = [end for end in ends if end is not None]
+    centres = np.array([end.q.centre for end in given_ends])
+    ways = program.rows(np.diff(centres, axis=0) / (speed * scale))
+    program.diagonal(ways[segment[fixed]], v, course.lengths[fixed, None] / scale)
+    program.diagonal(ways[segment[free]], x, 1.0)
+    for k, end in enumerate(given_ends):
+        _within_end(program, ways, k, end, speed * scale)
+    # Elastic cells: their ways and impulses lie between their lengths times bounds.
+    for inner, ends_ in (
+        (x, (course.v.lower / speed, course.v.upper / speed)),
+        (pushed_free, (rate.lower * scale / unit, rate.upper * scale / unit)),
+    ):
+        for sign, bound in zip((-1.0, 1.0), ends_, strict=True):
+            program.limit(inner, sign, d, -sign * bound[free])
+    marginals = program.solved(leg.policy.feasible)
+    if marginals is None:
+        return None
+    return CourseMultipliers(
+        way=(marginals[ways] / speed)[segment],
+        momentum=_known(leg, -scale * marginals[momentum] / unit)[node],
+    )
+
+
+def _known(leg: BoundLeg, momentum: Array) -> Array:
+    """Multipliers, zero at an end where no velocity is given."""
+    for node, v in ((0, leg.start.v), (-1, leg.goal.v)):
+        if v is None:
+            momentum[node] = 0.0
+    return momentum
+
+
+def _within_end(program: _Program, ways: NDArray[np.intp], k: int, end: LegEnd, scale: Array) -> None:
+    """Where the k-th position that something is known of lies within its box."""
+    radius = end.q.radius
+    if not np.any(radius):
+        return
+    place = program.unknown((1, len(radius)), -1.0, 1.0)
+    if k > 0:
+        program.diagonal(ways[k - 1 : k], place, -radius / scale)
+    if k < len(ways):
+        program.diagonal(ways[k : k + 1], place, radius / scale)
+    if end.equations is not None:
+        centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
+        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+        left = program.unknown((1, len(rest)), -rest / size, rest / size)
+        rows = program.rows(-(centre / size)[None])
+        program.blocks(rows, place, (slopes / size[:, None])[None])
+        program.diagonal(rows, left, 1.0)
+
+
+@dataclass(eq=False)
+class _Program:
+    """A linear program that is put together from blocks.
+
+    Attributes:
+        nv: joints.
+        bounds: of the unknowns, in parts.
+        costs: likewise.
+        right: right sides of the equations, in parts.
+        entries: rows, columns and values of the equations' matrix, in parts.
+        limits: the same of inequalities, whose right sides are zero.
+    """
+
+    nv: int
+    bounds: list[Array] = field(default_factory=list)
+    costs: list[Array] = field(default_factory=list)
+    right: list[Array] = field(default_factory=list)
+    entries: list[Entries] = field(default_factory=list)
+    limits: list[Entries] = field(default_factory=list)
+
+    def unknown(
+        self, shape: tuple[int, int], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf, cost: float = 0.0
+    ) -> NDArray[np.intp]:
+        """Numbers of further unknowns between bounds."""
+        first = sum(map(len, self.costs))
+        bounds = [np.broadcast_to(end, shape).ravel() for end in (lower, upper)]
+        self.bounds.append(np.stack(bounds, axis=-1))
+        self.costs.append(np.full(shape[0] * shape[1], cost))
+        return first + np.arange(shape[0] * shape[1]).reshape(shape)
+
+    def rows(self, right: Array) -> NDArray[np.intp]:
+        """Numbers of further equations with these right sides."""
+        first = sum(map(np.size, self.right))
+        self.right.append(right)
+        return first + np.arange(right.size).reshape(right.shape)
+
+    def diagonal(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: ArrayLike) -> None:
+        """One entry for each row."""
+        self.entries.append((rows.ravel(), unknowns.ravel(), np.broadcast_to(values, rows.shape).ravel()))
+
+    def blocks(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: Array) -> None:
+        """A dense block for each group of rows: values of shape (groups, rows, unknowns)."""
+        shape = values.shape
+        places = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(unknowns[:, None, :], shape)
+        self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
+
+    def limit(self, inner: NDArray[np.intp], sign: float, length: NDArray[np.intp], bound: Array) -> None:
+        """Inequalities: sign * inner + bound * length is at most 0."""
+        first = sum(len(part[0]) for part in self.limits) // 2
+        rows = first + np.arange(inner.size)
+        self.limits.append((rows, inner.ravel(), np.full(inner.size, sign)))
+        self.limits.append((rows, np.broadcast_to(length, inner.shape).ravel(), bound.ravel()))
+
+    def solved(self, feasible: float) -> Array | None:
+        """The marginals of the equations; None: the solver found no solution."""
+        costs, right = np.concatenate(self.costs), np.concatenate([part.ravel() for part in self.right])
+        names = ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
+        limits = _matrix(self.limits, len(costs))
+        found = linprog(
+            costs,
+            A_eq=_matrix(self.entries, len(costs)),
+            b_eq=right,
+            A_ub=limits,
+            b_ub=np.zeros(limits.shape[0]),
+            bounds=np.concatenate(self.bounds),
+            method="highs",
+            options=dict.fromkeys(names, feasible),
+        )
+        return np.asarray(found.eqlin.marginals) if found.status == 0 else None
+
+
+def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:
+    rows, places, values = (np.concatenate([part[k] for part in entries]) for k in range(3))
+    return csr_matrix((values, (rows, places)), shape=(int(np.max(rows)) + 1, columns))

@@ -1,0 +1,119 @@
+"""Boxes of all joint positions that a frame may have on a line that it follows from a known end.
+
+The line is cut into slices. A box around the joint positions of a slice, wide beside them, is narrowed by the
+equations of line and slice. If what is left lies inside of the box, no motion leaves the box within the slice: at its
+face the frame would be off the line. Where two slices meet, what either holds of the plane between them lies in the
+box of the other, so that a motion that begins in one of the boxes is in the box of the slice in which its frame is, as
+long as it does not leave the slices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+
+from armdyn.arguments import expect
+from armdyn.arrays import Array
+from armdyn.models.scene.reaching import GoalPose, slid
+from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
+from armdyn.optimal.bound.region import BoundRegion
+
+_SLACK = 1e-6
+"""Share of a slice by which neighbours overlap, whatever rounding makes of their faces."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tube:
+    """Boxes of joint positions along a line, from a known end to a plane across it.
+
+    Attributes:
+        box: of all positions before the frame first meets the plane, each end of shape (nv,).
+        plane: of those in the plane, likewise.
+    """
+
+    box: Interval
+    plane: Interval
+
+
+def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, LegEnd], longest: float) -> Tube | None:
+    """The tube of a line; None: it cannot be told from other joint positions.
+
+    Args:
+        leg: its velocity limits and its policy.
+        line: region with one free axis.
+        plane: where the plane lies along that axis [m]; the frame rests at 0.
+        ends: of the leg: where the frame rests on the line, and the other one.
+        longest: no motion from end to end takes longer [s].
+    """
+    end, other = (one.q for one in ends)
+    slices = _slices(leg, line, plane, (end, other), longest)
+    if slices is None:
+        return None
+    boxes, middles, half, first = slices
+    numbers, beside = leg.policy, half * _SLACK
+    inner = line.narrowed(boxes, numbers, Interval(middles - half - beside, middles + half + beside))
+    if inner is None or not _inside(inner, boxes) or not _inside(end[None], boxes[first : first + 1]):
+        return None
+    edges = (middles[:-1] + middles[1:]) / 2
+    for own, neighbours in ((inner[:-1], boxes[1:]), (inner[1:], boxes[:-1])):
+        faces = line.narrowed(own, numbers, Interval(edges - beside, edges + beside))
+        if faces is None or not _inside(faces, neighbours):
+            return None
+    last = line.narrowed(inner[-1:], numbers, Interval(np.array([plane - beside]), np.array([plane + beside])))
+    # The line goes on behind the slices. A motion that comes to the outermost one has no time to go anywhere after it:
+    # of where it meets the plane then, if at all, nothing need be known.
+    if last is None or _time(leg, (end, inner[0], other)) < longest:
+        return None
+    return Tube(_hull(inner[1:]), last[0])
+
+
+def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
+    """Time from box to box by the velocity limits [s], rounded down."""
+    ways = [other - one for one, other in pairwise(boxes)]
+    return sum_down([max(float(np.max(down(way.mignitude / leg.velocity))), 0.0) for way in ways])
+
+
+def _slices(
+    leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[Interval, Interval], longest: float
+) -> tuple[Interval, Array, float, int] | None:
+    """Boxes around the slices, shape (m, nv), their middles along the line and their half width [m], and the end's one.
+
+    They go from the plane to the end, whose slice has it in its middle, and on as far as there is time for.
+    """
+    numbers, count, (end, other) = leg.policy, max(round(abs(plane) / leg.policy.slice), 1), ends
+    half = abs(plane) / (2 * count + 1)
+    step = float(np.copysign(2 * half, plane))
+    ahead, behind = [end.centre], [end.centre]
+    while len(ahead) <= count:
+        following = _slid(leg, line, len(ahead) * step, ahead[-1])
+        if following is None:
+            return None
+        ahead.append(following)
+    wide = 2 * numbers.beside_line
+    while _time(leg, (end, Interval(behind[-1] - wide, behind[-1] + wide), other)) <= longest:
+        following = _slid(leg, line, -len(behind) * step, behind[-1])
+        if following is None or len(behind) > numbers.most_slices:
+            return None
+        behind.append(following)
+    first, q = len(behind) - 1, np.array([*behind[:0:-1], *ahead])
+    wide = np.max(np.abs(np.diff(q, axis=0)), axis=0) + end.radius + numbers.beside_line
+    return Interval(q - wide, q + wide), np.asarray(step * (np.arange(len(q)) - first)), half, first
+
+
+def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | None:
+    """Joint positions near others with the frame on the line, so far along its free axis [m]; None: there are none."""
+    at = line.goal.pose * pin.SE3(np.eye(3), along * np.eye(3)[expect(line.free, int, "line")])
+    return slid(leg.dynamics.robot, GoalPose(line.goal.frame, at.homogeneous), q, np.zeros(len(q)), leg.torque)
+
+
+def _inside(inner: Interval, outer: Interval) -> bool:
+    return bool(np.all(inner.lower > outer.lower) and np.all(inner.upper < outer.upper))
+
+
+def _hull(boxes: Interval) -> Interval:
+    return Interval(np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0))
