@@ -17,7 +17,6 @@ from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import Sequential
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.path_constraints.rows import Rows
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
@@ -76,7 +75,7 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
         return solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager)
     rows = rows_of(task.problem, spec.constraints)
-    if _by_steps(task.problem, shape, rows) and (near is None or near.in_steps):
+    if _by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
         again = near is not None and near.spec.travel == spec.travel
         trust, eager = (numbers.again_trust, 0) if again else (numbers.trust, None)
@@ -169,14 +168,14 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
     Args and raises: as of `solve_curve`.
     """
     shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
-    for warm in () if _by_steps(task.problem, shape, rows) else (False, True):
+    for warm in () if _by_steps(task, shape, rows) else (False, True):
         _solver(task, shape, rows, warm)
 
 
-def _by_steps(problem: MinimumTimeProblem, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
-    """Whether limits of torques, velocities and positions are all there is: then first derivatives are enough."""
-    plain = not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
-    return plain and problem.from_rest_to_rest and not problem.pays_effort
+def _by_steps(task: Task, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
+    """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
+    problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
+    return plain and task.policy.curves.cruises and problem.from_rest_to_rest and not problem.pays_effort
 
 
 def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Solver[Program]:
