@@ -9,9 +9,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import cache
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
 from typing import Any, Generic, TypeVar
+
+from threadpoolctl import ThreadpoolController
 
 from armdyn.locks import one_at_a_time
 
@@ -172,6 +175,21 @@ def fork_pool(do: Callable[[Any], Result], count: int | None, patient: bool = Fa
         yield workers
     finally:
         workers.close(patient)
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Linear algebra on one thread within it, also in workers forked there.
+
+    Systems are small: a second thread waits more than it works, takes a core from another worker, and adds up in
+    another order, so that the last digits depend on the machine.
+    """
+    limited: AbstractContextManager[object] = _thread_pools().limit(limits=1, user_api="blas")
+    return limited
+
+
+@cache
+def _thread_pools() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 def core_count() -> int:

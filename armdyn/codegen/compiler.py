@@ -69,7 +69,7 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
 
 
 def _exit_code(process: "subprocess.Popen[bytes]", compiler: str) -> int:
-    """Wait for the compiler, no longer than it may take.
+    """Wait for the compiler within its time limit; returns its exit code.
 
     Raises:
         CompilerError: it takes too long.

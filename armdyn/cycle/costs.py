@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect, listener
+from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg
 from armdyn.cycle.graph import CycleGraph
 from armdyn.cycle.posing import problem_of
@@ -21,8 +21,6 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.options import MinimumTimeOptions
-
-Array = NDArray[np.float64]
 
 MORE = 0.1
 """By which part limits are raised: 10 %."""

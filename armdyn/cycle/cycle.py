@@ -10,9 +10,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, flag, one_of, several, shown, whole
+from armdyn.arrays import Array
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Wait
 from armdyn.errors import ArmdynError, CycleError, ProblemError, did_you_mean
 from armdyn.models.robots.poses import pose_given
@@ -20,8 +21,6 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import brief, called
-
-Array = NDArray[np.float64]
 
 ORDERS = ("given", "free")
 _ENDS = ("robot", "q_start", "q_goal", "v_start", "v_goal", "goal_pose", "via")

@@ -8,8 +8,8 @@ from functools import reduce
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.cycle.branches import shortest
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.order import EXACT, best_order, order_of_many, through
@@ -20,7 +20,6 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.cycle import CyclePolicy
 
-Array = NDArray[np.float64]
 Arc = tuple[int, int]
 """A move from a stop: the numbers of the stop and of the move, from 0 on."""
 Edge = tuple[int, int, int, int]
@@ -60,7 +59,7 @@ class CycleGraph:
     positions: tuple[tuple[Array, ...], ...]
     lengths: dict[Arc, Array]
     bounds: dict[Arc, Array]
-    exact: dict[Arc, NDArray[np.bool_]]
+    exact: dict[Arc, Flags]
     solutions: dict[Edge, Solution] = field(default_factory=dict)
     refused: dict[Edge, CycleError] = field(default_factory=dict)
 

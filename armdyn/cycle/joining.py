@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import partial, reduce
 
-import numpy as np
-from numpy.typing import NDArray
-
+from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg, Stop
 from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _LANDING = 1e-4
 """Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-Array = NDArray[np.float64]
+from armdyn.arrays import Array
+
 Lengths = Sequence[Sequence[Array]]
 """From every job (a row; the last row: from the start) to the end of another one (a column; the last column: to the end
 of the cycle), by the branches at the end of either: each of shape (branches, branches) [s]; inf: there is no way."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg, told
 from armdyn.cycle.steps import Straight
 from armdyn.models.robots.robot import Robot
@@ -16,8 +16,6 @@ from armdyn.models.scene.reaching import GoalPose, frame_placement
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-
-Array = NDArray[np.float64]
 
 
 def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> MinimumTimeProblem:

@@ -6,9 +6,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
+from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg
 from armdyn.cycle.joining import joined
 from armdyn.optimal.answer.solution import Solution
@@ -16,8 +14,6 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import percent
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _MOST_LIMITS = 3
 """Limits that are named as deciding the time."""

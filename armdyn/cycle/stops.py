@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from itertools import islice, product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Stop, told
 from armdyn.errors import CycleError
 from armdyn.models.robots.robot import Robot
@@ -18,8 +18,6 @@ from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolv
 from armdyn.optimal.search.sliding import slid_chain
 from armdyn.optimal.task.policy.cycle import CyclePolicy
 from armdyn.optimal.task.policy.search import GoalPolicy
-
-Array = NDArray[np.float64]
 
 
 def limits_of(cycle: Cycle) -> JointLimits:

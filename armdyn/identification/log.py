@@ -275,7 +275,7 @@ class Signals:
         return whole.part(cut, log.t.size - cut)
 
     def part(self, start: int, end: int) -> Self:
-        """The samples from one to another."""
+        """Slice of the samples from one index to another."""
         arrays = [one.name for one in fields(self) if one.name != "width"]
         return replace(self, **{name: getattr(self, name)[start:end] for name in arrays})
 

@@ -26,7 +26,7 @@ from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.strategy import Method
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import concurrently
+from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
     "arcs": minimum_time,
@@ -80,6 +80,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
         return fastest_goal(task, solve_task)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with (
+        one_blas_thread(),
         stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
         _bounded(replace(task, stop=stop)) as task,
     ):

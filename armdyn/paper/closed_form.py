@@ -141,7 +141,7 @@ class PlanarArm:
         return (m2 * l2 + m3 * L2) * L1, m3 * L1 * l3, m3 * L2 * l3
 
     def _three(self, x: tuple[float, ...]) -> _Triple:
-        """One number per link, links that are not there being zero."""
+        """Pad numbers per link to three links with zeros."""
         first, second, third = (*x, 0.0, 0.0)[:MOST_LINKS]
         return first, second, third
 

@@ -37,7 +37,7 @@ _CELL = "text-align:left;padding:.1em .9em .1em 0;vertical-align:top"
 
 @singledispatch
 def card(value: object) -> str:
-    """A value as a notebook shows it.
+    """HTML card of a value for notebooks.
 
     Args:
         value: a Robot, MinimumTimeProblem, Solution, Trajectory or Run.

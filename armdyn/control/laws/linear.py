@@ -43,7 +43,7 @@ def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
 
 
 def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
-    """(δq, δv) of an arm from tick to tick along a reference, of a torque that stays over each tick.
+    """Discretise an arm's (δq, δv) along a reference, with torques held over each tick.
 
     The exponential of the slopes in the middle of each tick, under its mean torque (the midpoint rule of Magnus:
     Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.7): its error is of third order in

@@ -156,7 +156,7 @@ class ControllerPreset:
         return next(one for one in self.interfaces if one.name == self.interface)
 
     def on(self, interface: str) -> Self:
-        """The preset with another chosen interface; empty: with the same.
+        """Choose another interface of the preset; empty: the same.
 
         Raises:
             ProblemError: the preset has no such interface.

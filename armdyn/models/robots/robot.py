@@ -35,7 +35,7 @@ UNNAMED = "model"
 
 
 class _Parsed(NamedTuple):
-    """A source that was read: the model of its joints, its URDF or none, and the folders of its meshes."""
+    """Parsed source of a robot: the model of its joints, its URDF if any, and the folders of its meshes."""
 
     reading: Reading
     urdf: str = ""

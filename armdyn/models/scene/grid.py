@@ -100,7 +100,7 @@ def _planes(mesh: Any, axis: int) -> Array:
 
 
 def _cells(triangles: Array, normals: Array, planes: Sequence[Array]) -> tuple[Flags, Flags]:
-    """Which cells the surface may cross, and which others lie inside it.
+    """Masks of the cells that the surface may cross, and of the others inside it.
 
     Args:
         triangles: corners [m], shape (k, 3, 3).

@@ -32,6 +32,13 @@ HELD = (*BANG, Mode.PASSIVE)
 """Of a torque that is constant."""
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
+TOWARDS = {
+    Mode.POSITION_UPPER: Mode.UPPER,
+    Mode.POSITION_LOWER: Mode.LOWER,
+    Mode.VELOCITY_UPPER: Mode.UPPER,
+    Mode.VELOCITY_LOWER: Mode.LOWER,
+}
+"""The torque that presses a joint against its limit."""
 
 
 def stretches(places: Index) -> list[Index]:

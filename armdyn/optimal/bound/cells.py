@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-Array = NDArray[np.float64]
 
 _EDGE = 1e-9
 """Share of an instant by which cells of two cuts are taken to overlap, whatever rounding makes of their ends."""

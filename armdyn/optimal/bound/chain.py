@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import number, several, stopper
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
@@ -33,7 +34,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 Place = Array | GoalPose
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.forces import Forces
@@ -19,8 +19,6 @@ from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.reach import End, by_momentum
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +54,7 @@ class Course:
     """
 
     lengths: Array
-    elastic: NDArray[np.bool_]
+    elastic: Flags
     room: float
     lines: tuple[BoundRegion | None, ...]
     passed: dict[int, BoundRegion]

@@ -20,8 +20,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.course import Course, Phase
 from armdyn.optimal.bound.course_program import CourseMultipliers, relaxed_course
 from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding
@@ -29,8 +29,6 @@ from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.reach import End
 from armdyn.optimal.bound.terms import terms_over
-
-Array = NDArray[np.float64]
 
 
 def course_bound(

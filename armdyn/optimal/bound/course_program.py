@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_matrix
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.course import Course
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 
-Array = NDArray[np.float64]
 Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
 """Rows, columns and values of a matrix's entries."""
 

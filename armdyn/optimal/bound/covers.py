@@ -10,15 +10,14 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval, down, up
 from armdyn.optimal.bound.goal_set import TURN, GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 Place = Array | GoalPose
 
@@ -66,7 +65,7 @@ def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, st
     return regions
 
 
-def _of_one_turn(position: Interval, velocity: Array, slides: NDArray[np.bool_], longest: float) -> Interval:
+def _of_one_turn(position: Interval, velocity: Array, slides: Flags, longest: float) -> Interval:
     """Limits of a chain whose endless joints begin within a turn: after whole turns all motions are the same."""
     endless = ~slides & np.isinf(position.lower) & np.isinf(position.upper) & np.isfinite(velocity)
     far = up(up(velocity * longest) + TURN.upper)
@@ -106,7 +105,7 @@ def _thinned(
     return [box[time * (1 - _ROUNDED) < longest] for box, time in zip(boxes, passed, strict=True)]
 
 
-def _times(leg: BoundLeg, starts: Interval, goals: Interval, turning: NDArray[np.bool_]) -> Array:
+def _times(leg: BoundLeg, starts: Interval, goals: Interval, turning: Flags) -> Array:
     """Times of a leg by velocity limits between boxes, but for whole turns [s], shape (starts, goals)."""
     found = np.zeros((len(starts.lower), len(goals.lower)))
     for joint, velocity in enumerate(leg.velocity):

@@ -23,14 +23,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 10 * REACHED
 """Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
@@ -73,7 +72,7 @@ class Within:
             box = Interval(np.maximum(box.lower, near.lower), np.minimum(box.upper, near.upper))
         return box
 
-    def times(self, boxes: Interval, turning: NDArray[np.bool_]) -> Array:
+    def times(self, boxes: Interval, turning: Flags) -> Array:
         """Time from end to end through each box by the velocity limits [s], rounded down, shape (boxes,).
 
         Args:
@@ -131,7 +130,7 @@ class GoalSet:
         return any(self.goal.tolerance) or self.dynamics.nv > np.sum(np.isfinite(self.goal.deviations))
 
     @cached_property
-    def turning(self) -> NDArray[np.bool_]:
+    def turning(self) -> Flags:
         """Joints that may turn by more than 2π: the set is the same after a turn, shape (nv,)."""
         box = self.within.box
         return ~self.dynamics.robot.slides & (box.upper - box.lower > 2 * np.pi)

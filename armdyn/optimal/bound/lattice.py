@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, sum_down
 from armdyn.optimal.bound.goal_set import TURN, GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
@@ -20,7 +20,6 @@ from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.optimal.bound.rates import least_times
 
-Array = NDArray[np.float64]
 Stop = Callable[[], bool]
 
 
@@ -179,7 +178,7 @@ class Lattice:
             self.bounds[k][same] = np.maximum(self.bounds[k][same], bound)
             self.tried[k][same] = True
 
-    def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[NDArray[np.bool_], Array]:
+    def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[Flags, Array]:
         """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).
 
         Only the position limits tell them apart: inertia and weight are the same after whole turns.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
@@ -18,8 +18,6 @@ from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-Array = NDArray[np.float64]
 
 _DEPENDENT = 1e-6
 """Singular values of equations below this share of the greatest count as zero: they depend on each other."""

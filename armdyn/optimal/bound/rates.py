@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.enclosure.interval import Interval, up
 from armdyn.optimal.bound.terms import terms_over
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from armdyn.optimal.bound.cells import Cells
     from armdyn.optimal.bound.leg import BoundLeg
 
-Array = NDArray[np.float64]
 
 _ROUNDED = 1e-12
 """Part of a time in closed form that is taken off: its twenty operations err by 1e-15 each."""

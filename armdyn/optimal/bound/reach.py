@@ -16,14 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
-
-Array = NDArray[np.float64]
-
 
 _HUGE = 1e100
 """Acceleration [rad/s² or m/s²] that stands for none: sums of infinite ones are not defined."""

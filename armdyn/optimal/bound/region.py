@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.scene.reaching import GoalPose, moving_directions
@@ -17,8 +17,6 @@ from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
 from armdyn.optimal.bound.leg import LegEnd
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ class BoundRegion:
 
 
 @built_once(maxsize=32)
-def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[EnclosedFunction, NDArray[np.bool_]]:
+def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[EnclosedFunction, Flags]:
     """Deviations along and about x, y, z [m and of a rotation's entries], and in which of them the frame moves."""
     q = ca.SX.sym("q", dynamics.nv)
     rotation, origin = dynamics.frame_placement(q, goal.frame)

@@ -14,13 +14,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.bound.enclosure.affine import Affine
 from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 

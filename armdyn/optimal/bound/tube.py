@@ -15,15 +15,13 @@ from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from armdyn.arguments import expect
+from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.region import BoundRegion
-
-Array = NDArray[np.float64]
 
 _SLACK = 1e-6
 """Share of a slice by which neighbours overlap, whatever rounding makes of their faces."""

@@ -3,18 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from armdyn.arrays import Array, Index
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import AskedDistances
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,15 +6,14 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _RAMP = 0.1
 """Part of a straight guess's time in which it gains, and loses, its speed."""

@@ -8,14 +8,12 @@ sample by sample, by the very integration that replays the motion.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.dynamics.motion import Feedback, tracked
 from armdyn.optimal.landing.rollout import RTOL
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _CLIPS = 2
 """Rounds in which a torque is clipped to its range in the state that it leads to: each leaves 1e-3 of the excess."""

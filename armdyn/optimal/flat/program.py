@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE
@@ -26,9 +26,6 @@ from armdyn.optimal.flat.equations import (
 from armdyn.optimal.path_constraints.rows import Rows, intervals_of
 from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,9 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
+BETWEEN = 8
+"""Places between samples at which velocities and positions are held against their limits."""
+
 
 @dataclass(frozen=True, eq=False)
 class Excess:
@@ -38,7 +41,7 @@ class Excess:
         return Violation(self.limit, joint_names[i], float(self.t[k]), float(self.beyond[k, i] / self.size[i]))
 
 
-def excesses(limits: JointLimits, motion: Trajectory, dense: int = 8) -> tuple[Excess, Excess, Excess]:
+def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> tuple[Excess, Excess, Excess]:
     """A motion against its torque, velocity and position limits.
 
     Torque is linear between samples and is looked at there. The size of a torque limit is half its range, that of a
@@ -76,13 +79,13 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = 8) -> tuple[E
     )
 
 
-def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = 8) -> float:
+def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:
     """Largest excess over any limit, as a part of it; 0 where all are kept. Arguments as of `excesses`."""
     return max(excess.share for excess in excesses(limits, motion, dense))
 
 
 def worst_violation(
-    limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = 8
+    limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = BETWEEN
 ) -> Violation | None:
     """Where a motion exceeds its limits most; None where it keeps them. Arguments as of `excesses`."""
     worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
@@ -99,5 +102,5 @@ def miss_of(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory)
     """
     if replay.t[-1] != wanted.t[-1]:
         return float("inf")
-    _, velocity, _ = excesses(problem.limits, replay, dense=1)
+    _, velocity, _ = excesses(problem.limits, replay)
     return float(max(np.max(np.abs(problem.beside_goal(replay))), np.max(velocity.beyond)))

@@ -11,7 +11,7 @@ from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.resolve import prepare_resolving, resolve
+from armdyn.optimal.refine.resolve import prepare_resolving, rank, resolve
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
@@ -58,7 +58,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     for k, reached in enumerate(in_processes([partial(climbed, k) for k in range(len(attempts))], task.workers)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
-        if optima[k].certificate.ok:
+        if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             beaten = min(beaten, duration + numbers.sure * abs(duration - cost), numbers.slower * cost)
         left = attempts[k + 1 :]
@@ -110,7 +110,7 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
         resisted = attempt.message, attempt.worst_violation
         return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
     best, left = _read(task, attempt, step.left)
-    if step.best is not None and _quality(step.best) <= _quality(best):
+    if step.best is not None and _quality(task, step.best) <= _quality(task, best):
         best = step.best
     return _Reached(attempt, mesh, best, iterations, left=left)
 
@@ -147,7 +147,7 @@ def _enough(task: Task, step: _Reached) -> bool:
     certificate, numbers = step.best.certificate, task.policy.refinement
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)
-    if landed and step.left <= 0:  # hopeless
+    if landed and step.left <= numbers.glance:  # hopeless
         return True
     return certificate.ok or (landed and not task.options.arcs) or (numbers.extremal_is_enough and extremal)
 
@@ -166,5 +166,5 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
     return replace(best, iterations=step.iterations)
 
 
-def _quality(optimum: Optimum) -> tuple[bool, float]:
-    return not optimum.certificate.ok, optimum.error
+def _quality(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
+    return not optimum.certificate.ok, *rank(task, optimum)

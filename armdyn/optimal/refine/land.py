@@ -61,7 +61,8 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
         intervals: of the mesh that it was read from.
         stop: asked before it is integrated in finer steps.
     """
-    problem, policy, n, aim, samples = task.problem, task.policy, task.problem.robot.nv, Aim(), 1
+    problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
+    samples, least = 1, np.inf
     for _ in range(policy.refinement.aims):
         phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
@@ -70,8 +71,9 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
             continue
         replay = replay_of(task, dense(phases.torques, samples))
         missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
-        if replay.t[-1] != phases.duration or task.stop:
+        if replay.t[-1] != phases.duration or task.stop or missed > least / 2 > policy.refinement.landed:
             break
+        least = missed
         if missed <= policy.refinement.landed:
             if (
                 samples > policy.refinement.most_samples

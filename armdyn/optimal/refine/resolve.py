@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
 from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.problem.stop import Budget
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, SWITCHING_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_on_knots
@@ -54,8 +56,12 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
         if rolled_out:
             found = _by_switching(task, attempt, own)
-            extremal, remark, sharp = found.extremal, found.why, found.mesh
-            known += [land_extremal(task, extremal, attempt.intervals, own)] if extremal else []
+            remark, sharp = found.why, found.mesh
+            rest = own if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
+            for extremal in found.extremals[: task.policy.refinement.landed_of]:
+                known.append(land_extremal(task, extremal, attempt.intervals, rest))
+                if not rank(task, known[-1])[0]:
+                    break
         # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
         other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
         if other and not (known and known[0].certificate.ok):
@@ -67,16 +73,16 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     if certified:
         return certified[0]
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
-    if known and not _rank(known[0])[0] and known[0].trajectory.duration <= longest:
-        return known[0]  # usable, and the mesh's own motion is slower
+    if known and not rank(task, known[-1])[0] and known[-1].trajectory.duration <= longest:
+        return known[-1]  # usable, and the mesh's own motion is slower
     for mesh in _alike(task, sharp, attempt):
         landed, replay = aimed(task, mesh.trajectory)
         certificate = certify(task.problem, replay, None, remark)
         known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
-        if not _rank(known[-1])[0]:
+        if not rank(task, known[-1])[0]:
             break
     # Arcs that are not certified are worth having only if their motion is the better one.
-    return min(known, key=_rank)
+    return min(known, key=partial(rank, task))
 
 
 def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
@@ -102,10 +108,16 @@ def _at_speed(task: Task, *motions: Trajectory) -> bool:
     return any(bool(np.any(np.abs(motion.v) >= near)) for motion in motions)
 
 
-def _rank(optimum: Optimum) -> tuple[bool, float]:
-    """Sort key: optima that land within their limits by duration, then the others by their worst error."""
-    good = optimum.error <= max(GOAL_TOLERANCE, LIMIT_TOLERANCE)
-    return not good, optimum.trajectory.duration if good else optimum.error
+def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
+    """Sort key: optima that land within their limits, slowed down a little or not, by duration, others by their error.
+
+    Args:
+        task: what is solved.
+        optimum: replayed.
+    """
+    factor = least_slowing(task, optimum)
+    good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
+    return not good, factor * optimum.trajectory.duration if good else optimum.error
 
 
 def prepare_resolving(task: Task) -> None:
@@ -173,75 +185,69 @@ def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget |
 
 @dataclass(frozen=True, eq=False)
 class _Resolved:
-    """Result of the switching structures of a mesh's solution.
+    """Where the structures of a mesh's solution have led.
 
     Attributes:
-        extremal: the best; None: nothing lands, or time does not determine what some joint does.
-        why: what it lacks, for people; "": nothing.
+        extremals: motions within their limits, extremals first, each by duration; none: nothing lands, or time does not
+            determine what some joint does.
+        why: what the first lacks, for people; "": nothing.
         mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
+        settled: the first is an extremal.
     """
 
-    extremal: Extremal | None
+    extremals: tuple[Extremal, ...]
     why: str
     mesh: Attempt
-
-
-class _Structures:
-    """Structures of a mesh's solution in the order in which they are tried.
-
-    Those of equal intervals come first, then those of a mesh refined at its switches; then the first ones again, with
-    more of the budget.
-
-    Attributes:
-        mesh: the finest solution that structures were read from.
-    """
-
-    def __init__(self, task: Task, attempt: Attempt, shooting: ShootingProblem) -> None:
-        self.mesh = attempt
-        self._task, self._shooting = task, shooting
-
-    def tries(self) -> Iterator[tuple[SwitchingStructure, int]]:
-        """Structures, each with the integrator steps that it may take."""
-        numbers, attempt = self._task.policy.refinement, self.mesh
-        first = self._read()
-        yield from ((structure, numbers.glance) for structure in first)
-        self.mesh = at_switches(self._task, attempt)
-        if self.mesh is not attempt:
-            yield from ((structure, numbers.sharp) for structure in self._read())
-        yield from ((structure, numbers.share) for structure in first)
-
-    def _read(self) -> list[SwitchingStructure]:
-        arcs, sure = _arcs_of(self._task, self.mesh), self.mesh.knots is not None
-        return list(structures_of(self._shooting, arcs, self.mesh.trajectory, sure))
+    settled: bool = False
 
 
 def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
-    """The extremal that a structure leads to when it is mended, or the nearest attempt."""
-    shooting = shooting_problem(task, attempt.trajectory.duration)
-    best, least = RefinedExtremal(None, np.inf, ""), (np.inf, np.inf)
-    structures = _Structures(task, attempt, shooting)
-    for structure, most in structures.tries():
+    """The extremal that a structure leads to when it is corrected, or the nearest motions.
+
+    Structures of equal intervals come first, then those of a mesh refined at its switches; then the first ones again,
+    each with half of what is left, and the last one of the others goes on where the budget ended it.
+    """
+    numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory.duration)
+    found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
+
+    def extremal(structure: SwitchingStructure, most: float) -> bool:
         granted = min(budget.left, most)
         own = Budget(task.stop, granted)
-        found = refine_extremal(replace(shooting, budget=own), structure, own)
+        refined = refine_extremal(replace(shooting, budget=own), structure, own)
         budget.spend(granted - own.left)
-        best = found if best.extremal is None else best
-        if (lack := _lack(task, found)) < least:
-            best, least = found, lack
-        if least[0] == 0 or budget:
-            break
-    idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-    return _Resolved(None, _IDLE, structures.mesh) if idle else _Resolved(best.extremal, best.why, structures.mesh)
+        found.append((_lack(task, refined), refined))
+        return not found[-1][0][0]
+
+    mesh, first = attempt, list(_structures(task, shooting, attempt))
+    settled = any(extremal(each, numbers.glance) for each in first if not budget)
+    if not settled and not budget:
+        mesh = at_switches(task, attempt)
+        sharp = list(_structures(task, shooting, mesh)) if mesh is not attempt else []
+        settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
+        reached = found[-1][1].reached if sharp else None
+        settled = settled or any(extremal(each, budget.left / 2) for each in first if not budget)
+        if reached is not None and not settled and not budget:
+            settled = extremal(reached, np.inf)
+    found.sort(key=lambda each: each[0])
+    extremals = tuple(each.extremal for _, each in found if each.extremal is not None)
+    if extremals and leaves_idle(extremals[0], SWITCHING_TOLERANCE):
+        return _Resolved((), _IDLE, mesh)
+    return _Resolved(extremals, found[0][1].why if found else budget.word, mesh, settled)
 
 
-def _lack(task: Task, refined: RefinedExtremal) -> tuple[float, float]:
-    """Sorts: extremals before others, by duration; the others by the worst sign of a torque or of a multiplier."""
+def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterator[SwitchingStructure]:
+    """Structures that a mesh's arcs say."""
+    return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
+
+
+def _lack(task: Task, refined: RefinedExtremal) -> tuple[bool, float]:
+    """Sorts: extremals before other motions, each by duration."""
     if refined.extremal is None:
-        return np.inf, np.inf
+        return True, np.inf
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
         wrong = pontryagin(task.problem, phases_of(refined.extremal))[2]
-    return wrong if wrong > SWITCHING_TOLERANCE else 0.0, refined.extremal.structure.duration
+    return wrong > SWITCHING_TOLERANCE, refined.extremal.structure.duration
 
 
 def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:

@@ -26,7 +26,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         task: the problem and its settings.
         optimum: replayed and certified.
     """
-    numbers, factor = task.policy.refinement, _factor(task, optimum)
+    numbers, factor = task.policy.refinement, least_slowing(task, optimum)
     if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
         return optimum
     if not optimum.landed(task.options.replay_tolerance):
@@ -35,7 +35,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     for _ in range(numbers.slowing):
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
-        factor = _factor(task, found)
+        factor = least_slowing(task, found)
         lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.astray)
         if factor == 1 and not lost:
             return found
@@ -44,7 +44,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     return optimum
 
 
-def _factor(task: Task, optimum: Optimum) -> float:
+def least_slowing(task: Task, optimum: Optimum) -> float:
     """Factor on the duration with which it would keep all that is asked; 1 if it does, inf if no factor is known."""
     limits, motion = task.problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:

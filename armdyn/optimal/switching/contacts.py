@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Change, Segment
@@ -14,14 +14,6 @@ from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 from armdyn.optimal.task.policy.switching import ContactPolicy
-
-_TOWARDS = {
-    Mode.POSITION_UPPER: Mode.UPPER,
-    Mode.POSITION_LOWER: Mode.LOWER,
-    Mode.VELOCITY_UPPER: Mode.UPPER,
-    Mode.VELOCITY_LOWER: Mode.LOWER,
-}
-"""The torque that presses a joint against its limit."""
 
 
 def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
@@ -40,9 +32,9 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
         None where every contact is as it should be.
     """
     structure = extremal.structure
-    held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in _TOWARDS]
+    held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in TOWARDS]
     whole = SampledExtremal.of(extremal) if held else None
-    contacts = [(s, _Contact.of(extremal, whole, s)) for s in held if whole is not None]
+    contacts = [(s, Contact.of(extremal, whole, s)) for s in held if whole is not None]
     for segment, contact in contacts:
         if contact is None:
             continue
@@ -64,7 +56,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
         if is_extremal and (part := contact.unwilling(largest)) is not None:
             if (left := left_at_speed(extremal, structure, segment, part)) is not None:
                 return [left]
-            towards = _TOWARDS[mode]
+            towards = TOWARDS[mode]
             away = OPPOSITE[towards]
             if mode in VELOCITY:
                 return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
@@ -87,7 +79,7 @@ class _Weak:
 
 
 @dataclass(frozen=True, eq=False)
-class _Contact:
+class Contact:
     """A contact at the stages of its intervals.
 
     Attributes:
@@ -105,7 +97,7 @@ class _Contact:
     numbers: ContactPolicy
 
     @classmethod
-    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "_Contact | None":
+    def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "Contact | None":
         """Contact of a segment; None: the segment takes no time."""
         structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]

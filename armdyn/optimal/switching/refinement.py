@@ -28,11 +28,13 @@ class RefinedExtremal:
         extremal: the best; at the worst a motion that lands within its limits; None: there was none.
         wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
         why: what it lacks, for people; "": nothing.
+        reached: the structure at which a stop ended the refinement; None: it came to an end, or was to try others.
     """
 
     extremal: Extremal | None
     wrong: float
     why: str
+    reached: SwitchingStructure | None = None
 
     def or_else(self, linear: LinearizedRollout | None, why: str) -> Self:
         """This or, where no extremal is known, the fastest motion that lands within its limits.
@@ -93,7 +95,8 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
                 with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
             )
             if not others.left or stop:
-                return best.or_else(found.linear, found.why)
+                reached = found.linear.rollout.structure if found.linear and not others.left and stop else None
+                return replace(best.or_else(found.linear, found.why), reached=reached)
             structure = others.next()
             continue
         limited = with_limits(found.rollout) or without_unwanted(found)

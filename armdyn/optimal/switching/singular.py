@@ -215,7 +215,7 @@ def control_near(
     middle, half = limits.actuators.center, limits.actuators.scale
     signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > numbers.on_limit * half)
     control = SingularControl((0.0,) * few, tuple((other, (0.0,)) for other in sorted(leaping)))
-    terms = control.terms(s, signs)
+    terms, _ = control.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
     fitted *= min(1.0, numbers.inside * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))
     fitted[0] += middle[joint] / unit

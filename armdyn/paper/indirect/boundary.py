@@ -199,7 +199,7 @@ def _trapezoidal_residual(problem: BoundaryProblem, s: Array, unknowns: Array) -
 
 
 def _trapezoidal_jacobian(problem: BoundaryProblem, s: Array, unknowns: Array) -> csc_matrix:
-    """Block bidiagonal, with t_f in the last column and the ends in the last rows.
+    """Jacobian of the residual: block bidiagonal, t_f in the last column, the ends in the last rows.
 
     [ A_0 B_0                 a_0 ]
     [     A_1 B_1             a_1 ]

@@ -20,7 +20,7 @@ def with_numbers(rows: Sequence[Row]) -> list[Row]:
 
 
 def table_line(row: Row) -> tuple[object, ...]:
-    """The first cells of the line that a row is in: the payload, or in Table 7 robot, example and torque."""
+    """Leading cells of a row: the payload, or in Table 7 robot, example and torque."""
     if row.table != 7:
         return (f"{1000 * row.payload_kg:g}",)
     return row.arm.upper(), row.example, f"τ{row.quantity.removeprefix('torque_integral_j').removesuffix('_nms')}"

@@ -197,7 +197,7 @@ def test_endless_joints_go_the_shorter_way_round():
         "start": [3.0, -1, 1, -1, -1.5, 0],
         "goal": [-3.0, -1, 1, -1, -1.5, 0.1],
     }
-    short = ad.solve_minimum_time(ur5(wrap=True, **asked))
+    short = ad.solve_minimum_time(ur5(wrap=True, **asked), ad.MinimumTimeOptions(bound=False))
     assert short.success, short.message
     assert short.trajectory.q[-1][0] == pytest.approx(2 * np.pi - 3.0, abs=1e-6)  # as it lands
     assert short.duration < 0.2 * ur5(**asked).duration_bound()
@@ -385,7 +385,7 @@ def test_what_did_not_converge_says_so(asked):
 def test_a_goal_that_cannot_be_held_is_named():
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
         problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28])
-    solution = ad.solve_minimum_time(problem)
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False))
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
     assert "joint 'shoulder_lift_joint' takes 59.3 to be held at the goal, of 10 N m" in solution.message

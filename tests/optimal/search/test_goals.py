@@ -119,7 +119,8 @@ def test_an_end_that_lies_on_a_position_limit_is_reached():
     start = [2.2234705, 0.03744724, 2.37184135, -2.30032929, 0.53262421, 0.92272373, 1.49919244]
     goal = [1.64350303, -1.14522922, 2.89729946, -0.61737605, 0.27336133, 1.19623729, 1.34669916]
     robot = robot_named("panda")
-    motion = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=[*goal[:2], 2.5, *goal[3:]]))
+    beside = ad.MinimumTimeProblem(robot, q_start=start, q_goal=[*goal[:2], 2.5, *goal[3:]])
+    motion = ad.solve_minimum_time(beside, ad.MinimumTimeOptions(bound=False))
     options = ad.MinimumTimeOptions(guesses=[motion.trajectory])  # one more guess, of no use here
     problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
     solution = ad.solve_minimum_time(problem, options)

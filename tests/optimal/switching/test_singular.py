@@ -76,7 +76,7 @@ def test_a_course_knows_the_jump_of_another_torque():
     control = control_near(own, 1, tau, frozenset({0}), 3)
     assert [joint for joint, _ in control.leaps] == [0]
     signs = np.column_stack([np.sign(tau[:, 0]), np.zeros(s.size)])
-    np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs) @ control.values, tau[:, 1], atol=1e-9)
+    np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs)[0] @ control.values, tau[:, 1], atol=1e-9)
 
 
 def test_a_course_keeps_within_its_limits():

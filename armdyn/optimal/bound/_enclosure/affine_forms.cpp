@@ -131,10 +131,14 @@ void in_affine_forms(const Program& program, int boxes, const double* centre, co
     for (int i = 0; i < program.outputs; ++i)
       for (int l = 0; l < kLanes && begin + l < boxes; ++l) {
         const long at = static_cast<long>(i) * boxes + begin + l;
-        found_centre[at] = found[i * width][l];
-        found_rest[at] = found[i * width + 1][l];
+        const Lanes* form = found.data() + i * width;
+        double far = std::abs(form[0][l]) + form[1][l];
+        for (int k = kSlopes; k < width; ++k) far += std::abs(form[k][l]);
+        const bool finite = far < HUGE_VAL;
+        found_centre[at] = finite ? form[0][l] : 0.0;
+        found_rest[at] = finite ? form[1][l] : HUGE_VAL;
         for (int k = 0; k < n; ++k)
-          found_slopes[(static_cast<long>(i) * n + k) * boxes + begin + l] = found[i * width + kSlopes + k][l];
+          found_slopes[(static_cast<long>(i) * n + k) * boxes + begin + l] = finite ? form[kSlopes + k][l] : 0.0;
       }
   }
 }

@@ -83,8 +83,9 @@ void in_intervals(const Program& program, int boxes, const double* lower, const 
     for (int i = 0; i < program.outputs; ++i)
       for (int l = 0; l < kLanes && begin + l < boxes; ++l) {
         const long at = static_cast<long>(i) * boxes + begin + l;
-        found_lower[at] = found[2 * i][l];
-        found_upper[at] = found[2 * i + 1][l];
+        const double first = found[2 * i][l], last = found[2 * i + 1][l];
+        found_lower[at] = first <= last ? first : -HUGE_VAL;  // not a number, too
+        found_upper[at] = first <= last ? last : HUGE_VAL;
       }
   }
 }

@@ -20,7 +20,8 @@ struct Program {
   int places = 0, inputs = 0, outputs = 0;
 };
 
-// Boxes stand side by side: every table is (…, boxes). Results are no numbers where the arithmetic overflows.
+// Boxes stand side by side: every table is (…, boxes). Where the arithmetic overflows anything is possible: the whole
+// line, or an infinite rest.
 // lower, upper: (inputs, boxes); found: (outputs, boxes), zero where the program says nothing.
 void in_intervals(const Program& program, int boxes, const double* lower, const double* upper, double* found_lower,
                   double* found_upper);

@@ -11,11 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

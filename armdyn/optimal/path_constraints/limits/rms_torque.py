@@ -54,7 +54,7 @@ class RmsTorque(PartialLimit):
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """One number, or one per joint; after @ the dwell."""
+        """Parse the option: one number, or one per joint; after @ the dwell."""
         dwell = 0.0 if frame is None else parsed(frame.removesuffix("s"), f"--limit {cls.option}: the dwell after @")
         return cls(values[0] if len(values) == 1 else values, dwell)
 
@@ -64,7 +64,7 @@ class RmsTorque(PartialLimit):
         return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}{dwell}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """One number per joint, all positive; with a dwell the goal is at rest."""
+        """Expand the limit to one number per joint, and check that a dwell's goal is at rest."""
         limit = per_joint(
             self.limit,
             robot.joint_names,

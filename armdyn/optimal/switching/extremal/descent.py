@@ -207,7 +207,7 @@ def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) ->
 
 
 def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
-    """The motion without segments of no length.
+    """The motion without segments of no length, and without touches within contacts.
 
     On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
     """
@@ -218,4 +218,6 @@ def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> L
         for segment, length in zip(structure.segments(), lengths, strict=True)
         if length < numbers.vanished * structure.duration and structure.mode_of(segment) not in VELOCITY
     ]
-    return (landed(shooting, structure.without(short), numbers.again) or linear) if short else linear
+    left = structure.without(short) if short else structure
+    left = left.without_changes(left.idle_touches)
+    return linear if left.size == structure.size else landed(shooting, left, numbers.again) or linear

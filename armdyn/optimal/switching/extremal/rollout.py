@@ -211,41 +211,44 @@ class Rollout:
     @cached_property
     def arcs(self) -> tuple[Array, Array]:
         """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv), and ∂end/∂(unknowns), shape (m + 1, 2 nv, width)."""
-        structure, size = self.structure, self.start.shape[1]
-        whole, by = (
-            np.tile(np.eye(size), (structure.size + 1, 1, 1)),
-            np.zeros((structure.size + 1, size, structure.width)),
-        )
-        for a, (first, last) in enumerate(zip([0, *(self.last[:-1] + 1)], self.last, strict=True)):
-            for state_transition in self.state_transition[first : last + 1]:
-                whole[a] = state_transition @ whole[a]
-            if np.any(self.torques.free_mask[first]):
-                self._add_curved(by[a], a, range(first, last + 1))
-                continue
-            by[a, :, a] += self.rate[last]  # torques are constant: a longer arc goes on as it ended
-            if a:
-                by[a, :, a - 1] -= self.rate[last]
-        return whole, by
+        arcs = np.arange(self.structure.size + 1)
+        first, onward = np.append(0, self.last[:-1] + 1), self._onward
+        by = np.zeros((arcs.size, self.start.shape[1], self.structure.width))
+        by[arcs, :, arcs] = self.rate[self.last]  # constant torques: a longer arc goes on as it ended
+        by[arcs[1:], :, arcs[:-1]] = -self.rate[self.last[1:]]
+        curved = np.any(self.torques.free_mask[first] > 0, axis=1)
+        if np.any(curved):
+            own = np.flatnonzero(curved[self.arc])
+            starts = np.searchsorted(own, first[curved])
+            by[curved] = np.add.reduceat(onward[own] @ self._curved(own), starts)
+        return onward[first] @ self.state_transition[first], by
 
-    def _add_curved(self, by: Array, arc: int, steps: range) -> None:
-        """Write ∂end/∂(unknowns) of an arc on which a torque is free into `by`, zeros of shape (2 nv, width)."""
-        torques = self.torques
-        length = np.zeros(by.shape[1])
-        length[arc] = 1 / len(steps)
-        if arc:
-            length[arc - 1] = -1 / len(steps)
-        for k in steps:
-            rise = (
-                (torques.tau[1][k] - torques.tau[0][k]) / self.h[k]
-                if self.h[k]
-                else np.zeros(torques.free_mask.shape[1])
-            )
-            stretched = self.rate[k] - self.torque_sensitivity[k, :, 1] @ rise
-            by[:] = self.state_transition[k] @ by + stretched[:, None] * length
-            by += (
-                self.torque_sensitivity[k, :, 0] @ torques.by[0][k]
-                + self.torque_sensitivity[k, :, 1] @ torques.by[1][k]
-            )
+    @cached_property
+    def _onward(self) -> Array:
+        """∂(end of a step's arc)/∂(end of the step), shape (steps, 2 nv, 2 nv)."""
+        onward = np.empty_like(self.state_transition)
+        onward[self.last] = np.eye(self.start.shape[1])
+        for k in range(self.arc.size - 2, -1, -1):
+            if self.arc[k] == self.arc[k + 1]:
+                np.matmul(onward[k + 1], self.state_transition[k + 1], out=onward[k])
+        return onward
+
+    def _curved(self, own: Index) -> Array:
+        """∂(end of a step)/∂(unknowns) from its own start, where a torque is free, shape (steps, 2 nv, width).
+
+        Args:
+            own: numbers of such steps.
+        """
+        torques, arc, h = self.torques, self.arc[own], self.h[own, None]
+        before, after = self.torque_sensitivity[own, :, 0], self.torque_sensitivity[own, :, 1]
+        rise = (torques.tau[1][own] - torques.tau[0][own]) / np.where(h, h, np.inf)
+        stretched = (self.rate[own] - (after @ rise[..., None])[..., 0]) / np.bincount(self.arc)[arc, None]
+        by = before @ torques.by[0][own] + after @ torques.by[1][own]
+        steps = np.arange(own.size)
+        by[steps, :, arc] += stretched
+        later = arc > 0
+        by[steps[later], :, arc[later] - 1] -= stretched[later]
+        return np.asarray(by)
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:

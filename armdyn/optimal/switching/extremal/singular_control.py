@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from armdyn.arrays import Array
 
@@ -55,20 +54,26 @@ class SingularControl:
         leaps = own | dict.fromkeys(leaping.difference(own), more)
         return type(self)((*self.smooth, *more), tuple(sorted(leaps.items())))
 
-    def terms(self, s: Array, signs: Array) -> Array:
-        """Basis functions of the coefficients, shape (samples, size).
+    def terms(self, s: Array, signs: Array) -> tuple[Array, Array]:
+        """Basis functions of the coefficients, and their derivatives by s between jumps, each (samples, size).
 
         Args:
             s: from 0 at the segment's begin to 1 at its end, shape (samples,).
             signs: 1 where a joint is on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
         """
-        parts = [legendre.legvander(2 * s - 1, len(self.smooth) - 1)]
-        parts += [signs[:, [joint]] * legendre.legvander(2 * s - 1, len(own) - 1) for joint, own in self.leaps]
-        return np.hstack(parts)
-
-    def derivative(self, s: Array, signs: Array) -> Array:
-        """By s, between the jumps, shape (samples,); arguments as those of `terms`."""
-        out = legendre.legval(2 * s - 1, legendre.legder(self.smooth))
+        values, slopes = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.leaps)]))
+        parts = [(values[:, : len(self.smooth)], slopes[:, : len(self.smooth)])]
         for joint, own in self.leaps:
-            out = out + signs[:, joint] * legendre.legval(2 * s - 1, legendre.legder(own))
-        return np.asarray(2 * out)
+            sign, size = signs[:, [joint]], len(own)
+            parts.append((sign * values[:, :size], sign * slopes[:, :size]))
+        return np.hstack([own for own, _ in parts]), np.hstack([own for _, own in parts])
+
+
+def _legendre(s: Array, size: int) -> tuple[Array, Array]:
+    """Legendre's polynomials over [0, 1] and their derivatives, each of shape (samples, size), by recurrence."""
+    x, values, slopes = 2 * s - 1, np.zeros((size + 1, s.size)), np.zeros((size + 1, s.size))
+    values[0], values[1], slopes[1] = 1.0, x, 2.0
+    for n in range(1, size):
+        values[n + 1] = ((2 * n + 1) * x * values[n] - n * values[n - 1]) / (n + 1)
+        slopes[n + 1] = slopes[n - 1] + 2 * (2 * n + 1) * values[n]
+    return values[:size].T, slopes[:size].T

@@ -58,15 +58,17 @@ class Torques:
         by = tuple(np.zeros((*bang.shape, structure.width)) for _ in tau)
         places = structure.places
         for k, control in structure.controls.items():
-            joint, place = structure.changes[k].joint, places[k]
+            joint = structure.changes[k].joint
             end = structure.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
-            for side, (torque, torque_sensitivity) in enumerate(zip(tau, by, strict=True)):
-                s, by_z = _along(structure, arc, own, side, (k, end))
-                terms = unit[joint] * control.terms(s, signs[own])
-                torque[own, joint] = terms @ control.values
-                torque_sensitivity[own, joint] = (unit[joint] * control.derivative(s, signs[own]))[:, None] * by_z
-                torque_sensitivity[own, joint, place] += terms
+            s, by_s = _along(structure, arc, own, (k, end))
+            terms, slopes = control.terms(s, np.tile(signs[own], (2, 1)))
+            torque, by_coefficients = unit[joint] * (terms @ control.values), unit[joint] * terms
+            by_unknowns = unit[joint] * (slopes @ control.values)[:, None] * by_s
+            by_unknowns[:, places[k]] += by_coefficients
+            for side in (0, 1):
+                tau[side][own, joint] = np.split(torque, 2)[side]
+                by[side][own, joint] = np.split(by_unknowns, 2)[side]
         return cls(tau, held.astype(float), np.hstack([lifted, carrying]), free.astype(float), (by[0], by[1]))
 
     @property
@@ -96,24 +98,21 @@ class Torques:
         return np.concatenate(values), np.concatenate(rows)
 
 
-def _along(
-    structure: SwitchingStructure, arc: Index, own: Index, side: int, ends: tuple[int, int]
-) -> tuple[Array, Array]:
-    """Where steps start (side 0) or end (side 1) in a segment, from 0 to 1; and by the unknowns, shape (own, width).
+def _along(structure: SwitchingStructure, arc: Index, own: Index, ends: tuple[int, int]) -> tuple[Array, Array]:
+    """Where steps start, then where they end in a segment, from 0 to 1; and by the unknowns, (2 own, width).
 
     Args:
         structure: the arcs.
         arc: which arc each step is in.
         own: the steps asked for.
-        side: of them.
         ends: changes that begin and end the segment.
     """
     edges = np.concatenate([[0.0], structure.times, [structure.duration]])
     by_edges = np.zeros((edges.size, structure.width))
     by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
-    counts = np.bincount(arc)
-    part = ((np.arange(arc.size) - np.concatenate([[0], np.cumsum(counts)])[arc] + side) / counts[arc])[own]
-    before = arc[own]
+    counts, before = np.bincount(arc), np.tile(arc[own], 2)
+    number = own - np.concatenate([[0], np.cumsum(counts)])[arc[own]]
+    part = np.concatenate([number, number + 1]) / counts[before]
     t = (1 - part) * edges[before] + part * edges[before + 1]
     by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]
     (begin, end), (by_begin, by_end) = edges[np.array(ends) + 1], by_edges[np.array(ends) + 1]

@@ -233,6 +233,12 @@ class SwitchingStructure:
             kept.append(k)
         return replace(self, first=tuple(first), changes=tuple(changes))._only(kept)
 
+    @property
+    def idle_touches(self) -> list[int]:
+        """Numbers of the touches of a limit that the joint is on already: nothing depends on their times."""
+        modes = self.modes()
+        return [k for k, each in enumerate(self.changes) if each.touch and modes[k][each.joint] is each.mode]
+
     def without_changes(self, gone: Iterable[int]) -> Self:
         """Without some changes, by their numbers: touches, that is."""
         left = set(range(self.size)).difference(gone)

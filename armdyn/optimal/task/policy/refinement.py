@@ -29,7 +29,7 @@ class RefinementPolicy:
         8_000, "integrator steps", "to a structure of equal intervals at first: most need 4000", "RR, RRR, random pairs"
     )
     sharp: int = tuned(18_000, "integrator steps", "to one of a mesh refined at its switches", "RR, RRR, random pairs")
-    share: int = tuned(80_000, "integrator steps", "to one of equal intervals in the end", "RR, RRR, random pairs")
+    landed_of: int = tuned(4, "motions", "of one optimum are aimed at the goal at most, until one lands", "RRR")
     iteration: int = tuned(
         8,
         "integrator steps",

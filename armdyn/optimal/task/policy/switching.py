@@ -52,7 +52,7 @@ class DescentPolicy:
     nearly_flat: float = tuned(1e-4, "-", "the same where the model promises nothing any more: what is certified")
     worth: float = tuned(1e-12, "of the duration", "what a step must promise")
     difference: float = tuned(
-        1e-6, "of the duration", "step of differences for second derivatives: between rounding and truncation"
+        1e-7, "of the duration", "step of differences for second derivatives: between rounding and truncation"
     )
     short: float = tuned(
         1e-2, "of the duration", "shorter segments may vanish in one step; longer ones shrink by a tenth first"
@@ -93,7 +93,7 @@ class SingularPolicy:
 
     apart: float = tuned(0.05, "of the duration", "stretches of one joint that are nearer belong together")
     few: int = tuned(3, "coefficients", "of a singular control that are fitted to the torque before")
-    many: int = tuned(11, "coefficients", "of a singular control, at most")
+    many: int = tuned(15, "coefficients", "of a singular control, at most", PAIRS + "; random arms (RR, seed 1)")
     more: int = tuned(2, "coefficients", "that come at a time, while the switching function is not zero")
     inside: float = tuned(0.95, "of the way to a limit", "that a singular control may go at first")
     on_limit: float = tuned(0.9, "of the way to a limit", "at which a torque of a mesh counts as on it")

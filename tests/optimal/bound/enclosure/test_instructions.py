@@ -123,6 +123,15 @@ def test_boxes_do_not_touch_each_other(boxes):
             np.testing.assert_array_equal(many[..., k], one[..., 0])
 
 
+def test_what_overflows_may_be_anything():
+    huge = Interval(np.full((2, 1), 1e200), np.full((2, 1), 2e200))
+    found, form = SUMS.over(huge), SUMS.forms(huge)
+    for product in (2, 3):
+        assert found.lower[product, 0] == -np.inf and found.upper[product, 0] == np.inf
+        assert form.centre[product, 0] == 0 and form.rest[product, 0] == np.inf
+    assert found.lower[0, 0] <= 2e200 <= 4e200 <= found.upper[0, 0] < np.inf
+
+
 def test_an_unknown_operation_is_refused():
     with pytest.raises(BridgeError, match="not known"):
         EnclosedFunction.of(ca.Function("root", [X], [ca.sqrt(X)]))
