@@ -80,6 +80,7 @@ from armdyn.optimal import FrameSpeedLimit as FrameSpeedLimit
 from armdyn.optimal import LowerBound as LowerBound
 from armdyn.optimal import MinimumTimeOptions as MinimumTimeOptions
 from armdyn.optimal import MinimumTimeProblem as MinimumTimeProblem
+from armdyn.optimal import Resolver as Resolver
 from armdyn.optimal import RmsTorque as RmsTorque
 from armdyn.optimal import Sensitivities as Sensitivities
 from armdyn.optimal import Solution as Solution

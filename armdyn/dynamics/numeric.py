@@ -17,6 +17,8 @@ from armdyn.models.robots.robot import Robot
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (…, nv)."""
+InverseDerivatives = Callable[[Array, Array, Array], tuple[Array, Array, Array, Array]]
+"""(q, v, a) ↦ tau, ∂tau/∂q, ∂tau/∂v, M of states, each argument of shape (…, nv), the joints' friction included."""
 
 _AGREES = 1e-8
 """Largest difference to `pin.aba`, relative to the largest acceleration: light wrists lose eight digits."""
@@ -70,3 +72,15 @@ def inverse_dynamics(robot: Robot) -> StateFunction:
     """(q, v, a) ↦ tau: torque [N m or N] of acceleration [rad/s² or m/s²], by `rnea` and the joints' friction."""
     torque: StateFunction = bridge_arm(robot).torque
     return torque
+
+
+def inverse_dynamics_derivatives(robot: Robot) -> InverseDerivatives:
+    """Inverse dynamics of states with derivatives: those of forward dynamics, and ∂tau/∂x = -M ∂a/∂x."""
+    arm = bridge_arm(robot)
+
+    def derivatives(q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        tau, inertia = arm.torque(q, v, a), arm.inertia(q)
+        _, by_q, by_v, _ = arm.derivatives(q, v, tau)
+        return tau, -inertia @ by_q, -inertia @ by_v, inertia
+
+    return derivatives

@@ -34,6 +34,8 @@ Check = tuple[str, bool | None, str]
 def assessment(solution: Solution) -> str:
     """Whether the motion is executable, and how near it is to the fastest possible one, in full sentences."""
     certificate, problem = solution.certificate, solution.problem
+    if solution.status in (Status.FOLLOWED, Status.STOPPED):
+        return f"It keeps all limits and comes to rest, but not at the goal: {solution.message}."
     if not solution.moves:
         return f"No motion was found: {solution.message}."
     if not solution.feasible:
@@ -124,6 +126,8 @@ def paragraph(solution: Solution) -> str:
 
 def replay_words(certificate: Certificate) -> str:
     """Result of a motion's replay in words: open loop, or by segments and under feedback."""
+    if certificate.replay == "curve":
+        return f"ends within {certificate.goal_error:.1e} rad of the goal, torques by inverse dynamics; not replayed"
     growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
     if certificate.replay == "open loop":
         grown = f" (growth {growth})" if growth else ""

@@ -172,8 +172,8 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
         weakest, strongest = limits.actuators.range(*(x.reshape(tau.shape) for x in leg.at(s.ravel())[:2]))
         # What the limits lose with speed is added to the torque: 0 where they are constant.
-        least = -_tops((weakest - limits.actuators.lower) - tau)
-        most = _tops(tau + (limits.actuators.upper - strongest))
+        least = -tops((weakest - limits.actuators.lower) - tau)
+        most = tops(tau + (limits.actuators.upper - strongest))
         marks = np.linspace(0, looks, POINTS + 1).astype(int)
         halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
         upper = (
@@ -187,7 +187,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     return tuple(found)
 
 
-def _tops(tau: Array) -> Array:
+def tops(tau: Array) -> Array:
     """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
 
     Args:

@@ -81,7 +81,8 @@ class Certificate:
         landing: the largest goal error that counts as landed [rad or m].
         replay: "open loop": the torques alone lead to the goal, by whatever integrator. "segments": without feedback
             the motion is too unstable for that; every segment between samples was integrated from the motion's own
-            state, and the motion was replayed under feedback (`proof.repeat`).
+            state, and the motion was replayed under feedback (`proof.repeat`). "curve": the motion was not replayed;
+            its torques are those of inverse dynamics at the samples (`Resolver`).
         growth: largest singular value of the derivative of the end state by the start state, open loop, with states in
             rad or m, and per second. None, as the next: not asked for, as of candidates.
         segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
@@ -107,7 +108,7 @@ class Certificate:
     remark: str = ""
     exceeded: Violation | None = None
     landing: float = REPLAY_TOLERANCE
-    replay: Literal["open loop", "segments"] = "open loop"
+    replay: Literal["open loop", "segments", "curve"] = "open loop"
     growth: float | None = None
     segment_error: float | None = None
     correction: float | None = None

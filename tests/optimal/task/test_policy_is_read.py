@@ -6,6 +6,7 @@ import sys
 import warnings
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.live import resolver as live
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
@@ -256,7 +258,29 @@ def a_neighbour_of_a_study():
         task.work({}, motion_bytes(spline(between("r"), [])))
 
 
+def motions_from_moving_states():
+    """The second is to go on along the first, the third to brake; a ball makes distances be asked for."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(live, "Policy", Noted)
+        arm = ad.Robot.from_library("panda")
+        ready, there = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785]), np.array([1, 0.2, 0.5, -1.5, 0.3, 2, -0.5])
+        resolver = ad.Resolver(arm, obstacles=[ad.Sphere((2.0, 0, 0), 0.1)])
+        first = resolver.solve(ready, np.zeros(7), there)
+        at = first.trajectory(0.3)
+        resolver.solve(at.q, at.v, ready, deadline=1e-9)
+        ad.Resolver(arm).solve(at.q, at.v, ready, deadline=1e-9)
+        stuck = {"eager": 0, "patient": 0, "enough": 1e9, "stuck": 2.0, "missed": -1.0}
+        for numbers in (stuck, {"eager": 0, "enough": 0.0, "patient": 0}):  # numbers for curves that resist
+            patched.setattr(
+                live, "Policy", SimpleNamespace(of=lambda p, own=numbers: Noted.of(p).changed("live", **own))
+            )
+            ad.Resolver(arm).solve(ready, np.zeros(7), there)
+            late = first.trajectory(0.8 * first.duration)
+            ad.Resolver(arm).solve(late.q, late.v, there + 0.05 * np.cos(np.arange(7)))
+
+
 CALLS = (
+    motions_from_moving_states,
     a_contact_that_begins_with_a_pull,
     guesses_round_a_ball,
     constraints_that_are_tightened,

@@ -11,6 +11,7 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
+from armdyn.optimal.task.policy.live import LivePolicy
 from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     AdjointPolicy,
@@ -57,6 +58,7 @@ class Policy:
         path_constraints: what is asked along the way.
         curves: motions as curves.
         sequential: curves among obstacles.
+        live: motions that are planned anew while the arm moves.
         bound: how tight a lower bound is made.
         overrides: groups and numbers that `changed` has set, in turn.
     """
@@ -80,6 +82,7 @@ class Policy:
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)
     curves: CurvePolicy
     sequential: SequentialPolicy = field(default_factory=SequentialPolicy)
+    live: LivePolicy = field(default_factory=LivePolicy)
     bound: BoundPolicy = field(default_factory=BoundPolicy)
     overrides: tuple[tuple[str, dict[str, object]], ...] = ()
 

@@ -1,0 +1,77 @@
+"""Checks of a curve at fine samples: torques, velocities, positions, accelerations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import StateFunction
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.flat.refinement import tops
+from armdyn.optimal.live.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A curve at the samples of its mesh, and by how much it exceeds its limits.
+
+    Attributes:
+        t: times [s], shape (samples,).
+        q: positions [rad or m], shape (samples, nv).
+        v: velocities [rad/s or m/s], likewise.
+        a: accelerations [rad/s² or m/s²], likewise.
+        tau: torques by inverse dynamics [N m or N], likewise.
+        upper: excess over the upper torque limits around each place, as parts of half the ranges, shape (places, nv);
+            negative: so much is spare. Tops of parabolas through three samples count.
+        lower: likewise.
+        other: largest excess over limits of velocity, position and acceleration, as a part of them.
+    """
+
+    t: Array
+    q: Array
+    v: Array
+    a: Array
+    tau: Array
+    upper: Array
+    lower: Array
+    other: float
+
+    @property
+    def torque(self) -> float:
+        """Largest excess of a torque, as a part of half its range."""
+        return float(max(np.max(self.upper), np.max(self.lower)))
+
+    def kept(self, spare: float, tolerance: float) -> bool:
+        """Whether torques leave a part of half their ranges free, and other limits are kept within a part of them."""
+        return self.torque <= -spare and self.other <= tolerance
+
+
+def check(
+    mesh: Mesh, points: Array, duration: float, limits: JointLimits, acceleration: Array, torque: StateFunction
+) -> Checked:
+    """Look at a curve's samples.
+
+    Args:
+        mesh: of the curve.
+        points: its control points.
+        duration: [s].
+        limits: of torques, velocities and positions.
+        acceleration: limits [rad/s² or m/s²], shape (nv,), inf: none.
+        torque: inverse dynamics, friction included.
+    """
+    derivatives = mesh.of_samples @ points
+    q, v, a = derivatives[0], derivatives[1] / duration, derivatives[2] / duration**2
+    tau = torque(q, v, a)
+    lower, upper = limits.actuators.range(q, v)
+    half = limits.actuators.half_range
+    above, below = (
+        np.max(mesh.once(tops(mesh.per_interval(each)))[mesh.around], axis=1)
+        for each in ((tau - upper) / half, (lower - tau) / half)
+    )
+    bounded = np.where(np.isinf(limits.position_upper), 1.0, limits.position_upper - limits.position_lower)
+    other = max(
+        float(np.max(np.abs(v) / limits.velocity)) - 1,
+        float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
+        float(np.max(np.abs(a) / acceleration)) - 1,
+    )
+    return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)

@@ -1,0 +1,202 @@
+"""A curve made shorter, step by step, until it keeps its limits everywhere and gets no shorter."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import InverseDerivatives, StateFunction
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.landing.pace import least_factor
+from armdyn.optimal.live.checking import Checked, check
+from armdyn.optimal.live.distances import Distances
+from armdyn.optimal.live.program import Ends, Iterate, Margins, Pace, Step, StepProgram
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
+from armdyn.trajectory import Trajectory
+
+Guess = tuple[Array, float]
+"""Control points [rad or m], shape (basis.size, nv), and duration [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm with its limits.
+
+    Attributes:
+        robot: the arm.
+        program: of a step, with the limits.
+        torque: inverse dynamics.
+        torques: the same of many states, with derivatives.
+    """
+
+    robot: Robot
+    program: StepProgram
+    torque: StateFunction
+    torques: InverseDerivatives
+
+    def seen(self, points: Array, duration: float) -> Checked:
+        """A curve at its samples."""
+        program = self.program
+        return check(program.mesh, points, duration, program.limits, program.acceleration, self.torque)
+
+    def motion(self, seen: Checked, name: str) -> Trajectory:
+        """The samples as a motion."""
+        names, model = self.robot.joint_names, self.robot.model_hash
+        return Trajectory(seen.t, seen.q, seen.v, seen.tau, names, self.robot.marked(name), model)
+
+    def keeps(self, seen: Checked, distances: Distances | None) -> bool:
+        """Whether a curve keeps all limits and distances."""
+        kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
+        return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """A curve that keeps its limits.
+
+    Attributes:
+        duration: [s].
+        seen: its samples.
+        margins: of the torques with which it was found.
+        settled: whether the last step, free to be long, changed its duration by less than is worth another one.
+    """
+
+    duration: float
+    seen: Checked
+    margins: Margins
+    settled: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """The last curve of some steps, whether it keeps its limits or not.
+
+    Attributes:
+        points: control points [rad or m], shape (basis.size, nv).
+        duration: [s].
+        margins: of the torques, for the next step.
+        steps: that led to it.
+    """
+
+    points: Array
+    duration: float
+    margins: Margins
+    steps: int
+
+
+def improve(
+    arm: Arm, ends: Ends, guesses: Sequence[Guess], margins: Margins, distances: Distances | None, until: float
+) -> tuple[Improved | None, Draft]:
+    """The fastest motion found that keeps its limits, and the last curve.
+
+    Every step is a quadratic program. After it the limits are checked at fine samples, and what a torque exceeds its
+    limit by around a place is taken off the limit there: curve and margins converge together.
+
+    Args:
+        arm: with its limits.
+        ends: start state and goal.
+        guesses: curves to begin with; the best by the merit is taken.
+        margins: of the torques, at first.
+        distances: to be kept; None: none.
+        until: no step is begun that would end after this time, by `time.perf_counter` [s].
+    """
+    program, policy = arm.program, arm.program.policy
+    best, k, calm, began = None, 0, 0, time.perf_counter()
+    price = policy.torque * min(duration for _, duration in guesses)
+    pace = Pace(1.0, price)
+    starts = [_at(arm, ends, *guess, distances) for guess in guesses]
+    here = min(starts, key=lambda one: program.merit(one, margins, pace.price))
+    took = time.perf_counter() - began
+    while k < policy.steps and (began := time.perf_counter()) + took < until - policy.hand_over:
+        k, calm = k + 1, calm + 1
+        step = program.step(here, margins, ends, pace)
+        longer = np.inf if step is None else step.longer
+        here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
+        pace = replace(pace, reach=min(reach, policy.calmer ** max(calm - policy.lively, 0)))
+        seen = arm.seen(here.points, here.duration)
+        settled = abs(longer) <= policy.enough * here.duration
+        if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
+            best = Improved(here.duration, seen, margins, settled and pace.reach >= policy.stuck)
+            if settled:
+                break
+        if best is None and not np.any(ends.v) and k > policy.eager:
+            best = _slowed(arm, here, seen, margins, distances)
+        free = step is not None and calm > policy.eager and 2 * step.part < pace.reach
+        stuck = settled and (free or pace.reach < policy.stuck)
+        if stuck and np.max(program.violations(here, margins)) > policy.missed and pace.price < policy.dearest * price:
+            pace, calm = Pace(1.0, policy.dearer * pace.price), 0
+        margins = _tightened(program, margins, here, seen, settled)
+        if best is None and k >= policy.patient:
+            margins = margins.at_least(min(policy.strict * seen.torque + policy.spare, policy.most_even))
+        took = max(took, time.perf_counter() - began)
+    return best, Draft(here.points, here.duration, margins, k)
+
+
+def _at(arm: Arm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
+    """A curve from the start state to the goal, linearised."""
+    program = arm.program
+    points = program.ends(points, duration, ends)
+    rows = None if distances is None else distances.rows(program.curve(points, duration))
+    return program.at(points, duration, ends, arm.torques, rows)
+
+
+def _taken(
+    arm: Arm,
+    ends: Ends,
+    here: Iterate,
+    step: Step | None,
+    how: tuple[Margins, Pace, bool],
+    distances: Distances | None,
+) -> tuple[Iterate, float]:
+    """The next curve, which is the same if the step makes things worse, and the next step's reach.
+
+    Nocedal and Wright, Numerical Optimization, 2006, algorithm 4.1.
+    """
+    program, (margins, pace, eager) = arm.program, how
+    policy, reach = program.policy, pace.reach
+    if step is None:
+        return here, max(reach / policy.shrink, policy.least_reach)
+    there = _at(arm, ends, here.points + step.points, here.duration + step.longer, distances)
+    before, after = program.merit(here, margins, pace.price), program.merit(there, margins, pace.price)
+    little = policy.enough * here.duration
+    if after > before + little and not eager:
+        return here, max(step.part / policy.shrink, policy.least_reach)
+    if before - after < policy.poor * (before - step.promised):
+        reach = step.part / 2
+    elif before - after > policy.good * (before - step.promised):
+        reach = 2 * reach
+    return there, float(np.clip(reach, policy.least_reach, 1.0))
+
+
+def _slowed(arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances: Distances | None) -> Improved | None:
+    """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
+    program = arm.program
+    factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
+    factor = max(factor, 1 + seen.other) * (1 + program.policy.slack)
+    if not factor < program.policy.too_slow:
+        return None
+    slower = arm.seen(here.points, factor * here.duration)
+    return Improved(factor * here.duration, slower, margins, False) if arm.keeps(slower, distances) else None
+
+
+def _tightened(program: StepProgram, margins: Margins, here: Iterate, seen: Checked, near: bool) -> Margins:
+    """Margins by what torques exceed those at their places by around these, where they would exceed a limit.
+
+    Args:
+        program: of the steps.
+        margins: so far.
+        here: the curve, with torques at the places.
+        seen: its samples.
+        near: the curve hardly changes any more: no margin falls.
+    """
+    policy, nothing = program.policy, Margins(np.zeros_like(margins.upper), np.zeros_like(margins.lower))
+    kept = 1.0 if near else policy.forget
+
+    def next_(margin: Array, beyond: Array, own: Array) -> Array:
+        wanted = np.where(beyond + policy.spare > 0, policy.strict * (beyond - own) + policy.spare, 0.0)
+        return np.minimum(np.maximum(wanted, kept * margin), policy.most_margin)
+
+    over, under = program.violations(here, nothing)
+    return Margins(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))

@@ -1,0 +1,91 @@
+"""Layout of live motions: one B-spline, the places where torques are limited, those where they are checked."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from armdyn.arrays import Array, Index
+from armdyn.optimal.flat.basis import DEGREE, Basis
+
+WINDOW = DEGREE + 1
+"""Control points that a place of the curve depends on."""
+_PER_INTERVAL = 2
+"""Places of an interval at which torques are limited: its begin and its middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Places of a curve and the B-splines there.
+
+    Attributes:
+        basis: of the curve.
+        looks: checked places of every interval, besides its end; a multiple of 4.
+    """
+
+    basis: Basis
+    looks: int
+
+    @cached_property
+    def places(self) -> Array:
+        """Where torques are limited: breaks and the middles between them, as parts of the duration, shape (places,)."""
+        breaks = self.basis.breaks
+        inner = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(_PER_INTERVAL) / _PER_INTERVAL
+        return np.append(inner.ravel(), 1.0)
+
+    @cached_property
+    def weights(self) -> Array:
+        """Parts of the duration nearest to each of the places, shape (places,)."""
+        lengths = np.gradient(self.places)
+        return np.asarray(lengths / np.sum(lengths))
+
+    @cached_property
+    def local(self) -> Array:
+        """B-splines at the places with two derivatives, shape (places, 3, WINDOW)."""
+        return self.basis.local(self.places)
+
+    @cached_property
+    def first(self) -> Index:
+        """First control point that each place depends on, shape (places,)."""
+        return self.basis.interval_of(self.places)
+
+    @cached_property
+    def window(self) -> Index:
+        """Control points that each place depends on, shape (places, WINDOW)."""
+        return self.first[:, None] + np.arange(WINDOW)
+
+    @cached_property
+    def fine(self) -> Array:
+        """Where limits are checked, shape (intervals, looks + 1): breaks are in two intervals."""
+        breaks = self.basis.breaks
+        return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.looks + 1)
+
+    @cached_property
+    def samples(self) -> Array:
+        """The same places, each once, shape (samples,)."""
+        return np.append(self.fine[:, :-1].ravel(), 1.0)
+
+    @cached_property
+    def of_samples(self) -> Array:
+        """B-splines at the samples with two derivatives, shape (3, samples, basis.size)."""
+        all_of_them = BSpline(self.basis.knots, np.eye(self.basis.size), DEGREE)
+        return np.array([all_of_them(self.samples, order) for order in range(3)])
+
+    @cached_property
+    def around(self) -> Index:
+        """Samples around each place, up to halfway to the next places, shape (places, looks / 2 + 1)."""
+        half = self.looks // (2 * _PER_INTERVAL)
+        middle = np.arange(self.places.size)[:, None] * (self.looks // _PER_INTERVAL)
+        return np.asarray(np.clip(middle + np.arange(-half, half + 1), 0, self.samples.size - 1))
+
+    def per_interval(self, values: Array) -> Array:
+        """Values at the samples, shape (samples, nv), interval by interval, shape (intervals, looks + 1, nv)."""
+        index = np.arange(self.basis.intervals)[:, None] * self.looks + np.arange(self.looks + 1)
+        return np.asarray(values[index])
+
+    def once(self, values: Array) -> Array:
+        """The reverse of `per_interval`; of a break the larger of its two values."""
+        out = np.concatenate([values[:, :-1].reshape(-1, values.shape[-1]), values[-1:, -1]])
+        out[self.looks : -1 : self.looks] = np.maximum(out[self.looks : -1 : self.looks], values[:-1, -1])
+        return out

@@ -1,0 +1,264 @@
+"""`Resolver`: motions from a moving state to a goal that changes, within milliseconds."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from armdyn.arguments import expect, number
+from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics, inverse_dynamics_derivatives, joint_inertia
+from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.reaching import GoalPose
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.answer.assembly import without_motion
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.landing.limit_violations import worst_violation
+from armdyn.optimal.live.distances import Distances
+from armdyn.optimal.live.guesses import direct, rest_of
+from armdyn.optimal.live.improving import Arm, Draft, Improved, improve
+from armdyn.optimal.live.last import LastMotion
+from armdyn.optimal.live.mesh import Mesh
+from armdyn.optimal.live.program import Ends, Margins, StepProgram
+from armdyn.optimal.live.stopping import at_rest, fallback, rest_of_last
+from armdyn.optimal.problem.checks import check_motors_everywhere
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.status import Status
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.optimal.task.policy.policy import Policy
+from armdyn.trajectory import Trajectory
+
+_WORDS = {
+    Status.SOLVED: "to the goal",
+    Status.TIME_LIMIT: "to the goal; the deadline came before it was the shortest",
+    Status.ITERATION_LIMIT: "to the goal; it may not be the shortest",
+    Status.FOLLOWED: "no motion to the goal in time: the rest of the last motion, to its own goal",
+    Status.STOPPED: "no motion to the goal in time: the arm comes to rest",
+}
+"""Messages."""
+_THERE = 1e-9
+"""Distance from the goal [rad or m, and per second] at which an arm is there: rounding of samples."""
+_NOTHING = "no motion to the goal in time, and no stop that was tried keeps all limits"
+_REMARK = "a live motion: neither a lower bound nor Pontryagin's conditions are checked"
+
+
+@dataclass(eq=False)
+class Resolver:
+    """Fast motions from a moving state to rest at a goal, each begun from the last one.
+
+    Memory and the last motion are kept from call to call; nothing is built anew for another goal. All attributes may be
+    set at any time: another payload (`resolver.robot = robot.with_payload(…)`), other limits or obstacles hold from the
+    next call on. Limits of jerk, of torque rates and of frames are not kept: `solve_minimum_time` keeps them. For one
+    thread.
+
+    Attributes:
+        robot: the arm; every joint has a motor.
+        effort_limit: [N m or N], as of `MinimumTimeProblem`, like all that follow.
+        velocity_limit: [rad/s or m/s].
+        position_limit: (lower, upper) [rad or m].
+        reserve: part of the torque limits that is kept for feedback [-].
+        velocity_reserve: part of the velocity limits, likewise [-].
+        acceleration_limit: [rad/s² or m/s²].
+        obstacles: to be kept clear of. No way round them is searched: where the straight one touches something,
+            `begin_with` a motion of `solve_minimum_time`.
+        self_collision: whether links keep clear of each other, too.
+        clearance: [m].
+        allowed_contacts: pairs of names that may touch.
+    """
+
+    robot: Robot
+    _: KW_ONLY
+    effort_limit: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None
+    velocity_limit: ArrayLike | None = None
+    position_limit: tuple[ArrayLike, ArrayLike] | None = None
+    reserve: ArrayLike = 0.0
+    velocity_reserve: ArrayLike = 0.0
+    acceleration_limit: ArrayLike | None = None
+    obstacles: Sequence[Obstacle] = ()
+    self_collision: bool = False
+    clearance: float = 0.005
+    allowed_contacts: Sequence[tuple[str, str]] = ()
+    _last: LastMotion | None = field(default=None, init=False, repr=False)
+    _arm: Arm | None = field(default=None, init=False, repr=False)
+    _draft: Draft | None = field(default=None, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        expect_robot(self.robot)
+
+    def begin_with(self, solution: Solution) -> None:
+        """Take a motion as the last one: the arm is about to follow it.
+
+        Args:
+            solution: of `solve_minimum_time`, say.
+
+        Raises:
+            ProblemError: it is no usable solution, or one of another robot.
+        """
+        motion = expect(solution, Solution, "solution").trajectory
+        if not solution.usable or motion.model_hash != self.robot.model_hash:
+            raise ProblemError(
+                f"solution is {'usable' if solution.usable else 'not usable'} and of {solution.problem.robot.name!r}; "
+                f"expected a usable motion of this {self.robot.name!r}"
+            )
+        self._last = LastMotion(motion)
+
+    def solve(
+        self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose, deadline: float | None = None
+    ) -> Solution:
+        """The fastest motion found from a state to rest at a goal.
+
+        A motion that is handed out keeps all limits at its samples and between them. One to the goal ends exactly
+        there. Torques are those of inverse dynamics at the samples. No bound is proven: `lower_bound` is None.
+
+        Args:
+            q: joint positions from which it begins [rad or m], shape (nv,): where the arm is when the answer comes.
+            v: joint velocities there [rad/s or m/s], shape (nv,).
+            goal: joint positions [rad or m], shape (nv,), the name of a pose, or where a frame is to be.
+            deadline: time in which the answer is wanted [s]; None: no limit. A step takes some milliseconds; none is
+                begun that is expected to end later.
+
+        Returns:
+            A `Solution`, `usable` if it reaches the goal. Its `status` is "solved"; or "time_limit" or
+            "iteration_limit" where it may not be the shortest. Where no motion to the goal was found that keeps all
+            limits, it is "followed", the rest of the last motion, if the state is on it; or "stopped", the arm brakes
+            or stays at rest; or "failed": no stop that was tried keeps all limits, and there is no motion.
+
+        Raises:
+            ProblemError: the state is outside the limits, or rests at the goal; or see `MinimumTimeProblem`.
+            ContactError: the state or the goal touches something.
+        """
+        began = time.perf_counter()
+        until = np.inf if deadline is None else began + number(deadline, "deadline", unit="s", sign="positive")
+        problem = self._problem(q, v, goal)
+        arm, policy = self._prepared(problem), Policy.of(problem)
+        ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
+        inertia = np.diag(joint_inertia(self.robot)(ends.q))
+        distances = Distances.of(problem, policy.sequential)
+        if (rest := self._on_the_way(arm, ends, distances)) is not None:
+            return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
+        found, draft = self._improved(arm, ends, inertia, distances, until)
+        self._draft = draft if found is None else None  # the next call goes on from there
+        if found is not None:
+            late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
+            status, motion = Status.SOLVED if found.settled else late, arm.motion(found.seen, "live")
+            self._last = LastMotion(motion, found.margins, arm.program.mesh.places, found.settled)
+        else:
+            left = fallback(arm, ends, inertia, self._last, distances)
+            if left is None:
+                self._last = None
+                return without_motion(problem, Status.FAILED, _NOTHING)
+            status, motion = left
+            self._last = LastMotion(motion)
+        return _solution(problem, (status, motion), distances, draft.steps, time.perf_counter() - began)
+
+    def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
+        """The problem, checked."""
+        end: dict[str, Any] = {"goal_pose": goal} if isinstance(goal, GoalPose) else {"q_goal": goal}
+        problem = MinimumTimeProblem(
+            self.robot, q_start=q, v_start=v, **end, effort_limit=self.effort_limit,
+            velocity_limit=self.velocity_limit, position_limit=self.position_limit, reserve=self.reserve,
+            velocity_reserve=self.velocity_reserve, acceleration_limit=self.acceleration_limit,
+            obstacles=self.obstacles, self_collision=self.self_collision, clearance=self.clearance,
+            allowed_contacts=self.allowed_contacts,
+        )  # fmt: skip
+        check_motors_everywhere(self.robot, problem.limits, "a Resolver plans curves")
+        return problem
+
+    def _prepared(self, problem: MinimumTimeProblem) -> Arm:
+        """The arm with its program: laid out again where limits have changed; its dynamics where the robot has."""
+        known, acceleration = self._arm, np.full(self.robot.nv, np.inf)
+        if problem.acceleration_limit is not None:
+            acceleration = np.asarray(problem.acceleration_limit)
+        if known is not None and _alike(known.program, problem.limits, acceleration):
+            program = known.program
+        else:
+            numbers = Policy.of(problem).live
+            mesh = Mesh(Basis(graded(numbers.intervals, numbers.shortest)), numbers.looks)
+            program = StepProgram(mesh, problem.limits, acceleration, numbers)
+            self._draft = None
+        if known is None or known.program is not program or known.robot is not self.robot:
+            dynamics = inverse_dynamics(self.robot), inverse_dynamics_derivatives(self.robot)
+            known = self._arm = Arm(self.robot, program, *dynamics)
+        return known
+
+    def _on_the_way(self, arm: Arm, ends: Ends, distances: Distances | None) -> Trajectory | None:
+        """The rest of the last motion where it goes to the goal, or rest where the arm is there; None: neither."""
+        if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
+            return at_rest(arm, ends.goal, distances)
+        last = self._last
+        if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - ends.goal)) > _THERE:
+            return None
+        return rest_of_last(arm, ends, last, distances)
+
+    def _improved(
+        self, arm: Arm, ends: Ends, inertia: Array, distances: Distances | None, until: float
+    ) -> tuple[Improved | None, Draft]:
+        """The best motion to the goal, and the last curve."""
+        mesh, limits = arm.program.mesh, arm.program.limits
+        guesses, nothing = [direct(mesh, ends, limits, inertia)], np.zeros((mesh.places.size, ends.q.size))
+        margins = Margins(nothing, nothing)
+        if self._last is not None:
+            passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])
+            positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
+            guesses.append(rest_of(mesh, positions, ends, end - passed))
+            margins = self._last.margins_from(passed, mesh) or margins
+        if (draft := self._draft) is not None:
+            guesses.append(rest_of(mesh, draft.points, ends, draft.duration))
+            margins = draft.margins
+        return improve(arm, ends, guesses, margins, distances, until)
+
+
+def _alike(program: StepProgram, limits: JointLimits, acceleration: Array) -> bool:
+    """Whether a program has these limits."""
+    own = program.limits
+    if type(own.actuators) is not type(limits.actuators) or not np.array_equal(program.acceleration, acceleration):
+        return False
+    pairs = (
+        (own.position_lower, limits.position_lower),
+        (own.position_upper, limits.position_upper),
+        (own.velocity, limits.velocity),
+        (own.actuators.lower, limits.actuators.lower),
+        (own.actuators.upper, limits.actuators.upper),
+        *zip(own.actuators.lines, limits.actuators.lines, strict=True),
+    )
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _solution(
+    problem: MinimumTimeProblem,
+    outcome: tuple[Status, Trajectory],
+    distances: Distances | None,
+    steps: int,
+    seconds: float,
+) -> Solution:
+    """The solution of a motion that keeps all limits."""
+    status, motion = outcome
+    exceeded = worst_violation(problem.limits, motion, problem.robot.joint_names, dense=2)
+    beside = np.abs(problem.beside_goal(motion))
+    certificate = Certificate(
+        float(np.max(beside[: problem.robot.nv])), float(np.max(beside[problem.robot.nv :])),
+        exceeded.value if exceeded else 0.0, exceeded=exceeded, remark=_REMARK, replay="curve",
+    )  # fmt: skip
+    reaches = status not in (Status.FOLLOWED, Status.STOPPED)
+    report = None if distances is None else distances.report
+    return Solution(
+        success=reaches and certificate.usable,
+        status=status,
+        message=f"{motion.duration:.6g} s, {_WORDS[status]}",
+        problem=problem,
+        duration=motion.duration,
+        trajectory=motion,
+        certificate=certificate,
+        iterations=steps,
+        solve_time=seconds,
+        worst_violation=exceeded,
+        clearance=None if report is None else report.clearance,
+        constraint_reports=() if report is None else (report,),
+        moves=reaches,
+    )

@@ -1,0 +1,65 @@
+"""Numbers of motions that are planned anew while the arm moves."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from armdyn.optimal.task.policy.tuned import tuned
+
+
+@dataclass(frozen=True, kw_only=True)
+class LivePolicy:
+    """How a motion from a moving state is laid out, improved and checked, and how the arm is stopped."""
+
+    cases: ClassVar = "Panda, twelve random pairs, goals moved by up to 0.2 rad (seed 1)"
+
+    intervals: int = tuned(24, "intervals", "of the curve; 28 take a quarter more time for 0.01 % of the duration")
+    shortest: float = tuned(5e-3, "of the duration", "first and last interval; 1e-2 is 0.1 % slower")
+    looks: int = tuned(24, "places", "of an interval at which limits are checked; a multiple of 4")
+    smooth: float = tuned(1e-6, "s", "weight of squared accelerations over velocity limits; costs 0.02 %")
+    torque: float = tuned(
+        0.02, "of the duration", "price of a torque beyond its limit by half its range; 0.2: 5 steps, not 4"
+    )
+    dearer: float = tuned(5.0, "-", "factor on it where the curve settles with a torque beyond its limit")
+    dearest: float = tuned(30.0, "-", "times the first price: more stalls")
+    patient: int = tuned(5, "steps", "without a motion within the limits, after which all torques get a margin")
+    most_even: float = tuned(0.3, "of half the range", "of which at most: as much as torques go beyond their limits")
+    missed: float = tuned(1e-3, "of half the range", "by which it is")
+    rate: float = tuned(1.0, "1", "price of a velocity beyond its limit, times the duration")
+    distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose")
+    trust: float = tuned(0.3, "rad or m", "radius of the first step")
+    lively: int = tuned(3, "steps", "after which the greatest step falls: excesses fall with its square")
+    calmer: float = tuned(0.6, "-", "factor by which it falls then at every step")
+    stuck: float = tuned(0.03, "of the greatest step", "shorter ones only make sure that limits are kept")
+    least_reach: float = tuned(0.003, "of the greatest step", "least radius of a step")
+    proximal: float = tuned(
+        1.0, "of smooth", "weight of the squared change of accelerations: joints with time to spare"
+    )
+    shrink: float = tuned(3.0, "-", "factor by which the radius falls after a step that makes things worse")
+    slower: float = tuned(0.5, "of the duration", "most that it grows in a step")
+    faster: float = tuned(0.25, "of the duration", "most that it falls in a step")
+    poor: float = tuned(0.25, "of the promised", "gain below which the next step is shorter", "Nocedal and Wright")
+    good: float = tuned(0.75, "of the promised", "gain above which it may be longer", "Nocedal and Wright")
+    eager: int = tuned(2, "steps", "taken whatever they do")
+    steps: int = tuned(40, "steps", "at most; the median is 3")
+    enough: float = tuned(5e-4, "of the duration", "change of the last step of a motion that is handed out")
+    accuracy: float = tuned(1e-4, "-", "of a quadratic program: rows are kept better than the spare torque")
+    spare: float = tuned(
+        1.5e-3, "of half the range", "torque that is left free at the least: what one step is wrong by"
+    )
+    least_spare: float = tuned(
+        4e-4,
+        "of half the range",
+        "left free by a motion that is handed out: cubics between its samples take up to 1e-4",
+    )
+    strict: float = tuned(1.2, "-", "times a torque's excess between the points is taken off its limit there")
+    forget: float = tuned(0.6, "of a margin", "kept where nothing is exceeded, while the curve still changes")
+    most_margin: float = tuned(0.9, "of half the range", "that is taken off a torque limit")
+    beside_position: float = tuned(1e-5, "rad or m", "from the last motion: the arm is on it")
+    beside_velocity: float = tuned(1e-3, "rad/s or m/s", "likewise")
+    hand_over: float = tuned(2e-3, "s", "before the deadline at which no other step is begun, besides a step's time")
+    slack: float = tuned(5e-4, "of the duration", "by which a motion from rest is slowed more than its samples ask")
+    too_slow: float = tuned(
+        2.0, "of the duration", "a motion from rest that must be slowed by so much is not handed out"
+    )
+    brakes: int = tuned(16, "durations", "tried for a stop, the shortest first")
+    longer: float = tuned(1.25, "-", "from one of them to the next")
