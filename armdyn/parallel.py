@@ -129,6 +129,13 @@ class ForkPool(Generic[Result]):
                 found.append((number, process, None))
         return found
 
+    def interrupt(self) -> None:
+        """Interrupt the jobs under way: those that ask a `Stop` return what they have."""
+        for line in self._under_way:
+            if (number := self._processes[line].pid) is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(number, signal.SIGINT)
+
     def close(self, patient: bool) -> None:
         """Kill all workers. Nobody waits for their end, which takes as long as a small solve.
 

@@ -110,6 +110,7 @@ DRAWN = {
 ELSEWHERE = {
     "run_it_on_a_robot.png": "scripts/run_it_on_a_robot.py",
     "stability.png": "scripts/stability.py",
+    "studio.png": "scripts/studio_picture.py",
     **{f"sweep_{kind}.png": "scripts/sweep_pictures.py" for kind in ("curve", "map", "pareto")},
 }
 

@@ -27,6 +27,7 @@ from armdyn.cli.parsing.layout import Command, CommandGroup
 from armdyn.cli.presets import presets
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots
+from armdyn.cli.studio import studio
 from armdyn.cli.sweeps.sweep import sweep
 from armdyn.cli.tracking.many import monte_carlo
 from armdyn.cli.tracking.track import track
@@ -39,6 +40,8 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 [dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
+[dim]A page in the browser, on which you drag start and goal:[/]
+    armdyn studio panda
 [dim]A pick-and-place cycle from a file, and a file to begin with:[/]
     armdyn cycle --example
     armdyn cycle cell.toml
@@ -58,7 +61,7 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 armdyn COMMAND --help says more, with examples."""
 
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Motions": (mintime, cycle, bound, optimality, check, sweep),
+    "Motions": (mintime, studio, cycle, bound, optimality, check, sweep),
     "Closed loops": (track, monte_carlo, tune, pid),
     "Results": (report, compare, replay, export),
     "Robots": (robots, presets, doctor, identify),

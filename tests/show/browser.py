@@ -10,6 +10,8 @@ import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
+
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -24,7 +26,9 @@ FLAGS = [
 ]
 
 UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) {
-  kind.prototype.drawElements = kind.prototype.drawArrays = () => {};
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+    kind.prototype[name] = () => {};
+  }
 }"""
 """Leaves the scene's canvas blank: without a graphics card a frame takes up to a second."""
 
@@ -70,6 +74,22 @@ def wait_until(page, expression, seconds=60.0):
     while not page.evaluate(expression):
         assert time.monotonic() < end, f"{expression} is not true after {seconds} s"
         page.wait_for_timeout(20)
+
+
+def pixel_of(point, eye, target, window):
+    """Where the studio's camera, z up and with viser's field of view of 75 degrees, sees a point [px], shape (2,).
+
+    Args:
+        point: in the world [m], shape (3,).
+        eye: the camera's place.
+        target: that it looks at.
+        window: {"width": …, "height": …} [px].
+    """
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, [0, 0, 1]) / np.linalg.norm(np.cross(ahead, [0, 0, 1]))
+    up, way = np.cross(right, ahead), point - eye
+    scale = window["height"] / 2 / np.tan(np.radians(75) / 2) / (way @ ahead)
+    return np.array([window["width"] / 2 + scale * (way @ right), window["height"] / 2 - scale * (way @ up)])
 
 
 def left_the_page(requests):

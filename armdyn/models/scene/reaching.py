@@ -157,6 +157,22 @@ def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
     return np.asarray(rows[rank:].T)
 
 
+def approached(robot: Robot, goal: GoalPose, near: Array, limits: JointLimits) -> tuple[Array, Array]:
+    """Joint positions, from nearby ones, that bring a frame to a goal, or as near as the way there leads.
+
+    Args:
+        robot: the arm.
+        goal: where the frame is to be.
+        near: joint positions to begin with [rad or m], shape (nv,).
+        limits: of the positions.
+
+    Returns:
+        The positions [rad or m], shape (nv,), and how far the frame is from the goal there [m, rad], shape (6,) or
+        (3,).
+    """
+    return _approach(robot, goal, robot.frame(goal.frame), near, limits)
+
+
 def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimits) -> Array | None:
     """The joint positions near q + step that reach the goal, too; None: none was found. Each of shape (nv,)."""
     moved, error = _approach(robot, goal, robot.frame(goal.frame), q + step, limits)

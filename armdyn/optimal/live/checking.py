@@ -41,9 +41,9 @@ class Checked:
         """Largest excess of a torque, as a part of half its range."""
         return float(max(np.max(self.upper), np.max(self.lower)))
 
-    def kept(self, tolerance: float) -> bool:
-        """Whether all limits are kept: torques strictly, the others within a part of them."""
-        return self.torque <= 0 and self.other <= tolerance
+    def kept(self, spare: float, tolerance: float) -> bool:
+        """Whether torques leave a part of half their ranges free, and other limits are kept within a part of them."""
+        return self.torque <= -spare and self.other <= tolerance
 
 
 def check(

@@ -48,7 +48,8 @@ class Arm:
 
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
         """Whether a curve keeps all limits and distances."""
-        return seen.kept(LIMIT_TOLERANCE) and (distances is None or distances.kept(self.motion(seen, "checked")))
+        kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
+        return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +69,27 @@ class Improved:
     settled: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """The last curve of some steps, whether it keeps its limits or not.
+
+    Attributes:
+        points: control points [rad or m], shape (basis.size, nv).
+        duration: [s].
+        margins: of the torques, for the next step.
+        steps: that led to it.
+    """
+
+    points: Array
+    duration: float
+    margins: Margins
+    steps: int
+
+
 def improve(
     arm: Arm, ends: Ends, guesses: Sequence[Guess], margins: Margins, distances: Distances | None, until: float
-) -> tuple[Improved | None, int]:
-    """The fastest motion found that keeps its limits, and the number of steps.
+) -> tuple[Improved | None, Draft]:
+    """The fastest motion found that keeps its limits, and the last curve.
 
     Every step is a quadratic program. After it the limits are checked at fine samples, and what a torque exceeds its
     limit by around a place is taken off the limit there: curve and margins converge together.
@@ -113,7 +131,7 @@ def improve(
         if best is None and k >= policy.patient:
             margins = margins.at_least(min(policy.strict * seen.torque + policy.spare, policy.most_even))
         took = max(took, time.perf_counter() - began)
-    return best, k
+    return best, Draft(here.points, here.duration, margins, k)
 
 
 def _at(arm: Arm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:

@@ -22,7 +22,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
-from armdyn.optimal.live.improving import Arm, Improved, improve
+from armdyn.optimal.live.improving import Arm, Draft, Improved, improve
 from armdyn.optimal.live.last import LastMotion
 from armdyn.optimal.live.mesh import Mesh
 from armdyn.optimal.live.program import Ends, Margins, StepProgram
@@ -86,6 +86,7 @@ class Resolver:
     allowed_contacts: Sequence[tuple[str, str]] = ()
     _last: LastMotion | None = field(default=None, init=False, repr=False)
     _arm: Arm | None = field(default=None, init=False, repr=False)
+    _draft: Draft | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         expect_robot(self.robot)
@@ -141,7 +142,8 @@ class Resolver:
         distances = Distances.of(problem, policy.sequential)
         if (rest := self._on_the_way(arm, ends, distances)) is not None:
             return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
-        found, steps = self._improved(arm, ends, inertia, distances, until)
+        found, draft = self._improved(arm, ends, inertia, distances, until)
+        self._draft = draft if found is None else None  # the next call goes on from there
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
             status, motion = Status.SOLVED if found.settled else late, arm.motion(found.seen, "live")
@@ -153,7 +155,7 @@ class Resolver:
                 return without_motion(problem, Status.FAILED, _NOTHING)
             status, motion = left
             self._last = LastMotion(motion)
-        return _solution(problem, (status, motion), distances, steps, time.perf_counter() - began)
+        return _solution(problem, (status, motion), distances, draft.steps, time.perf_counter() - began)
 
     def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
         """The problem, checked."""
@@ -179,6 +181,7 @@ class Resolver:
             numbers = Policy.of(problem).live
             mesh = Mesh(Basis(graded(numbers.intervals, numbers.shortest)), numbers.looks)
             program = StepProgram(mesh, problem.limits, acceleration, numbers)
+            self._draft = None
         if known is None or known.program is not program or known.robot is not self.robot:
             dynamics = inverse_dynamics(self.robot), inverse_dynamics_derivatives(self.robot)
             known = self._arm = Arm(self.robot, program, *dynamics)
@@ -195,8 +198,8 @@ class Resolver:
 
     def _improved(
         self, arm: Arm, ends: Ends, inertia: Array, distances: Distances | None, until: float
-    ) -> tuple[Improved | None, int]:
-        """The best motion to the goal, and the number of steps."""
+    ) -> tuple[Improved | None, Draft]:
+        """The best motion to the goal, and the last curve."""
         mesh, limits = arm.program.mesh, arm.program.limits
         guesses, nothing = [direct(mesh, ends, limits, inertia)], np.zeros((mesh.places.size, ends.q.size))
         margins = Margins(nothing, nothing)
@@ -205,6 +208,9 @@ class Resolver:
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
             guesses.append(rest_of(mesh, positions, ends, end - passed))
             margins = self._last.margins_from(passed, mesh) or margins
+        if (draft := self._draft) is not None:
+            guesses.append(rest_of(mesh, draft.points, ends, draft.duration))
+            margins = draft.margins
         return improve(arm, ends, guesses, margins, distances, until)
 
 

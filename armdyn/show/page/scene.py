@@ -82,8 +82,8 @@ def scene_data(
         "joints": robot.nv,
         "points": _named_points(robot),
         "tip": robot.tip,
-        "planar": _is_planar(robot),
-        "reach": _reach(robot),
+        "planar": is_planar(robot),
+        "reach": reach_of(robot),
         "speed": speed,
         "commands": [_packed(command) for command in shapes],
         "marks": list(marks),
@@ -175,7 +175,7 @@ def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualSha
 def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str, Any]:
     """Joint poses of one trajectory on a uniform grid of times, and the path of its tip."""
     n = int(np.clip(np.ceil(trajectory.duration / step) + 1, 2, _MAX_FRAMES))
-    poses, tips = _poses(robot, trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n)).q)
+    poses, tips = joint_poses(robot, trajectory(np.linspace(trajectory.t[0], trajectory.t[-1], n)).q)
     return {
         "duration": trajectory.duration,
         "color": list(COLORS[i % len(COLORS)]),
@@ -185,7 +185,7 @@ def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str,
     }
 
 
-def _poses(robot: Robot, q: Array) -> tuple[Array, Array]:
+def joint_poses(robot: Robot, q: Array) -> tuple[Array, Array]:
     """Every joint's pose and the tip's position.
 
     Args:
@@ -205,14 +205,14 @@ def _poses(robot: Robot, q: Array) -> tuple[Array, Array]:
     return poses, tips
 
 
-def _reach(robot: Robot) -> float:
+def reach_of(robot: Robot) -> float:
     """Upper bound of the distance from base to tip [m]."""
     tip = robot.frame(robot.tip)
     steps = [*list(robot.model.jointPlacements)[1:], tip.placement]
     return max(sum(float(np.linalg.norm(step.translation)) for step in steps), 1e-3)
 
 
-def _is_planar(robot: Robot) -> bool:
+def is_planar(robot: Robot) -> bool:
     """Whether it moves in the world's x-z plane: every joint turns about y."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))

@@ -221,3 +221,14 @@ def test_towards_the_same_goal_the_last_motion_goes_on():
     there = resolver.solve(end.q + 1e-13, end.v, THERE)
     assert there.usable
     assert not np.any(there.trajectory.v)
+
+
+def test_what_one_call_has_no_time_for_the_next_ones_go_on_with():
+    resolver, solution = ad.Resolver(panda()), None
+    for _ in range(60):  # each may take a step or two, on a busy machine none
+        solution = resolver.solve(READY, REST, THERE, deadline=0.03)
+        if solution.usable:
+            break
+        assert solution.status == "stopped"
+    assert solution.usable
+    expect_motion(solution, READY, REST, THERE)

@@ -46,13 +46,18 @@ class LivePolicy:
     spare: float = tuned(
         1.5e-3, "of half the range", "torque that is left free at the least: what one step is wrong by"
     )
+    least_spare: float = tuned(
+        4e-4,
+        "of half the range",
+        "left free by a motion that is handed out: cubics between its samples take up to 1e-4",
+    )
     strict: float = tuned(1.2, "-", "times a torque's excess between the points is taken off its limit there")
     forget: float = tuned(0.6, "of a margin", "kept where nothing is exceeded, while the curve still changes")
     most_margin: float = tuned(0.9, "of half the range", "that is taken off a torque limit")
     beside_position: float = tuned(1e-5, "rad or m", "from the last motion: the arm is on it")
     beside_velocity: float = tuned(1e-3, "rad/s or m/s", "likewise")
     hand_over: float = tuned(2e-3, "s", "before the deadline at which no other step is begun, besides a step's time")
-    slack: float = tuned(2e-4, "of the duration", "by which a motion from rest is slowed more than its samples ask")
+    slack: float = tuned(5e-4, "of the duration", "by which a motion from rest is slowed more than its samples ask")
     too_slow: float = tuned(
         2.0, "of the duration", "a motion from rest that must be slowed by so much is not handed out"
     )

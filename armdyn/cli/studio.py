@@ -1,0 +1,178 @@
+"""The command `armdyn studio`: a page in the browser on which a motion is made by hand."""
+
+from __future__ import annotations
+
+import json
+import sys
+import warnings
+from dataclasses import dataclass, field
+from functools import partial
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+import armdyn as ad
+from armdyn import models
+from armdyn.cli import interrupts
+from armdyn.cli.console import SCHEMA, answering, console, facts_table, working
+from armdyn.cli.invocation import command_name
+from armdyn.cli.motion.mintime import CurveOptions
+from armdyn.cli.options.poses import GoalOptions, PoseOptions
+from armdyn.cli.options.results import OutputOptions
+from armdyn.cli.options.task import ProblemOptions
+from armdyn.cli.parsing.panels import OUTPUT, TASK
+from armdyn.errors import ArmdynWarning, FileError, MissingPackageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from armdyn.paper import Kind
+    from armdyn.show.studio.session import Basis
+    from armdyn.show.studio.state import StudioState
+
+_TURN, _SHIFT = 1.0, 0.2
+"""By which the first joint moves where no goal is given [rad, m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstPoses(PoseOptions):
+    """Start and goal of a page that is opened; both have defaults, since they are changed there."""
+
+    def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+        """Joint positions of the start; by default the first named pose, or the middle of the joints' ranges."""
+        if self.q_start is not None or name in models.PLANAR_ARMS:
+            return super().start(robot, name, kind)
+        import numpy as np
+
+        lower, upper = robot.limits.position_lower, robot.limits.position_upper
+        named = [pose for pose in robot.poses.values() if np.all((lower <= pose) & (pose <= upper))]
+        bounded = np.isfinite(lower + upper)
+        middle = np.where(bounded, np.where(bounded, lower + upper, 0.0) / 2, np.clip(0.0, lower, upper))
+        return [float(q) for q in (named[0] if named else middle)]
+
+    def goal(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+        """The goal; by default the first joint turns, or slides."""
+        if self.q_goal is not None or name in models.PLANAR_ARMS:
+            return super().goal(robot, name, kind)
+        q, limits = self.start(robot, name, kind), robot.limits
+        way = _SHIFT if robot.slides[0] else _TURN
+        up, down = limits.position_upper[0] - q[0], q[0] - limits.position_lower[0]
+        q[0] += min(way, up) if up >= min(way, down) else -min(way, down)
+        return q
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstGoal(GoalOptions):
+    """Start and goal with defaults."""
+
+    poses: FirstPoses = field(default_factory=FirstPoses)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstProblem(ProblemOptions):
+    """The problem that a page begins with."""
+
+    goal: FirstGoal
+
+
+def studio(
+    task: FirstProblem,
+    search: CurveOptions,
+    output: OutputOptions,
+    host: Annotated[
+        str,
+        typer.Option(
+            metavar="ADDRESS",
+            rich_help_panel=OUTPUT,
+            help="Address to serve on. Only this machine reaches 127.0.0.1; on another address everyone who reaches it "
+            "can change the state, and save files into --out.",
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int,
+        typer.Option(
+            metavar="N", min=1, max=65535, rich_help_panel=OUTPUT, help="Port; if it is taken, the next free."
+        ),
+    ] = 8080,
+    fresh: Annotated[
+        bool,
+        typer.Option("--fresh", rich_help_panel=TASK, help="Begin anew, though --out has the state of a last session."),
+    ] = False,
+) -> None:
+    """Page in the browser with the arm: drag start and goal, and see the fastest motion at once.
+
+    Start and goal follow a gizmo at the tool, by inverse kinematics, or a slider for each joint. Obstacles are added,
+    moved and removed; payload, reserve, calm and the controller's preset change what the arm can do. The motion is
+    computed while you drag, the newest request first, and played, with its duration, the proven gap, what decides it,
+    and what is wrong with a pose in words.
+
+    The options are those of armdyn mintime, and the problem may be a file: what the page does not change, such as via
+    points, stays. Without --q-start and --q-goal the arm starts at its first named pose, and turns its first joint.
+
+    Buttons save the problem (problem.toml, for armdyn mintime), the motion (trajectory.npz) and the report
+    (report.html) into --out. The state is saved there all the time: a page that was killed goes on where it was, unless
+    --fresh is given. Several browsers show the same. Ctrl-C ends it.
+
+    It needs the package viser: pip install viser. No page leaves this machine, and nothing is loaded from another.
+
+    [dim]armdyn studio panda
+    armdyn studio ur5 --q-start home --self-collision
+    armdyn studio my_arm.urdf --payload 2 --obstacle box:0.2,0.2,0.6@0.5,0,0.3
+    armdyn studio problem.toml --port 9000 --out results/cell[/]
+    """
+    with answering(output.json):
+        _expect_viser()
+        from armdyn.show.studio.origins import free_port
+        from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Basis, Session
+        from armdyn.show.studio.state import StudioState
+
+        folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
+        with working(f"reading {task.robot.robot}"):
+            problem, options = task.problem()
+            basis = Basis.of(problem, search.over(options).options())
+            kept = None if fresh else _kept_state(basis, folder)
+            state = StudioState.of(problem, basis.options.calm) if kept is None else kept
+            free = free_port(host, port)
+        with Session(basis, folder, state) as session:
+            from armdyn.show.studio.page import serve
+
+            interrupts.at("the studio")
+            serve(session, host, free, partial(_say, output.json, folder, host, port, kept is not None))
+
+
+def _expect_viser() -> None:
+    if find_spec("viser") is None:
+        raise MissingPackageError("viser", "armdyn studio")
+
+
+def _kept_state(basis: Basis, folder: Path) -> StudioState | None:
+    """The state of the last session in a folder; None: there was none, or it is of no use, and a warning says so."""
+    from armdyn.show.studio.session import restored
+
+    try:
+        return restored(basis, folder)
+    except FileError as error:
+        warnings.warn(f"{error}; the studio begins anew, and the next change replaces it", ArmdynWarning, stacklevel=2)
+        return None
+
+
+def _say(as_json: bool, folder: Path, host: str, wanted: int, again: bool, port: int) -> None:
+    """Say where the page is."""
+    from armdyn.show.studio.origins import is_loopback
+    from armdyn.show.studio.session import STATE_FILE
+
+    url = f"http://{f'[{host}]' if ':' in host else host}:{port}"
+    if as_json:
+        facts = {"url": url, "host": host, "port": port, "folder": str(folder), "restored": again}
+        said = {"schema": SCHEMA, "command": command_name(), "success": True, "status": "serving", **facts}
+        sys.stdout.write(json.dumps(said) + "\n")
+        sys.stdout.flush()
+    words = {"page": f"{url}  (Ctrl-C ends it)", "files": str(folder)}
+    if port != wanted:
+        words["port"] = f"{wanted} is taken"
+    if again:
+        words["state"] = f"of the last session, from {folder / STATE_FILE}; --fresh begins anew"
+    if not is_loopback(host):
+        words["open to others"] = f"whoever reaches {host} can use this page, and have files written into {folder}"
+    console.print(facts_table("armdyn studio", words))

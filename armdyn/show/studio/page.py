@@ -1,0 +1,419 @@
+"""The studio's page: widgets and server of viser around a session."""
+
+from __future__ import annotations
+
+import io
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import viser
+import websockets.asyncio.server
+
+from armdyn.errors import ArmdynError
+from armdyn.models.scene.obstacles import Obstacle
+from armdyn.show.page.scene import playing_speed, short_names
+from armdyn.show.studio.origins import foreign
+from armdyn.show.studio.scene import SceneView
+from armdyn.show.studio.session import END_NAMES, End, Session
+from armdyn.show.studio.state import (
+    MOST_PAYLOAD,
+    MOST_RESERVE,
+    SIZES,
+    moved,
+    new_obstacle,
+    placement_of,
+    resized,
+    sizes_of,
+    slider_limits,
+)
+from armdyn.show.studio.words import answer_html, note_html
+
+_FRAME = 1 / 30
+"""Between two frames [s]."""
+_SLIDER_EVERY = 3
+"""Frames between two updates of the time's slider: the browser lays out the panel anew for each."""
+_REST = 0.6
+"""At the end of the motion, before it is played again [s]."""
+_LET_GO = 3.0
+"""A gizmo that has not moved for so long counts as let go, though no browser said so [s]: it may have been closed."""
+_STEP = 1e-3
+"""Of the joints' sliders [rad or m]."""
+_PHONE = 600
+"""A browser less wide has the widgets at its bottom [pixels]."""
+_NONE = "none"
+_SIZE_NAMES = {"Box": ("size x", "size y", "size z"), "Sphere": ("radius",), "Cylinder": ("length", "radius")}
+
+
+def serve(session: Session, host: str, port: int, serving: Callable[[int], None]) -> None:
+    """Serve the page until Ctrl-C.
+
+    Args:
+        session: entered already: its process is forked before the server's threads are there.
+        host: address to listen on.
+        port: the first one that is tried.
+        serving: called with the port, when the page can be opened.
+    """
+    with redirect_stdout(io.StringIO()), _same_origin(host):  # viser prints a banner
+        server = viser.ViserServer(host, port, label=f"{session.robot.name} – armdyn studio", verbose=False)
+    try:
+        page = Page(server, session)
+        serving(server.get_port())
+        with redirect_stdout(sys.stderr):  # viser prints of browsers that it refuses
+            page.run()
+    finally:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+class Page:
+    """Widgets and scene of a session, the same in all browsers.
+
+    Callbacks of widgets only note what is to be done; `run`, in the main thread, does it, once per frame.
+    """
+
+    def __init__(self, server: viser.ViserServer, session: Session):
+        self._server, self._session = server, session
+        self._notes: dict[str, Callable[[], object]] = {}
+        self._trouble: tuple[str, ...] = ()
+        self._drawn: dict[str, object] = {}
+        self._held: dict[str, float] = {}
+        self._selected: str | None = None
+        self._time, self._playing, self._frames = 0.0, True, 0
+        server.request_share_url = lambda verbose=True: None  # nothing leaves this machine
+        server.gui.configure_theme(show_share_button=False, show_logo=False, brand_color=(30, 110, 200))
+        self.view = SceneView(server.scene, session)
+        self._look()
+        self._add_widgets()
+        self._hear_gizmos()
+        self.tick(0.0)
+
+    def run(self) -> None:
+        """Do what was noted and draw, frame by frame."""
+        before = time.monotonic()
+        while True:
+            time.sleep(_FRAME)
+            now = time.monotonic()
+            self.tick(now - before)
+            before = now
+
+    def tick(self, seconds: float) -> None:
+        """One frame, some seconds after the last one [s]."""
+        notes, self._notes = self._notes, {}
+        for action in notes.values():
+            try:
+                action()
+            except ArmdynError as error:
+                self._session.change(str(error))
+        self._session.tick()
+        with self._server.atomic():
+            self._show_state()
+            self._show_motion()
+            if self._server.get_clients():
+                self._play(seconds)
+
+    # Widgets.
+
+    def _add_widgets(self) -> None:
+        gui, session = self._server.gui, self._session
+        self._answer = gui.add_html("")
+        self._play_button = gui.add_button("Pause", hint="P on the keyboard")
+        self._play_button.on_click(self._note("play", self._toggle))
+        gui.add_command("Play or pause", hotkey="P").on_trigger(self._note("play", self._toggle))
+        self._clock = gui.add_slider("time [s]", 0.0, 1.0, 1e-3, 0.0)
+        self._hear(self._clock, self._seek)
+        speeds = ("1", "1/2", "1/5", "1/10", "1/50", "1/200")
+        self._speed = gui.add_dropdown("speed", speeds, initial_value="1/5", hint="of real time")
+        tabs = gui.add_tab_group()
+        self._sliders = {}
+        for end, label in (("goal", "Goal"), ("start", "Start")):
+            with tabs.add_tab(label):
+                self._sliders[end] = self._add_sliders(end)
+        with tabs.add_tab("Obstacles"):
+            self._add_obstacle_widgets()
+        with tabs.add_tab("Limits"):
+            self._add_limit_widgets()
+        with gui.add_folder("Save"):
+            self._saved = gui.add_html("")
+            for label, save in (
+                ("Problem (TOML)", session.save_problem),
+                ("Motion (npz)", session.save_motion),
+                ("Report (HTML)", session.save_report),
+            ):
+                gui.add_button(label).on_click(partial(self._save, save))
+
+    def _add_sliders(self, end: Any) -> list[Any]:
+        session, gui = self._session, self._server.gui
+        robot, q = session.robot, getattr(session.state, end)
+        poses = {name: pose for name, pose in robot.poses.items() if np.all(np.isfinite(pose))}
+        if poses:
+            chosen = gui.add_dropdown("pose", (_NONE, *poses), hint="Named poses of the robot")
+            self._hear(chosen, lambda: session.change(**{end: poses.get(chosen.value, getattr(session.state, end))}))
+        lower, upper = slider_limits(session.basis.problem)
+        sliders = []
+        for i, name in enumerate(short_names(robot.joint_names)):
+            unit = "m" if robot.slides[i] else "rad"
+            at = float(np.clip(q[i], lower[i], upper[i]))
+            shown = float(np.clip(round(at, 3), lower[i], upper[i]))  # its digits are those of the number's field
+            one = gui.add_slider(
+                f"{name} [{unit}]", float(lower[i]), float(upper[i]), _STEP, shown, hint=robot.joint_names[i]
+            )
+            sliders.append(one)
+            self._hear(one, lambda: session.change(**{end: [slider.value for slider in sliders]}), key=f"sliders {end}")
+        return sliders
+
+    def _add_obstacle_widgets(self) -> None:
+        gui = self._server.gui
+        self._kind = gui.add_dropdown("shape", tuple(SIZES))
+        gui.add_button("Add obstacle").on_click(self._note("add", self._add_obstacle))
+        self._choice = gui.add_dropdown("selected", (_NONE,))
+        self._hear(self._choice, self._select)
+        self._position = gui.add_vector3("position [m]", (0.0, 0.0, 0.0), step=0.01)
+        self._hear(self._position, self._shift)
+        self._sizes = [gui.add_number("size [m]", 0.1, min=1e-3, step=0.01) for _ in range(3)]
+        for one in self._sizes:
+            self._hear(one, self._resize, key="sizes")
+        self._remove = gui.add_button("Remove obstacle")
+        self._remove.on_click(self._note("remove", self._remove_obstacle))
+
+    def _add_limit_widgets(self) -> None:
+        gui, session, state = self._server.gui, self._session, self._session.state
+        payload = gui.add_number("payload [kg]", float(state.payload), min=0.0, max=MOST_PAYLOAD, step=0.1)
+        reserve = gui.add_slider(
+            "reserve", 0.0, MOST_RESERVE, 0.01, float(state.reserve), hint="Part of the torque limits kept for feedback"
+        )
+        calm = gui.add_number(
+            "calm", float(state.calm), min=0.0, max=0.5, step=1e-3, hint="Part of the time given for calm joints"
+        )
+        self._limits: dict[str, Any] = {"payload": payload, "reserve": reserve, "calm": calm}
+        if session.basis.presets:
+            self._limits["preset"] = gui.add_dropdown(
+                "preset", (_NONE, *session.basis.presets), initial_value=state.preset or _NONE,
+                hint="Conditions of the robot's controller",
+            )  # fmt: skip
+        self._limits["self_collision"] = gui.add_checkbox(
+            "self-collision", state.self_collision, hint="Links keep clear of each other, too"
+        )
+        for name, handle in self._limits.items():
+            self._hear(handle, partial(self._change_limit, name, handle))
+
+    def _note(self, key: str, action: Callable[[], object]) -> Callable[[Any], Any]:
+        """A callback that notes an action for the next frame; of one key the last note counts."""
+
+        async def noted(event: Any) -> None:
+            if event.client is not None:  # else this page itself changed the widget
+                self._notes.pop(key, None)
+                self._notes[key] = action
+
+        return noted
+
+    def _hear(self, handle: Any, action: Callable[[], object], key: str = "") -> None:
+        handle.on_update(self._note(key or f"widget {id(handle)}", action))
+
+    def _hear_gizmos(self) -> None:
+        for end in END_NAMES:
+            self._hear_gizmo(end, self.view.gizmos[end], partial(self._drag_end, end))
+        self._hear_gizmo("mover", self.view.mover, self._drag_obstacle)
+
+    def _hear_gizmo(self, key: str, gizmo: Any, action: Callable[[], None]) -> None:
+        async def dragged(event: Any) -> None:
+            self._held[key] = 0.0 if event.phase == "end" else time.monotonic()
+            self._notes[f"gizmo {key}"] = action
+
+        gizmo.on_update(dragged)
+
+    # What browsers ask for, done in the main thread.
+
+    def _toggle(self) -> None:
+        self._playing = not self._playing
+        self._play_button.label = "Pause" if self._playing else "Play"
+
+    def _seek(self) -> None:
+        self._time = float(self._clock.value)
+        if self._playing:
+            self._toggle()
+        self._drawn.pop("time", None)
+
+    def _drag_end(self, end: End) -> None:
+        self._session.drag(end, _pose_of(self.view.gizmos[end]))
+
+    def _drag_obstacle(self) -> None:
+        if (found := self._chosen()) is not None:
+            self._session.replace_obstacle(found[0], moved(found[1], _pose_of(self.view.mover)))
+
+    def _add_obstacle(self) -> None:
+        middle = (self._session.pose_of("start").translation + self._session.pose_of("goal").translation) / 2
+        made = new_obstacle(self._kind.value, middle, self._session.state.obstacles)
+        self._selected = made.name
+        self._session.change(obstacles=(*self._session.state.obstacles, made))
+
+    def _select(self) -> None:
+        self._selected = self._choice.value
+
+    def _shift(self) -> None:
+        if (found := self._chosen()) is not None and (at := placement_of(found[1])) is not None:
+            to = pin.SE3(at.rotation, np.array(self._position.value))
+            self._session.replace_obstacle(found[0], moved(found[1], to))
+
+    def _resize(self) -> None:
+        if (found := self._chosen()) is not None and (sizes := sizes_of(found[1])) is not None:
+            wanted = [one.value for one in self._sizes[: len(sizes)]]
+            self._session.replace_obstacle(found[0], resized(found[1], wanted))
+
+    def _remove_obstacle(self) -> None:
+        if (found := self._chosen()) is not None:
+            self._session.replace_obstacle(found[0], None)
+
+    def _change_limit(self, name: str, handle: Any) -> None:
+        value = "" if name == "preset" and handle.value == _NONE else handle.value
+        self._session.change(**{name: value})
+
+    def _save(self, save: Callable[[], Path], event: Any) -> None:
+        """Save in the callback's own thread: a report takes a second."""
+        try:
+            words = f"Saved: {save()}"
+        except (ArmdynError, OSError) as error:
+            words = f"Not saved: {error}"
+        self._notes["saved"] = lambda: setattr(self._saved, "content", note_html(words))
+
+    def _chosen(self) -> tuple[int, Obstacle] | None:
+        """Number and value of the selected obstacle; None: none is."""
+        found = [(i, one) for i, one in enumerate(self._session.state.obstacles) if one.name == self._selected]
+        return found[0] if found else None
+
+    # Drawing.
+
+    def _changed(self, what: str, now: object) -> bool:
+        """Whether something is not as it was drawn last."""
+        if what in self._drawn and self._drawn[what] == now:
+            return False
+        self._drawn[what] = now
+        return True
+
+    def _show_state(self) -> None:
+        session, state, view = self._session, self._session.state, self.view
+        for end in END_NAMES:
+            held = time.monotonic() - self._held.get(end, 0.0) < _LET_GO
+            if not held and self._changed(f"gizmo {end}", (getattr(state, end), self._held.get(end))):
+                view.place_gizmo(end)
+            if self._changed(f"sliders {end}", getattr(state, end)):
+                for slider, q in zip(self._sliders[end], getattr(state, end), strict=True):
+                    slider.value = q
+        if self._changed("ends", (state.start, state.goal, session.touching, id(session.solution))):
+            view.show_ends(session.solution.trajectory if session.solution else None)
+        if self._changed("payload", state.payload):
+            view.show_payload()
+        for name, handle in self._limits.items():
+            handle.value = getattr(state, name) or (_NONE if name == "preset" else getattr(state, name))
+        if self._changed("obstacles", (state.obstacles, self._selected)):
+            self._show_obstacles()
+        if self._changed("answer", content := answer_html(session)):
+            self._answer.content = content
+
+    def _show_obstacles(self) -> None:
+        self.view.show_obstacles()
+        names = [one.name for one in self._session.state.obstacles]
+        if self._selected not in names:
+            self._selected = None
+        self._choice.options = (_NONE, *names)
+        self._choice.value = self._selected or _NONE
+        found = self._chosen()
+        one = None if found is None else found[1]
+        at, sizes = (None, None) if one is None else (placement_of(one), sizes_of(one))
+        if time.monotonic() - self._held.get("mover", 0.0) >= _LET_GO:
+            self.view.show_mover(one)
+        self._position.visible, self._remove.visible = at is not None, one is not None
+        if at is not None:
+            self._position.value = tuple(at.translation.tolist())
+        labels = _SIZE_NAMES[type(one).__name__] if sizes else ()
+        for k, handle in enumerate(self._sizes):
+            handle.visible = k < len(labels)
+            if sizes and k < len(labels):
+                handle.label, handle.value = f"{labels[k]} [m]", float(sizes[k])
+
+    def _show_motion(self) -> None:
+        solution = self._session.solution
+        if not self._changed("motion", id(solution)):
+            return
+        motion = solution.trajectory if solution else None
+        self.view.show_path(motion)
+        if motion is None:
+            self.view.show_arm(np.array(self._session.state.start))
+            return
+        self._time = min(self._time, motion.duration)
+        self._clock.max = float(motion.duration)
+        if self._changed("speed", True):
+            self._speed.value = _nearest_speed(playing_speed([motion.duration]), self._speed.options)
+
+    def _play(self, seconds: float) -> None:
+        solution = self._session.solution
+        if solution is None:
+            if self._changed("time", self._session.state.start):
+                self.view.show_arm(np.array(self._session.state.start))
+            return
+        motion, speed = solution.trajectory, _speed_of(self._speed.value)
+        if self._playing:
+            self._time += seconds * speed
+            if self._time > motion.duration + _REST * speed:
+                self._time = 0.0
+        at = min(self._time, motion.duration)
+        if self._changed("time", (at, id(solution))):
+            self.view.show_arm(motion(motion.t[0] + at).q)
+        self._frames += 1
+        if self._playing and self._frames % _SLIDER_EVERY == 0:
+            self._clock.value = float(at)
+
+    def _look(self) -> None:
+        """Place the camera; where a phone has the widgets in its lower half, the arm is in the upper one."""
+        planar, reach = self.view.planar, self.view.reach
+
+        def place(camera: Any, away: float, lower: float) -> None:
+            camera.position = tuple(away * reach * x for x in ((0.0, -1.9, 0.2) if planar else (0.85, -0.75, 0.6)))
+            camera.look_at = (0.0, 0.0, reach * ((0.0 if planar else 0.22) - lower))
+
+        async def connected(client: Any) -> None:
+            if 0 < client.camera.image_width < _PHONE:
+                place(client.camera, 1.5, 0.7)
+
+        place(self._server.initial_camera, 1.0, 0.0)
+        self._server.on_client_connect(connected)
+
+
+def _pose_of(handle: Any) -> pin.SE3:
+    w, x, y, z = handle.wxyz
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(handle.position))
+
+
+def _speed_of(text: str) -> float:
+    one, _, part = text.partition("/")
+    return float(one) / float(part or 1)
+
+
+def _nearest_speed(speed: float, options: Sequence[str]) -> str:
+    return min(options, key=lambda text: abs(np.log(_speed_of(text) / speed)))
+
+
+@contextmanager
+def _same_origin(host: str) -> Iterator[None]:
+    """Within it servers of websockets refuse what `foreign` is: viser has no option for that."""
+    plain = websockets.asyncio.server.serve
+
+    def guarded(*given: Any, process_request: Any, **keywords: Any) -> Any:
+        def checked(connection: Any, request: Any) -> Any:
+            if foreign(host, request.headers.get_all("Host"), request.headers.get_all("Origin")):
+                return connection.respond(403, "armdyn studio: open this page by its own address\n")
+            return process_request(connection, request)
+
+        return plain(*given, process_request=checked, **keywords)
+
+    websockets.asyncio.server.serve = guarded
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = plain

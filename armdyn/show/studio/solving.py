@@ -1,0 +1,106 @@
+"""The solver's process of the studio: the newest request wins, and what is under way is stopped for it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Generic, Self, TypeVar
+
+from armdyn.parallel import fork_pool
+
+Request = TypeVar("Request")
+Result = TypeVar("Result")
+
+_PATIENCE = 1.0
+"""A computation is left alone for so long though a newer request waits [s]: while somebody drags, motions of a moment
+ago appear, instead of none until the hand rests."""
+_AGAIN = 5.0
+"""Time after which a computation that goes on is interrupted once more [s]: stopped, it still checks its motion."""
+_POLL = 0.02
+"""Between two looks at the process and at the requests [s]."""
+
+
+@dataclass(frozen=True)
+class Solved(Generic[Request, Result]):
+    """The result of a request.
+
+    Attributes:
+        request: it.
+        result: None: the process ended unexpectedly.
+    """
+
+    request: Request
+    result: Result | None
+
+
+class NewestFirst(Generic[Request, Result]):
+    """A function in a process of its own, asked for one request after the other, of which only the newest counts.
+
+    A context: the process is forked when it is entered, before threads of others are there, and ends with it.
+    """
+
+    def __init__(self, do: Callable[[Request], Result], first: Request):
+        self._do = do
+        self._waiting: Request | None = first
+        self._solved: Solved[Request, Result] | None = None
+        self._since: float | None = None
+        self._lock, self._wake, self._forked = threading.Lock(), threading.Event(), threading.Event()
+        self._closed = False
+        self._thread = threading.Thread(target=self._run, name="studio solver", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._wake.set()
+        self._thread.start()
+        self._forked.wait()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self._closed = True
+        self._wake.set()
+        self._thread.join()
+
+    def request(self, what: Request) -> None:
+        """Ask for something, instead of all that was asked before."""
+        with self._lock:
+            self._waiting = what
+            self._since = self._since or time.monotonic()
+        self._wake.set()
+
+    @property
+    def seconds(self) -> float | None:
+        """For how long a computation has been under way [s]; None: there is none."""
+        since = self._since
+        return None if since is None else time.monotonic() - since
+
+    def newest(self) -> Solved[Request, Result] | None:
+        """The result that came last, once; None: none came since."""
+        with self._lock:
+            found, self._solved = self._solved, None
+        return found
+
+    def _newer(self) -> bool:
+        return self._waiting is not None
+
+    def _run(self) -> None:
+        with fork_pool(self._do, 1) as pool:
+            while not self._closed:
+                with self._lock:
+                    what, self._waiting = self._waiting, None
+                    self._since = None if what is None else time.monotonic()
+                if what is None:
+                    self._wake.wait()
+                    self._wake.clear()
+                    continue
+                pool.submit(0, what)
+                self._forked.set()
+                due = time.monotonic() + _PATIENCE
+                while not (found := pool.finished(_POLL)) and not self._closed:
+                    if self._newer() and time.monotonic() >= due:
+                        pool.interrupt()
+                        due = time.monotonic() + _AGAIN
+                with self._lock:
+                    for _, _, result in found:
+                        self._solved = Solved(what, None if result is None else result[0])

@@ -1,0 +1,62 @@
+"""Texts of the studio's page."""
+
+from __future__ import annotations
+
+from armdyn.optimal.answer.solution import Solution
+from armdyn.optimal.answer.words import assessment
+from armdyn.show.markup import element
+from armdyn.show.page.scene import short_names
+from armdyn.show.studio.session import Session
+
+_MOST_LIMITS = 3
+"""That are named as deciding the duration."""
+_LEAST = 0.005
+"""Of the duration that a limit decides, to be named [-]."""
+_SLOW = 0.4
+"""A computation that takes longer is mentioned [s]: a flicker helps nobody."""
+
+
+def answer_html(session: Session) -> str:
+    """The panel of the motion: duration, gap, what decides, warnings; and what is being computed."""
+    solution = session.solution
+    big = "–" if solution is None else f"{solution.duration:.4f} s"
+    head = element("span", big, style="font-size:1.7em;font-weight:600;font-variant-numeric:tabular-nums")
+    note = element("span", f" {status(session)}", style="opacity:.75")
+    lines = [element("div", head, note, id="studio-answer", role="status")]
+    if solution is not None:
+        lines += [element("div", one) for one in facts_of(solution)]
+    lines += [
+        element("div", f"⚠ {one}", style="margin-top:.4em;padding-left:.5em;border-left:3px solid #e8710a")
+        for one in warnings_of(session)
+    ]
+    return str(element("div", *lines, style="padding:.2em .8em .4em;font-size:.9em;line-height:1.45"))
+
+
+def status(session: Session) -> str:
+    """Whether the shown motion is that of the state, in a few words."""
+    if session.current:
+        return "" if session.solution is not None else "no motion"
+    if session.refused:
+        return "of an earlier state" if session.solution is not None else "nothing to compute"
+    seconds = session.computing or 0.0
+    return "computing …" if seconds < _SLOW else f"computing … {seconds:.1f} s"
+
+
+def facts_of(solution: Solution) -> list[str]:
+    """Whether a motion is executable, how near to the optimum it is proven to be, and what decides its duration."""
+    joints = solution.problem.robot.joint_names
+    names = dict(zip(joints, short_names(joints), strict=True))
+    most = [one for one in solution.decides if one.part >= _LEAST][:_MOST_LIMITS] if solution.usable else []
+    shares = ", ".join(f"{names.get(one.joint, one.joint)} {one.limit} ({100 * one.part:.0f} %)" for one in most)
+    return [assessment(solution), *([f"Its time is decided by {shares}."] if shares else [])]
+
+
+def warnings_of(session: Session) -> list[str]:
+    """All that is wrong with the state or its motion, a sentence each."""
+    said = [session.refused, *session.warnings, session.failed if session.current else "", session.unsaved]
+    return [f"{one[0].upper()}{one[1:]}." for one in said if one]
+
+
+def note_html(words: str) -> str:
+    """A line next to the buttons that save."""
+    return str(element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere"))

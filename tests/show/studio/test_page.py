@@ -1,0 +1,261 @@
+"""The studio in a real browser: `armdyn studio` in a process of its own, without a network."""
+
+import contextlib
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+
+import numpy as np
+import psutil
+import pytest
+
+import armdyn as ad
+from armdyn.models.scene.reaching import frame_placement
+from armdyn.show.page.scene import reach_of
+from cli.command import COMMAND, run_here
+from problems import POSES, paper_arm
+from show.browser import FLAGS, UNDRAWN, find_chromium, pixel_of, wait_until
+
+pytestmark = pytest.mark.slow
+
+DESKTOP, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+COMPUTED = "document.querySelector('#studio-answer')?.innerText.match(/^[0-9.]+ s$/) !== null"
+
+
+def free_port():
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return probe.getsockname()[1]
+
+
+@contextlib.contextmanager
+def served(folder, *arguments, robot="rr"):
+    """A running studio, and what it says of itself first; killed in the end, if it has not ended."""
+    asked = [
+        *COMMAND,
+        "studio",
+        robot,
+        "--json",
+        "--out",
+        folder,
+        "--port",
+        free_port(),
+        "--search",
+        "quick",
+        *arguments,
+    ]
+    process = subprocess.Popen([str(one) for one in asked], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        line = process.stdout.readline()
+        assert line, process.stderr.read()
+        yield process, json.loads(line)
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextlib.contextmanager
+def browser():
+    """Opens pages, each in a profile of its own; in the end none of them has met an error or asked another host."""
+    from playwright.sync_api import sync_playwright
+
+    requests, errors = [], []
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+
+        def opened(url, size=DESKTOP):
+            context = chromium.new_context(viewport=size)
+            context.add_init_script(UNDRAWN)
+            context.set_default_timeout(90_000)  # [ms]: machines that run all tests at once are slow
+            page = context.new_page()
+            page.on("request", lambda request: requests.append((url, request.url)))
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+            page.goto(url)
+            wait_until(page, COMPUTED)
+            return page
+
+        try:
+            yield opened
+        finally:
+            chromium.close()
+    assert not errors
+    assert not [asked for url, asked in requests if not asked.startswith((url, "data:", "blob:"))]
+
+
+def goal(page):
+    """Joint positions of the goal's sliders; the first slider is the time's."""
+    sliders = page.get_by_role("slider").all()[1:]
+    return [float(one.get_attribute("aria-valuenow")) for one in sliders]
+
+
+def fields(page, label):
+    """The numbers in a row of the widgets."""
+    return page.locator("label", has_text=label).locator("xpath=../../..").locator("input:not([type=hidden])")
+
+
+def duration(page):
+    wait_until(page, COMPUTED)
+    return float(page.inner_text("#studio-answer").split()[0])
+
+
+def until_goal(page, wanted, within=1e-9):
+    for _ in range(300):
+        if len(found := goal(page)) == len(wanted) and np.allclose(found, wanted, rtol=0, atol=within):
+            return
+        page.wait_for_timeout(50)
+    pytest.fail(f"the goal is {goal(page)}, not {wanted}")
+
+
+def plain_duration(q_goal, **arguments):
+    robot = paper_arm("rr", 0.0)
+    problem = ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=q_goal, **arguments)
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).duration
+
+
+def test_a_motion_appears_and_follows_the_keyboard(tmp_path):
+    with served(tmp_path) as (_, said), browser() as opened:
+        page = opened(said["url"])
+        assert duration(page) == pytest.approx(plain_duration(POSES["rr"][1]), abs=1e-4)  # as many digits are shown
+        until_goal(page, POSES["rr"][1])
+        page.get_by_role("slider").nth(1).focus()
+        for _ in range(5):
+            page.keyboard.press("ArrowRight")
+        wanted = [POSES["rr"][1][0] + 5e-3, POSES["rr"][1][1]]
+        until_goal(page, wanted, within=1e-3)  # a slider's step
+        page.wait_for_timeout(300)
+        assert duration(page) == pytest.approx(plain_duration(goal(page)), abs=1e-4)
+        page.get_by_role("tab", name="Goal").focus()
+        page.keyboard.press("ArrowRight")
+        assert page.get_by_role("tab", name="Start").get_attribute("aria-selected") == "true"
+
+
+def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
+    robot = paper_arm("rr", 0.0)
+    reach = reach_of(robot)
+    with served(tmp_path, "--q-goal", "0.2,0.9") as (_, said), browser() as opened:
+        page = opened(said["url"])
+        page.wait_for_timeout(2000)  # until its scene stands
+        tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
+        along = tip.rotation[:, 2]
+        eye = np.array([0, -1.9, 0.2]) * reach
+        begin, end = (pixel_of(tip.translation + x * reach * along, eye, np.zeros(3), DESKTOP) for x in (0.12, 0.02))
+        page.mouse.move(*begin)
+        page.wait_for_timeout(300)
+        page.mouse.down()
+        for k in range(1, 11):
+            page.mouse.move(*(begin + (end - begin) * k / 10))
+            page.wait_for_timeout(40)
+        page.mouse.up()
+        wait_until(page, "Math.abs(document.querySelectorAll('[role=slider]')[2].ariaValueNow - 0.9) > 1e-3")
+        page.wait_for_timeout(500)
+        moved = frame_placement(robot, robot.tip, np.array(goal(page))).translation - tip.translation
+        # A tenth of the reach against the arrow's direction, as exact as pixels and the arrow's perspective are.
+        np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
+
+
+def test_two_browsers_show_the_same_one_of_them_a_phone(tmp_path):
+    with served(tmp_path) as (_, said), browser() as opened:
+        desktop, phone = opened(said["url"]), opened(said["url"], PHONE)
+        until_goal(desktop, POSES["rr"][1])
+        until_goal(phone, POSES["rr"][1])
+        slider = phone.get_by_role("slider").nth(2)
+        slider.focus()
+        phone.keyboard.press("ArrowLeft")
+        until_goal(desktop, goal(phone))
+        assert goal(phone)[1] != pytest.approx(POSES["rr"][1][1], abs=1e-6)
+        assert duration(desktop) == duration(phone)
+        for role, name in (("button", "Pause"), ("tab", "Limits"), ("button", "Problem (TOML)")):
+            one = phone.get_by_role(role, name=name)
+            one.scroll_into_view_if_needed()
+            box = one.bounding_box()
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= PHONE["width"]
+        assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+
+
+def test_obstacles_load_and_files(tmp_path):
+    with served(tmp_path, "--q-goal", "0.4,0.3") as (_, said), browser() as opened:
+        page = opened(said["url"])
+        page.get_by_role("tab", name="Obstacles").click()
+        page.get_by_role("button", name="Add obstacle").focus()
+        page.keyboard.press("Enter")
+        fields(page, "position").first.wait_for()
+        for field, value in zip(fields(page, "position").all(), ("0.1", "0", "0.9"), strict=True):
+            field.fill(value)
+        page.get_by_role("tab", name="Limits").click()
+        fields(page, "payload").fill("0.3")
+        page.wait_for_timeout(500)
+        assert duration(page) > 0
+        page.get_by_role("button", name="Problem (TOML)").click()
+        page.get_by_text("Saved:").wait_for()
+        saved = ad.read_problem(tmp_path / "problem.toml")
+        assert saved.robot.payload.mass == pytest.approx(0.3)
+        (box,) = saved.obstacles
+        np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
+        page.get_by_role("button", name="Report (HTML)").click()
+        page.get_by_text("report.html").wait_for(timeout=60_000)
+        page.get_by_role("button", name="Motion (npz)").click()
+        page.get_by_text("trajectory.npz").wait_for()
+        assert ad.Trajectory.load(tmp_path / "trajectory.npz").duration == pytest.approx(duration(page), abs=1e-4)
+        page.get_by_role("tab", name="Obstacles").click()
+        page.get_by_role("button", name="Remove obstacle").click()
+        page.get_by_role("button", name="Remove obstacle").wait_for(state="detached")
+
+
+def test_killed_and_restarted_it_takes_up_its_last_state(tmp_path):
+    with served(tmp_path) as (process, said), browser() as opened:
+        assert said["restored"] is False
+        page = opened(said["url"])
+        fields(page, "joint1").fill("0.7")
+        until_goal(page, [0.7, POSES["rr"][1][1]], within=1e-6)
+        page.wait_for_timeout(1500)  # it is saved twice a second
+        page.close()
+        process.kill()
+    with served(tmp_path) as (_, said), browser() as opened:
+        assert said["restored"] is True
+        until_goal(opened(said["url"]), [0.7, POSES["rr"][1][1]], within=1e-6)
+    with served(tmp_path, "--fresh") as (_, said):
+        assert said["restored"] is False
+
+
+def test_ctrl_c_ends_it_and_no_process_is_left(tmp_path):
+    with served(tmp_path) as (process, _):
+        born = psutil.Process(process.pid).children(recursive=True)
+        assert born  # the solver's
+        os.kill(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
+        assert "Traceback" not in err
+        assert not psutil.wait_procs(born, timeout=10)[1]
+
+
+def test_pages_of_others_cannot_talk_to_it(tmp_path):
+    with served(tmp_path) as (_, said):
+        own = f"127.0.0.1:{said['port']}"
+        upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+                   "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "viser-v1"}  # fmt: skip
+        for headers, status in (
+            ({}, 200),
+            ({"Host": "evil.example"}, 403),
+            ({**upgrade, "Origin": f"http://{own}"}, 101),
+            ({**upgrade, "Origin": "http://evil.example"}, 403),
+        ):
+            connection = http.client.HTTPConnection(own, timeout=30)
+            connection.request("GET", "/", headers=headers)
+            assert connection.getresponse().status == status, headers
+            connection.close()
+
+
+def test_a_taken_port_and_a_missing_package_are_said(tmp_path, monkeypatch):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with served(tmp_path, "--port", port) as (_, said):
+            assert said["port"] > port
+    monkeypatch.setattr("armdyn.cli.studio.find_spec", lambda name: None)
+    done = run_here("studio", "rr", "--out", tmp_path)
+    assert done.returncode == 2
+    assert "pip install viser" in done.stderr

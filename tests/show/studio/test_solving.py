@@ -1,0 +1,64 @@
+"""The solver's process: the newest request wins."""
+
+import multiprocessing
+import os
+import signal
+import time
+
+from armdyn.show.studio.solving import NewestFirst
+
+
+def slowly(seconds):
+    """Its argument after so long, or at once if it is interrupted; negative: its process dies."""
+    if seconds < 0:
+        os._exit(1)
+    stopped = []
+    signal.signal(signal.SIGINT, lambda number, frame: stopped.append(1))
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not stopped:
+        time.sleep(0.01)
+    return seconds, bool(stopped)
+
+
+def next_result(solver, seconds=30.0):
+    end = time.monotonic() + seconds
+    while (found := solver.newest()) is None:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    return found
+
+
+def test_the_newest_request_is_done_and_what_is_under_way_is_stopped_for_it():
+    with NewestFirst(slowly, 60.0) as solver:
+        began = time.monotonic()
+        assert solver.seconds is not None
+        for request in (50.0, 40.0, 0.5):  # the first two are never begun
+            solver.request(request)
+        assert next_result(solver).result == (60.0, True)
+        assert next_result(solver).result == (0.5, False)
+        assert time.monotonic() - began < 30.0
+        assert solver.newest() is None
+
+
+def test_a_short_computation_is_left_to_end():
+    with NewestFirst(slowly, 0.2) as solver:
+        solver.request(0.6)
+        assert next_result(solver).result == (0.2, False)
+        assert next_result(solver).result == (0.6, False)
+
+
+def test_a_process_that_dies_is_replaced():
+    with NewestFirst(slowly, -1.0) as solver:
+        found = next_result(solver)
+        assert (found.request, found.result) == (-1.0, None)
+        solver.request(0.0)
+        assert next_result(solver).result == (0.0, False)
+
+
+def test_no_process_is_left():
+    with NewestFirst(slowly, 60.0):
+        assert multiprocessing.active_children()
+    end = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not multiprocessing.active_children()
