@@ -42,20 +42,35 @@ class Balls:
             translations: likewise [m], shape (poses, joints, 3).
         """
         turned = self._centers @ rotations[:, self._joints].swapaxes(-1, -2)
-        centers = turned + translations[:, self._joints, None]
+        # Coordinates first: numpy is slow along short last axes.
+        centers = np.moveaxis(turned + translations[:, self._joints, None], (3, 2, 1), (0, 1, 2))
         links = len(self._joints)
         first, second = self._pairs.T
-        out, own = np.empty((len(centers), len(self._pairs))), second < links
+        out, own = np.empty((centers.shape[-1], len(self._pairs))), second < links
         a, b = first[own], second[own]
-        gaps = centers[:, a, :, None] - centers[:, b, None]
-        out[:, own] = np.sqrt(np.min(np.sum(gaps**2, axis=-1), axis=(2, 3))) - self._radii[a] - self._radii[b]
+        square = np.full((a.size, centers.shape[-1]), np.inf)
+        for i, j in np.ndindex(BALLS, BALLS):
+            gap = centers[:, i, a] - centers[:, j, b]
+            np.minimum(square, gap[0] ** 2 + gap[1] ** 2 + gap[2] ** 2, out=square)
+        out[:, own] = np.sqrt(square).T - self._radii[a] - self._radii[b]
         if len(self._places):
-            inside = (centers.reshape(-1, 3) - self._places[:, None]) @ self._rotations
-            beyond = np.maximum(np.maximum(self._lower[:, None] - inside, inside - self._upper[:, None]), 0)
-            square = np.sum(beyond**2, axis=-1).reshape(len(self._places), *centers.shape[:3])
-            away = np.sqrt(np.min(square, axis=-1)) - self._radii
-            out[:, ~own] = away[second[~own] - links, :, first[~own]].T
+            away = self._away(np.ascontiguousarray(centers).reshape(3, -1)).reshape(-1, *centers.shape[1:])
+            least = np.sqrt(np.min(away, axis=1)) - self._radii[:, None]
+            out[:, ~own] = least[second[~own] - links, first[~own]].T
         return out
+
+    def _away(self, points: Array) -> Array:
+        """Squared distances of points from the boxes [m²], shape (boxes, points); points: shape (3, points)."""
+        count = len(self._places)
+        turned = self._rotations.swapaxes(1, 2).reshape(-1, 3)  # the rows of axis k of all boxes
+        square = np.zeros((count, points.shape[1]))
+        for k in range(3):
+            axis = turned[k::3]
+            inside = axis @ points
+            at = np.sum(axis * self._places, axis=1)
+            beyond = np.maximum((at + self._lower[:, k])[:, None] - inside, inside - (at + self._upper[:, k])[:, None])
+            square += np.maximum(beyond, 0, out=beyond) ** 2
+        return square
 
 
 def _box(solid: Any) -> tuple[Array, Array, Array, Array]:
