@@ -60,7 +60,8 @@ def refined(task: Task, found: Found) -> list[Optimum]:
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
         if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
-            beaten = min(beaten, duration + numbers.sure * abs(duration - cost), numbers.slower * cost)
+            sure = duration + numbers.sure * abs(duration - cost) if optima[k].certificate.ok else np.inf
+            beaten = min(beaten, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
         slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
         if left and (task.stop or slower):

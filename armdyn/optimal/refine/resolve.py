@@ -205,7 +205,7 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
     """The extremal that a structure leads to when it is corrected, or the nearest motions.
 
     Structures of equal intervals come first, then those of a mesh refined at its switches; then the first ones again,
-    each with half of what is left, and the last one of the others goes on where the budget ended it.
+    with all that is left, and last the last one of the others goes on where the budget ended it.
     """
     numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory.duration)
     found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
@@ -225,7 +225,7 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
         sharp = list(_structures(task, shooting, mesh)) if mesh is not attempt else []
         settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
         reached = found[-1][1].reached if sharp else None
-        settled = settled or any(extremal(each, budget.left / 2) for each in first if not budget)
+        settled = settled or any(extremal(each, budget.left) for each in first if not budget)
         if reached is not None and not settled and not budget:
             settled = extremal(reached, np.inf)
     found.sort(key=lambda each: each[0])

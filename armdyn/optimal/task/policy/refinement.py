@@ -50,7 +50,7 @@ class RefinementPolicy:
     rounds: int = tuned(12, "rounds", "of structures corrected by multipliers")
     aims: int = tuned(8, "rounds", "of aiming arcs beside the goal")
     landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
-    stray: float = tuned(1e-6, "-", "|H| that is as good as it can be: a hundredth of the certificate's tolerance")
+    stray: float = tuned(5e-7, "-", "|H| that is as good as it can be: a hundredth of the certificate's tolerance")
     slowing: int = tuned(6, "rounds", "of slowing a motion down until it keeps all limits; most take one or two", LARGE)
     astray: float = tuned(1e-7, "rad or m", "from the path's own end: a tenth of the tolerance at the goal", LARGE)
     most_samples: int = tuned(2000, "samples", "of a replay that segments are checked on: six times most")
