@@ -258,12 +258,11 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
 
 
 def sampled(task: Task, curve: Curve) -> Trajectory:
-    """Samples of a curve, between which torques are linear; fewer once the solve is stopped, for an answer soon."""
+    """Samples of a curve, between which torques are linear."""
     numbers, problem = task.policy.curves, task.problem
     finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
-    coarser = numbers.coarser_when_stopped if task.stop else 1
-    samples, steps = finer * numbers.samples // coarser, numbers.steps // coarser
-    return curve.trajectory(problem.robot, samples, steps, jumps=not problem.continuous_torque)
+    samples = finer * numbers.samples
+    return curve.trajectory(problem.robot, samples, numbers.steps, jumps=not problem.continuous_torque)
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:

@@ -274,8 +274,6 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
-    if task.stop and can_be_slowed(problem):
-        curve = curve.slower(1 + task.policy.curves.slower_when_stopped)
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = follow(task, sampled(task, curve))
     if can_be_slowed(problem):

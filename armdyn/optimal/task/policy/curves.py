@@ -70,15 +70,6 @@ class CurvePolicy:
     slower_again: float = tuned(
         2.0, "-", "times the slowing that the limits take: the next replay is as far off its curve elsewhere", "xArm6"
     )
-    coarser_when_stopped: int = tuned(
-        2, "-", "divides both once a solve is stopped: half the time to replay, within 1e-6 rad of the goal", "Panda"
-    )
-    slower_when_stopped: float = tuned(
-        1e-4,
-        "of the duration",
-        "for the replay of so few samples: it exceeded a velocity limit by 5e-5",
-        "Panda's post",
-    )
     hopeless: float = tuned(1e-2, "of a limit", "excess beyond which a replay is not merely off its curve")
     least_share: float = tuned(1e-4, "of the time", "a smaller share is what IPOPT's barrier leaves of none")
     idle: float = tuned(1e-2, "of the time", "a joint whose limits decide less moves as it likes mostly")
