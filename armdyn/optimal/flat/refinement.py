@@ -86,17 +86,19 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
 
 def _in_rounds(task: Task, solved: Solved, spec: CurveSpec) -> RefinedCurve:
     """Tighten a specification and solve it again until the limits are kept between the points, too."""
-    numbers, problem, iterations = task.policy.curves, task.problem, solved.result.iterations
+    numbers, problem, iterations, last = task.policy.curves, task.problem, solved.result.iterations, np.inf
     for k in range(numbers.rounds):
         over, kept = excesses_of(task, solved.curve), reports_on(task, solved.curve, spec.constraints)
-        enough = numbers.little if can_be_slowed(problem) else 0.0
-        if (max(map(_worst, over)) <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
+        enough, worst = numbers.little if can_be_slowed(problem) else 0.0, max(map(_worst, over))
+        if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.progress(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {_percent(over)} beyond between points")
         margins = spec.margins or (TorqueMargin(),) * len(over)
         more = tuple(_larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
         tightened = spec.constraints.tightened(problem, kept)
         spec = replace(spec, margins=more, constraints=tightened)
+        # Margins at points whose torques are far from their limits change no step; a barrier keeps away from them.
+        solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)
         iterations += again.result.iterations
         if not again.converged:

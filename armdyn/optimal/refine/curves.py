@@ -276,12 +276,13 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     problem, curve = task.problem, refined.curve
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = follow(task, sampled(task, curve))
-    if can_be_slowed(problem):
-        # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
+    # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
+    for more in (1.0, task.policy.curves.slower_again) if can_be_slowed(problem) else ():
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
-        if 1 < factor < 1 + task.policy.curves.hopeless:
-            curve = curve.slower(1 + task.policy.curves.slower_again * (factor - 1))
-            replay = follow(task, sampled(task, curve))
+        if not 1 < factor < 1 + task.policy.curves.hopeless:
+            break
+        curve = curve.slower(1 + more * (factor - 1))
+        replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
     constraints = refined.spec.constraints
     looked = constraints.check(problem, replay, curve.passing) if constraints.path_constraints else None
