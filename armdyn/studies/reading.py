@@ -168,7 +168,10 @@ def arms_of(table: Table, varied: Mapping[str, tuple[str, ...]]) -> Iterator[Stu
         of_robot = {key: value for key, value in own.values.items() if key in KEYS}
         with own.at("robot" if "robot" in own.values else name):
             given = {"name": own.text("robot", name)} if not {"urdf", "mjcf", "spec"} & of_robot.keys() else {}
-            robot = robot_from(Table(own.path, of_robot | given, own.lines, own.within))
+            lines = dict(own.lines)  # `robot` of a study is `name` of a robot's own table
+            if (line := lines.get((*own.within, "robot"))) is not None:
+                lines[*own.within, "name"] = line
+            robot = robot_from(Table(own.path, of_robot | given, lines, own.within))
             described = robot_table(robot)
         with table.at(name):
             poses = {one: _positions(robot, one, pose) for pose, names in varied.items() for one in names}

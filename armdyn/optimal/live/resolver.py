@@ -1,5 +1,7 @@
 """`Resolver`: motions from a moving state to a goal that changes, within milliseconds."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
@@ -32,6 +34,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.task.policy.policy import Policy
+from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 _WORDS = {
@@ -48,6 +51,7 @@ _NOTHING = "no motion to the goal in time, and no stop that was tried keeps all 
 _REMARK = "a live motion: neither a lower bound nor Pontryagin's conditions are checked"
 
 
+@brief
 @dataclass(eq=False)
 class Resolver:
     """Fast motions from a moving state to rest at a goal, each begun from the last one.

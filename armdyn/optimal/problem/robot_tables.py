@@ -34,7 +34,7 @@ KEYS = (*_SOURCES, "lock", "arm", "payload", "tool", *_NUMBERS, "torque_speed", 
 _LIKELY = ("payload", "inertias", "armature", "damping", "friction", "friction_width")
 """The keys of [[robot.likely]]; the others are those of [robot]."""
 
-_WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name"}
+_WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name", "no such file": "name"}
 """Words in messages, to the key that they are about."""
 
 

@@ -362,11 +362,9 @@ def test_what_is_interrupted_at_once_is_usable():
         assert found.failed[0].status is Status.INTERRUPTED
 
 
-def test_what_is_interrupted_later_is_replayed_on_half_as_many_samples():
+def test_what_is_interrupted_later_is_usable():
     task = Task.of(ur5(), ad.MinimumTimeOptions(workers=1), Stop())
-    whole, _ = curves(replace(task, policy=task.policy.changed("curves", rounds=1)))
     optima, _ = curves(replace(task, progress=lambda text: task.stop.interrupt() if "round 1" in text else None))
-    assert optima[0].trajectory.t.size < 0.55 * whole[0].trajectory.t.size
     assert optima[0].landed(1e-6) and optima[0].within_limits
 
 
