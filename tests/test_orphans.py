@@ -83,12 +83,17 @@ SOLVE = """
 import armdyn as ad
 start, goal = {poses}
 robot = {robot}
-ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal), ad.MinimumTimeOptions(workers=2))
+problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, {more})
+ad.solve_minimum_time(problem, ad.MinimumTimeOptions(workers=2))
 print("solved", flush=True)
 {then}
 """
-UR5 = {"robot": "ad.Robot.from_library('ur5')", "poses": "[0, -1, 1, -1, -1.5, 0], [1, -1.2, 1, -1, -1.5, 0]"}
-RRR = {"robot": "ad.Robot.from_spec(ad.ArmSpec.paper('rrr'))", "poses": "[-1.5, 0, 0], [0.2, 0, 0]"}
+UR5 = {
+    "robot": "ad.Robot.from_library('ur5')",
+    "poses": "[0, -1, 1, -1, -1.5, 0], [1, -1.2, 1, -1, -1.5, 0]",
+    "more": "acceleration_limit=50.0",  # without, no machine code is needed
+}
+RRR = {"robot": "ad.Robot.from_spec(ad.ArmSpec.paper('rrr'))", "poses": "[-1.5, 0, 0], [0.2, 0, 0]", "more": ""}
 
 
 def compiling(folder, robot, then=""):
