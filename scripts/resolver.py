@@ -59,7 +59,11 @@ def main(goals: int, seed: int, deadline: float) -> None:
     for k in range(goals):
         if k % PER_MOTION == 0:
             start, goal = middle + 0.8 * half * random.uniform(-1, 1, (2, robot.nv))
-            first = resolver.solve(start, at_rest, goal)
+            while not (first := resolver.solve(start, at_rest, goal)).usable:
+                print(
+                    f"motion {k // PER_MOTION}, from rest: {first.status.value}, {first.message}; another one is drawn"
+                )
+                start, goal = middle + 0.8 * half * random.uniform(-1, 1, (2, robot.nv))
         resolver.begin_with(first)
         state = first.trajectory(random.uniform(0, 0.9) * first.duration)
         new = moved(robot, goal, random, tip=k % 2 == 1)
