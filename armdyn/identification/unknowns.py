@@ -42,11 +42,6 @@ def parameters_of(pseudo: Array) -> Array:
     return np.concatenate([mass[..., None], first, tensor[..., rows, columns]], axis=-1)
 
 
-def pseudo_inertia(parameters: Array) -> Array:
-    """The pseudo-inertia, shape (4, 4), of Pinocchio's dynamic parameters, shape (10,)."""
-    return np.array(pin.PseudoInertia.FromDynamicParameters(parameters).toMatrix())
-
-
 def prior_factor(inertia: pin.Inertia) -> Array:
     """L of the prior L Lᵀ of a body, shape (4, 4); a body without extent gets some, see `LEAST_RADIUS`."""
     mass, at = max(float(inertia.mass), 1e-3), np.eye(4)

@@ -97,7 +97,7 @@ def _in_rounds(task: Task, solved: Solved, spec: CurveSpec) -> RefinedCurve:
         more = tuple(_larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
         tightened = spec.constraints.tightened(problem, kept)
         spec = replace(spec, margins=more, constraints=tightened)
-        # Margins at points whose torques are far from their limits change no step; a barrier keeps away from them.
+        # Margins where torques are far from their limits change no step; IPOPT's barrier keeps away from them.
         solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)
         iterations += again.result.iterations

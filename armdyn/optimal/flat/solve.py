@@ -53,7 +53,7 @@ class Solved:
 
     @property
     def converged(self) -> bool:
-        """Whether IPOPT converged to a local optimum."""
+        """Whether the solver converged to a local optimum."""
         return self.result.status is Status.SOLVED
 
 

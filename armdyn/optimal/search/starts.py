@@ -135,14 +135,6 @@ def straight_curve(task: Task, intervals: int) -> Curve:
     return Curve.straight(problem, basis, durations)
 
 
-def ramp_times(problem: MinimumTimeProblem) -> Array:
-    """Times in which joints alone come from rest to the ends of the legs, or from there to rest [s], shape (legs,)."""
-    robot, data = problem.robot, problem.robot.model.createData()
-    inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
-    ways = np.abs(np.diff(problem.poses, axis=0))
-    return np.asarray(np.max(np.sqrt(2 * ways * inertia / problem.limits.actuators.half_range), axis=1))
-
-
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
     """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
     robot, data = problem.robot, problem.robot.model.createData()
