@@ -11,11 +11,14 @@ A fork waits for its turn, too, so that its child finds nothing half done and no
 import os
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import cached_property as _cached_property
 from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
 Parameters = ParamSpec("Parameters")
 Built = TypeVar("Built")
+Value = TypeVar("Value")
 
 one_at_a_time = threading.RLock()
 """Of the whole process."""
@@ -25,6 +28,18 @@ _forget: list[Callable[[], None]] = []
 os.register_at_fork(
     before=one_at_a_time.acquire, after_in_parent=one_at_a_time.release, after_in_child=one_at_a_time.release
 )
+
+
+class cached_property(_cached_property[Value]):  # noqa: N801  # as Python's
+    """Python's, without the lock that it has before 3.12.
+
+    That lock is one for all instances of a class: whoever forks while another thread computes leaves it taken in the
+    child for ever. Two threads that ask one instance at once may both compute; the values are the same.
+    """
+
+    def __init__(self, compute: Callable[..., Value]):
+        super().__init__(compute)
+        self.lock = nullcontext()
 
 
 def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable[Parameters, Built]]:

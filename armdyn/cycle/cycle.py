@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +15,7 @@ from armdyn.arguments import expect, flag, one_of, several, shown, whole
 from armdyn.arrays import Array
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Wait
 from armdyn.errors import ArmdynError, CycleError, ProblemError, did_you_mean
+from armdyn.locks import cached_property
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.reaching import GoalPose

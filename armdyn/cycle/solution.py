@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import cached_property
 
 from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg
 from armdyn.cycle.joining import joined
+from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import percent

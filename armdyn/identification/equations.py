@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from armdyn.arrays import Array
 from armdyn.identification.log import Signals
 from armdyn.identification.model import mean_regressor, means_of, rigid_torques
 from armdyn.identification.unknowns import Unknowns, parameters_of, prior_factor
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.spec import Payload
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -24,6 +23,7 @@ from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenv
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.run import Run, Status
 from armdyn.dynamics import forward_dynamics
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.paper.printed.loop import DURATION, GAINS
 from armdyn.trajectory import Trajectory

@@ -4,7 +4,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from importlib.metadata import version
 from typing import Any, Self
 
@@ -17,6 +16,7 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.setup import Setup, expect_own_payload
 from armdyn.errors import ResultError
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.studies.plants import MAX_ARMS, Plants, PlantSample

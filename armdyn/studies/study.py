@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from armdyn.arguments import number, one_of, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
+from armdyn.locks import cached_property
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.task import Neighbours, StudyTask

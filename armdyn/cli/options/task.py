@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
@@ -15,6 +14,7 @@ from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument, is_robot_file
 from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.errors import ProblemError
+from armdyn.locks import cached_property
 
 if TYPE_CHECKING:
     from armdyn.optimal.problem_files import ProblemFile

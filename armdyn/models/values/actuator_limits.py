@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, numbers, shown
 from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
+from armdyn.locks import cached_property
 
 _CONCAVE = 1e-9
 """Relative rounding of a curve's torques and slopes, which were typed with ten digits."""

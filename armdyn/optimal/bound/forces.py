@@ -19,11 +19,11 @@ computed at once, are combined joint by joint. The intervals' radii count by the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.locks import cached_property
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.terms import Indices, Terms

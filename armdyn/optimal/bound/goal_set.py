@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.locks import cached_property
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure.affine import Affine

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.locks import cached_property
 from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure.affine import Affine

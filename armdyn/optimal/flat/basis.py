@@ -4,12 +4,13 @@ De Boor, A Practical Guide to Splines, 1978, chapters IX to XI.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
+
+from armdyn.locks import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.problem.problem import MinimumTimeProblem

@@ -1,13 +1,13 @@
 """A program of curves for sequential convexification: torques and velocities by hand, other equations by CasADi."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from armdyn.locks import cached_property
 from armdyn.optimal.flat.clearance_rows import ClearanceRows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.curve_cost import CurveCost

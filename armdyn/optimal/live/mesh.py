@@ -1,12 +1,12 @@
 """Layout of live motions: one B-spline, the places where torques are limited, those where they are checked."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from armdyn.arrays import Array, Index
+from armdyn.locks import cached_property
 from armdyn.optimal.flat.basis import DEGREE, Basis
 
 WINDOW = DEGREE + 1

@@ -5,7 +5,6 @@ velocity, at a distance that grows with the duration. The last two control point
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple, Self
 
 import _armdyn_curves as curves
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import InverseDerivatives
+from armdyn.locks import cached_property
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
 from armdyn.optimal.flat.curve import Curve, CurveLeg

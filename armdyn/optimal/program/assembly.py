@@ -7,13 +7,13 @@ and for a thousand.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Index
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.locks import cached_property
 from armdyn.optimal.program.interval import IntervalFunctions, interval_functions
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.scheme import Scheme

@@ -11,12 +11,12 @@ Slices serve numpy arrays and casadi's SX, MX and DM alike. All numbers are scal
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from armdyn.arrays import Array, Index
+from armdyn.locks import cached_property
 from armdyn.optimal.task.scheme import Scheme
 
 _BODY = 10

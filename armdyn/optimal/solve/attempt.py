@@ -1,12 +1,12 @@
 """Result of one guess on one mesh."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.locks import cached_property
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.unknowns import mesh

@@ -1,12 +1,12 @@
 """Collocation methods as data."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from armdyn.arrays import Array
+from armdyn.locks import cached_property
 
 
 @dataclass(frozen=True)

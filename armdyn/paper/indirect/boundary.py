@@ -6,7 +6,6 @@ radians and for costates.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.integrate import solve_bvp
@@ -14,6 +13,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from scipy.sparse.linalg import splu
 
 from armdyn.arrays import Array
+from armdyn.locks import cached_property
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns

@@ -9,13 +9,13 @@ basin it was started in, not proven to be the best one.
 
 import time
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.errors import ProblemError
+from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import HELD
 from armdyn.optimal.arcs.phases import Phases

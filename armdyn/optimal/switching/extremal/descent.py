@@ -7,11 +7,11 @@ other freely: torques that act on different joints commute, so that nothing jump
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import VELOCITY
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.landing import landed, moved_by

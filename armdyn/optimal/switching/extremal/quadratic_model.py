@@ -1,12 +1,12 @@
 """A rollout to first and second order: its closing correction, and the duration on the manifold of closed motions."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array, Flags
+from armdyn.locks import cached_property
 from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure

@@ -1,12 +1,12 @@
 """A structure carried through by the integrator, and how it answers to its times."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
+from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Budget
