@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.dynamics.tree import Tree
+from armdyn.models.robots.tree import Tree
 from armdyn.errors import BridgeError
 from armdyn.models.robots.robot import Robot
 

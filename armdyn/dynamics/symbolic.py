@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from armdyn.arguments import expect, flag, numbers
 from armdyn.arrays import Array
-from armdyn.dynamics.tree import Tree
+from armdyn.models.robots.tree import Tree
 from armdyn.errors import BridgeError, SpecError
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot, expect_robot
