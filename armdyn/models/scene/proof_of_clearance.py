@@ -48,9 +48,7 @@ def prove_clearance(model: CollisionModel, motion: Trajectory, asked: ArrayLike)
         return ClearanceProof(nowhere, ())
     bounds, reach = MotionBounds(model.robot, motion), relative_reach(model)
     distances = np.broadcast_to(np.asarray(asked, dtype=float), (len(model.pairs),))
-    return ClearanceProof(
-        *model.prove(motion, (bounds.travel, bounds.acceleration, reach), distances, (PIECES, MOST))
-    )
+    return ClearanceProof(*model.prove(motion, (bounds.travel, bounds.acceleration, reach), distances, (PIECES, MOST)))
 
 
 def relative_reach(model: CollisionModel) -> Array:
