@@ -93,7 +93,7 @@ def connect(
     """Find a collision-free path between two points.
 
     Args:
-        is_free: of a point; raises `OutOfChecksError` to end the search.
+        free_until: see `FreeUntil`; raises `OutOfChecksError` to end the search.
         ends: start and goal, each of shape (n,).
         bounds: lower and upper, each of shape (n,).
         seed: of the random points.

@@ -123,9 +123,11 @@ class CollisionModel:
             poses: joint positions [rad or m], shape (poses, nv).
             least: see `is_free`.
         """
-        lowest = np.ascontiguousarray(np.broadcast_to(np.asarray(least, dtype=float), self.touching.shape))
+        if not isinstance(least, np.ndarray):
+            least = np.full(self.touching.shape, least)
         with one_at_a_time:  # the work space is the scene's
-            return int(self._scene.first_hit(np.ascontiguousarray(poses, dtype=float), lowest))
+            free: int = self._scene.first_hit(np.ascontiguousarray(poses, dtype=float), least)
+        return free
 
     def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
         """Distances of all pairs.
