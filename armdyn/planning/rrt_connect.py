@@ -4,6 +4,7 @@ OMPL has this planner, too; its random numbers are seeded once for a process, so
 returns another path, and answers would depend on the calls before.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -64,7 +65,8 @@ class Tree:
         return int(np.argmin(np.einsum("ij,ij->i", apart, apart)))
 
     def __getitem__(self, index: int) -> Array:
-        return np.array(self._points[index])
+        point: Array = self._points[index].copy()
+        return point
 
     def path(self, index: int) -> list[Array]:
         """Points from this one to the root."""
@@ -107,10 +109,11 @@ def connect(
     """
     if segment_is_free(free_until, *ends, options.step):
         return np.array(ends)
-    random = np.random.default_rng(seed)
+    random, (lower, upper) = np.random.default_rng(seed), bounds
+    size = upper - lower
     growing, other, swapped = Tree(ends[0]), Tree(ends[1]), False
     while True:
-        added, _ = _extend(growing, random.uniform(*bounds), free_until, options, far=False)
+        added, _ = _extend(growing, lower + size * random.random(lower.size), free_until, options, far=False)
         if added is not None:
             met, hit = _extend(other, growing[added], free_until, options, far=True)
             if hit and met is not None:
@@ -129,11 +132,11 @@ def _extend(
     """
     index = tree.nearest(target)
     root, way = tree[index], target - tree[index]
-    length = float(np.linalg.norm(way))
+    length = math.sqrt(way @ way)
     if length == 0:
         return index, True
     part = 1.0 if far else min(1.0, options.reach / length)
-    count = max(int(np.ceil(part * np.max(np.abs(way)) / options.step)), 1)
+    count = max(math.ceil(part * max(map(abs, way.tolist())) / options.step), 1)  # numpy is slow on seven numbers
     between = max(int(options.reach / (part * length / count)), 1)
     points = root + way * (part * np.arange(1, count + 1) / count)[:, None]
     free = free_until(points)

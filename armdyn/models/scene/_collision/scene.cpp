@@ -88,19 +88,26 @@ void Scene::bounds(double* out) const {
   for (int k = 0; k < pairs(); ++k) out[k] = bound(k);
 }
 
-bool Scene::is_free(const double* q, const double* least) {
-  place(q);
+bool Scene::overlaps(int pair) {
+  if (may_touch_[pair] || bound(pair) > 0) return false;
+  const Solid &first = solids_[pairs_[pair].first], &second = solids_[pairs_[pair].second];
+  auto& compute = collisions_[pair];
+  if (!compute) compute = std::make_unique<coal::ComputeCollision>(first.shape.get(), second.shape.get());
   coal::CollisionRequest request(coal::NO_REQUEST, 1);
   request.enable_contact = false;
   coal::CollisionResult result;
-  for (int k = 0; k < pairs(); ++k) {
-    if (may_touch_[k] || bound(k) > 0) continue;
-    const Solid &first = solids_[pairs_[k].first], &second = solids_[pairs_[k].second];
-    if (!collisions_[k])
-      collisions_[k] = std::make_unique<coal::ComputeCollision>(first.shape.get(), second.shape.get());
-    result.clear();
-    if ((*collisions_[k])(placed(first), placed(second), request, result)) return false;
-  }
+  return (*compute)(placed(first), placed(second), request, result) > 0;
+}
+
+bool Scene::is_free(const double* q, const double* least) {
+  place(q);
+  if (pairs_.empty()) return true;
+  if (overlaps(last_hit_)) return false;
+  for (int k = 0; k < pairs(); ++k)
+    if (k != last_hit_ && overlaps(k)) {
+      last_hit_ = k;
+      return false;
+    }
   for (std::size_t k = 0; k < touching_.size(); ++k)
     if (distance(touching_[k]).distance < least[k]) return false;
   return true;

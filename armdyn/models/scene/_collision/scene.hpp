@@ -100,6 +100,7 @@ class Scene {
   Vector world(const Place& joint, const Vector& point) const { return joint.turn * point + joint.at; }
   coal::Transform3s placed(const Solid& solid) const;
   double bound(int pair) const;
+  bool overlaps(int pair);
   double away(const Solid& box, const Vector& point) const;
   void move(const double* v);
   double gap(int pair, const Vector& normal, double time) const;
@@ -113,6 +114,7 @@ class Scene {
   std::vector<Vector> axes_, speeds_, turns_;  // axes of the joints; velocities of their origins, angular velocities
   std::vector<std::vector<Vector>> centers_;   // of the solids' balls in the world
   std::vector<char> carries_;                  // whether joint column moves joint row
+  int last_hit_ = 0;  // the pair that overlapped last is looked at first
   std::vector<std::unique_ptr<coal::ComputeDistance>> distances_;
   std::vector<std::unique_ptr<coal::ComputeCollision>> collisions_;
 };
