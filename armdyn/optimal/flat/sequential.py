@@ -6,6 +6,7 @@ with sequential convex optimization and convex collision checking", IJRR 33(9), 
 trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,10 @@ from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
+"""From unknowns, and the torques that their curve takes as parts of half the range, shape (points, joints), to lower
+and upper bounds of these torques; None: they may stay as they are."""
 
 _WITHIN = 0.9
 """Part of a trust region's radius within which it did not hold a step."""
@@ -54,9 +59,16 @@ class Sequential:
 
     def __init__(self, problem: CurveProgram, policy: SequentialPolicy, stop: Stop):
         self.problem, self.policy, self.stop = problem, policy, stop
-        self._whole = problem.guess.duration
+        self._whole, self._radius = problem.guess.duration, 0.0
 
-    def solve(self, trust: float, enough: float, beaten: float = np.inf, eager: int | None = None) -> NlpResult:
+    def solve(
+        self,
+        trust: float,
+        enough: float,
+        beaten: float = np.inf,
+        eager: int | None = None,
+        tighten: Tighten | None = None,
+    ) -> NlpResult:
         """Iterate from the program's unknowns.
 
         Args:
@@ -64,6 +76,7 @@ class Sequential:
             enough: relative change of the merit at which the sequence ends.
             eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
+            tighten: asked after every step that ended about where it was predicted to.
         """
         policy, iterations, first = self.policy, 0, trust
         eager = policy.eager if eager is None else eager
@@ -91,8 +104,13 @@ class Sequential:
             before, merit = merit, self._merit(taken)
             # Where the rows were linear all along the step, it ends in the optimum.
             off = abs(self._promised(at, step) - merit)
-            straight = off < policy.predicted * merit and self._reached(at, taken, trust)
+            straight = off < policy.predicted * merit and self._reached(at, taken)
             at = taken
+            bounds = None if tighten is None or off > policy.tightened * merit else tighten(at.x, at.torques.tau)
+            if bounds is not None:
+                at = self._bounded(at, bounds)
+                merit, eager = self._merit(at), 0
+                continue
             if (straight or abs(before - merit) < enough * merit) and self._kept(at):
                 status, word = Status.SOLVED, "converged"
                 break
@@ -108,6 +126,7 @@ class Sequential:
         policy, iterations = self.policy, 0
         program = self._convex(at)
         while True:
+            self._radius = trust
             step = solve_step(self._within(program, at, trust))
             iterations += 1
             if step.found and merit - self._promised(at, step) < policy.predicted * merit:
@@ -139,6 +158,14 @@ class Sequential:
         near = None if problem.clearance is None else problem.clearance.at(problem.guess, problem.shape, x)
         return _Iterate(x, torques, velocities, others, near, self._penalties(x, velocities, others, near))
 
+    def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
+        """An iterate of the program with other bounds of the torques."""
+        numbers, own = self.problem.numbers, self.problem.torques
+        lower, upper = (side.copy() for side in numbers.x_bounds)
+        lower[own], upper[own] = bounds
+        self.problem = replace(self.problem, numbers=replace(numbers, x_bounds=(lower, upper)))
+        return replace(at, penalties=self._penalties(at.x, at.velocities, at.others, at.near))
+
     def _penalties(
         self, x: Array, velocities: Sides, others: Sides | None, near: Linearised | None
     ) -> tuple[float, float, float]:
@@ -158,10 +185,10 @@ class Sequential:
     def _duration(self, at: _Iterate) -> float:
         return float(np.sum(at.x[self.problem.cost.durations]))
 
-    def _reached(self, at: _Iterate, taken: _Iterate, trust: float) -> bool:
-        """Whether a step ended within its trust region."""
+    def _reached(self, at: _Iterate, taken: _Iterate) -> bool:
+        """Whether the last step ended within its trust region."""
         change = np.abs(taken.x - at.x)[self.problem.place >= 0]
-        return bool(np.max(change) < _WITHIN * trust)
+        return bool(np.max(change) < _WITHIN * self._radius)
 
     def _kept(self, at: _Iterate) -> bool:
         torque, distance, other = at.penalties

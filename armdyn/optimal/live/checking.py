@@ -7,7 +7,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.flat.refinement import tops
+from armdyn.optimal.flat.excess import tops
 from armdyn.optimal.live.mesh import Mesh
 
 

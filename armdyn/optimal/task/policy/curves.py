@@ -58,6 +58,7 @@ class CurvePolicy:
     eager: float = tuned(1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there")
     spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
     little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
+    rough: float = tuned(3e-3, "of half the range", "excess that is left where time is then given for calm joints")
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
     samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power")
     steps: int = tuned(400, "samples", "of a leg, at least")
