@@ -87,12 +87,20 @@ def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
     return float(max(np.max(side) for leg in over for side in (leg.upper, leg.lower, leg.rates)))
 
 
-def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
-    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours."""
+def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
+    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours.
+
+    Args:
+        task: its tuned numbers.
+        margin: so far.
+        over: excess.
+        eager: times what a torque exceeds its limit by is taken off; None: the policy's.
+    """
     numbers = task.policy.curves
+    times = numbers.eager if eager is None else eager
 
     def more(beyond: Array | float) -> Array:
-        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * numbers.eager)
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * times)
 
     upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
     left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
@@ -102,12 +110,12 @@ def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin) -> Torqu
 
 
 class Tightening:
-    """Margins of torques, enlarged between steps where torques exceed their limits between the points.
+    """Margins of torques, changed between steps until torques keep their limits between the points, too.
 
     Attributes:
         spec: what is asked, with the margins so far.
         enough: excess that is left, as a part of half the range.
-        rounds: in which margins were enlarged.
+        rounds: in which margins were changed.
     """
 
     def __init__(self, task: Task, guess: Curve, spec: CurveSpec, enough: float):
@@ -128,9 +136,22 @@ class Tightening:
         # What a point itself is beyond its bound, since torques are not linear, the next step takes off.
         upper = beyond.upper - np.maximum(tau - (most - margin.upper), 0)
         lower = beyond.lower - np.maximum(least + margin.lower - tau, 0)
-        margin = larger_margin(self.task, margin, TorqueMargin(upper, lower, beyond.rates))
+        margin = self._moved(margin, TorqueMargin(upper, lower, beyond.rates))
         self.spec = replace(self.spec, margins=(margin,))
         return least + margin.lower, most - margin.upper
+
+    def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
+        """Larger margins where torques exceed their limits; smaller ones where they stay below, and time is scarce."""
+        numbers = self.task.policy.curves
+        if self.spec.least or self.rounds > numbers.giving_rounds:
+            return larger_margin(self.task, margin, over)
+        more = larger_margin(self.task, margin, over, numbers.eager_steps)
+
+        def smaller(side: Array | float, beyond: Array | float) -> Array:
+            spare = np.minimum(np.asarray(beyond) + numbers.spare, 0)
+            return np.asarray(np.maximum(side + numbers.given_back * spare, 0))
+
+        return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 
     def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
         """What torques exceed their limits by at the unknowns that were looked at last; None: those were others."""

@@ -19,6 +19,9 @@ from armdyn.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
+_SLOWER = 0.6
+"""Times an excess, as a part of half a range, by which a curve is slowed down again: half of it mends a torque without
+gravity."""
 _PACES = 3
 """Rounds of slowing down: the first is exact but for friction, which the next knows at the new pace."""
 
@@ -155,7 +158,7 @@ def _within_limits(task: Task, fast: Curve, over: tuple[TorqueMargin, ...]) -> t
     for _ in range(_PACES):  # what samples do not see
         if not 0 < worst_excess(over) <= task.policy.curves.little:
             break
-        curve = curve.slower(1 + worst_excess(over))
+        curve = curve.slower(1 + _SLOWER * worst_excess(over))
         over = excesses_of(task, curve)
     return curve, over
 
@@ -227,7 +230,8 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     numbers, problem = task.policy.curves, task.problem
     finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
     samples = finer * numbers.samples
-    return curve.trajectory(problem.robot, samples, numbers.steps, jumps=not problem.continuous_torque)
+    jumps = not problem.continuous_torque
+    return curve.trajectory(problem.robot, samples, numbers.steps, jumps, numbers.finer_ends)
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:

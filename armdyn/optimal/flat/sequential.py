@@ -68,6 +68,7 @@ class Sequential:
         beaten: float = np.inf,
         eager: int | None = None,
         tighten: Tighten | None = None,
+        most: int | None = None,
     ) -> NlpResult:
         """Iterate from the program's unknowns.
 
@@ -76,13 +77,16 @@ class Sequential:
             enough: relative change of the merit at which the sequence ends.
             eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
-            tighten: asked after every step that ended about where it was predicted to.
+            tighten: asked where a step ended about where it was predicted to, or none is better.
+            most: steps, though the policy may grant more; None: the policy's.
         """
         policy, iterations, first = self.policy, 0, trust
         eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
-        merit, step, status, word = self._merit(at), None, Status.ITERATION_LIMIT, "iteration limit"
-        for k in range(policy.steps):
+        merit, step = self._merit(at), None
+        k, last = -1, policy.steps - 1
+        while k < last and (most is None or k < most - 1):
+            k += 1
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
@@ -96,27 +100,27 @@ class Sequential:
                 at = self._point(at.x)
                 merit, trust = self._merit(at), first
                 continue
-            if taken is None:
-                status, word = (
-                    (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
-                )
-                break
-            before, merit = merit, self._merit(taken)
-            # Where the rows were linear all along the step, it ends in the optimum.
-            off = abs(self._promised(at, step) - merit)
-            straight = off < policy.predicted * merit and self._reached(at, taken)
-            at = taken
-            bounds = None if tighten is None or off > policy.tightened * merit else tighten(at.x, at.torques.tau)
+            ended, near, word = taken is None, taken is None and self._kept(at), "no step is better"
+            if taken is not None:
+                before, merit = merit, self._merit(taken)
+                # Where the rows were linear all along the step, it ends in the optimum.
+                off, reached = abs(self._promised(at, step) - merit), self._reached(at, taken)
+                at, settled, word = taken, abs(before - merit) < enough * merit, "converged"
+                ended = settled or (reached and off < policy.predicted * merit)
+                near = off < policy.tightened * merit and (reached or settled)
+            bounds = tighten(at.x, at.torques.tau) if tighten is not None and near else None
             if bounds is not None:
                 at = self._bounded(at, bounds)
-                merit, eager = self._merit(at), 0
-                continue
-            if (straight or abs(before - merit) < enough * merit) and self._kept(at):
-                status, word = Status.SOLVED, "converged"
+                merit, eager, last = self._merit(at), 0, max(last, k + policy.steps_again)
+                trust = first if taken is None else trust
+            elif ended and (taken is None or self._kept(at)):
+                status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
-            if k >= eager and self._duration(at) > policy.hopeless * beaten:
-                word = "another way is faster"
+            elif k >= eager and self._duration(at) > policy.hopeless * beaten:
+                status, word = Status.ITERATION_LIMIT, "another way is faster"
                 break
+        else:
+            status, word = Status.ITERATION_LIMIT, "iteration limit"
         return self._outcome(at, step, status, word, iterations)
 
     def _step(

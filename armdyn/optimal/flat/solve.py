@@ -112,12 +112,13 @@ def solve_in_steps(
         enough: relative change of the merit at which the sequence ends.
         beaten: a duration [s]: a sequence that is not near it after a few steps ends.
         eager: first steps that are taken whatever they do; None: the policy's.
-        numbers: tuned numbers; None: those of the task.
+        numbers: tuned numbers, with which the options limit the iterations; None: those of the task.
         tighten: see `Sequential.solve`.
     """
+    most = task.options.max_iterations if numbers else None
     numbers = numbers or task.policy.sequential
     problem = curve_program(task, guess, spec)
-    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager, tighten)
+    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager, tighten, most)
     shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, in_steps=True)
 
