@@ -11,9 +11,9 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError
 from armdyn.models.robots.robot import Robot
+from armdyn.models.robots.tree import Tree
 
 StateFunction = Callable[[Array, Array, Array], Array]
 """Of q [rad or m], v [rad/s or m/s] and a third, each of shape (…, nv)."""

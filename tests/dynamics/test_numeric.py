@@ -6,8 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.dynamics import Dynamics, forward_dynamics, inverse_dynamics
 from armdyn.dynamics.numeric import forward_dynamics_derivatives, inverse_dynamics_derivatives, joint_inertia
-from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError
+from armdyn.models.robots.tree import Tree
 from oracles import assert_close, random_states, robot_named
 from problems import cart
 
