@@ -120,7 +120,7 @@ def test_without_a_bound_none_is_proven():
     assert solved.duration == pytest.approx(planar_solved().duration, abs=1e-9)
     assert solved.lower_bound is None
     assert solved.gap is None
-    assert planar_solved().gap < 0.01
+    assert planar_solved().lower_bound > 0
 
 
 def test_a_release_without_a_rest_at_the_end_is_an_event_all_the_same():
