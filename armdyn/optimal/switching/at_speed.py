@@ -1,6 +1,7 @@
 """Contacts with velocity limits that another joint's torque holds, read from a mesh.
 
-The joint's own torque is full meanwhile. The other torque looks like a singular arc, but is whatever keeps the velocity.
+The joint's own torque is full meanwhile. The other torque looks like a singular arc, but is whatever keeps the
+velocity.
 """
 
 from collections.abc import Sequence
@@ -119,6 +120,7 @@ def _contact(
             first, last = run[0] + 1, run[-1] + 1
             limit = Mode.VELOCITY_UPPER if at.v[first, i] > 0 else Mode.VELOCITY_LOWER
             full = np.abs(level[[first, last]]) > policy.singular.on_limit
-            ends = whole[0] if first == 1 else t[first], whole[1] if last == t.size - 2 else t[last]
-            found.append(SpeedContact(0, i, limit, mode, other, *map(float, ends), (bool(full[0]), bool(full[1]))))
+            begin = whole[0] if first == 1 else float(t[first])
+            end = whole[1] if last == t.size - 2 else float(t[last])
+            found.append(SpeedContact(0, i, limit, mode, other, begin, end, (bool(full[0]), bool(full[1]))))
     return max(found, key=lambda contact: contact.end - contact.begin, default=None)
