@@ -106,7 +106,7 @@ def test_a_larger_arm_keeps_its_curves_and_has_a_proven_gap():
     start, goal = [0, -0.785, 0, -2.356, 0, 1.571, 0.785], [1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
     found = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal), ONE)
     motion = found.trajectory
-    assert found.usable and found.gap_proven and found.gap < 1e-3  # the bound is that of the whole torque
+    assert found.usable and found.gap_proven and found.gap < 1e-3
     assert np.max(robot.limits.actuators.excess(motion.tau, motion.q, motion.v) / robot.limits.effort_upper) < 1e-6
     assert "torque-speed curve" in {share.limit for share in found.decides}
 

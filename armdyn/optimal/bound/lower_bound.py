@@ -47,8 +47,8 @@ def lower_bound(
 ) -> LowerBound | None:
     """Prove a lower bound on the duration by the momentum equation, over boxes nested in time.
 
-    Limits of torque, velocity, position, acceleration, jerk and torque rate count, friction, via points and velocities
-    at the ends.
+    Limits of torque, torque-speed curves, limits of velocity, position, acceleration, jerk and torque rate count,
+    friction, via points and velocities at the ends.
     Whatever else is asked only makes motions slower. The kinematic bound is all there is if a joint has no velocity
     limit: nothing then bounds the Coriolis forces by which it may help others. With `goal_pose` the bound holds for the
     whole set of joint positions within the limits that reach the pose, with `wrap` for all ways round: it is not one of

@@ -9,12 +9,12 @@ Where θ < 1 the duration is too short. Between boxes of joint positions, Δq is
 added within the boxes keeps the equations that hold at every end, to first order. What M leaves open within a box,
 beyond what is linear there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not
 linear and a solver rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same
-kind, with the unit matrix as inertia.
+kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a damping.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
+from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
 Array = NDArray[np.float64]
 
@@ -39,11 +40,13 @@ class Multipliers:
         momentum: w at the nodes between cells [1/(N m s)], shape (2 k + 1, nv): linear within the cells from the
             start and to the goal, constant in the middle one.
         speed: likewise of the limits of acceleration [s/rad or s/m]; zero where there is none.
+        shares: of `momentum` that counts by each line of the torque-speed curves, shape (lines, 2 k + 1, nv).
     """
 
     way: Array
     momentum: Array
     speed: Array
+    shares: Array
 
     def ramp(self, leg: BoundLeg, cells: Cells) -> float:
         """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
@@ -81,11 +84,14 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
     nv, nodes = len(leg.velocity), 2 * cells.middle + 1
     kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
+    kinds += [_line_rows(leg, cells, forces, line, duration) for line in lines_of(leg.torque.actuators, forces)]
+    shifts, momenta = [vstack([rows.shift for rows in kinds])], len(kinds)
     most = accelerations(leg, cells)
     accelerated = np.all(np.isfinite(most), axis=0)
     if np.any(accelerated):
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
+        shifts.append(kinds[-1].shift)
     times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
     ways = kron(times / duration, eye(nv))
     away = leg.away.centre / (duration * leg.velocity)
@@ -95,14 +101,14 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
         [
             vstack([ways, *(rows.matrix for rows in kinds)]),
             vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
-            vstack([csr_matrix((nv, len(kinds) * (nodes - 1) * nv)), block_diag([rows.shift for rows in kinds])]),
+            vstack([csr_matrix((nv, len(shifts) * (nodes - 1) * nv)), block_diag(shifts)]),
             vstack([csr_matrix(np.column_stack([-free, -away])), csr_matrix((slacks, free.shape[1] + 1))]),
         ]
     )
     before = csr_matrix((closing.shape[0], matrix.shape[1] - 1 - free.shape[1]))
     closed = hstack([before, closing, csr_matrix((closing.shape[0], 1))])
     speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
-    others = (*(rows.change for rows in kinds), *(rows.open for rows in kinds))
+    others = (*(rows.change for rows in kinds), *(rows.open for rows in (kinds[0], *kinds[momenta:])))
     bounds = np.concatenate([speeds, *others, np.tile([-1.0, 1.0], (free.shape[1], 1)), [[-np.inf, np.inf]]])
     cost = np.zeros(len(bounds))
     cost[-1] = -1.0
@@ -116,10 +122,12 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     marginals = np.asarray(solved.eqlin.marginals)
     parts = np.split(-marginals[nv : nv + slacks], len(kinds))
     found = [part.reshape(nodes, nv) / rows.scale for part, rows in zip(parts, kinds, strict=True)]
+    whole = np.sum(found[:momenta], axis=0)
     return Multipliers(
         way=marginals[:nv] / (duration * leg.velocity),
-        momentum=_free_at_ends(leg, found[0]),
+        momentum=_free_at_ends(leg, whole),
         speed=_free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
+        shares=shares_of(np.reshape(found[1:momenta], (momenta - 1, nodes, nv)), whole),
     )
 
 
@@ -163,6 +171,18 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
         given=(given / scale).ravel(),
         scale=scale,
     )
+
+
+def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration: float) -> _Rows:
+    """Rows of the momentum M v by one line of the torque-speed curves, whose damping takes s v of it in a second."""
+    k, nv = cells.middle, len(leg.velocity)
+    rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(np.eye(nv)), duration)
+    rows.change[~np.tile(line.given, 2 * k + 1)] = -np.inf, np.inf
+    times, first = np.zeros((2 * k + 1, 2 * k + 1)), np.arange(2 * k)  # [s] of every cell that count at a node
+    times[first, cells.outer] = times[first + 1, cells.outer] = cells.lengths / 2
+    times[k, k] = max(duration - np.sum(cells.lengths), 0.0)
+    damped = kron(times, np.diag(line.slope * leg.velocity / rows.scale))
+    return replace(rows, matrix=csr_matrix(rows.matrix + damped))
 
 
 def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:

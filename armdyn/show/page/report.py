@@ -171,6 +171,7 @@ def _sections(
         sections.sensitivity_section(facts, subject.joints),
         sections.optima_section(facts, duration),
         sections.course_section(facts),
+        sections.controller_section(facts),
         joints.joint_section(moves[0], subject.joints, subject.limits, subject.sliding),
         motor_section(moves[0], subject.joints, subject.limits, subject.sliding),
         sections.model_section(subject.name, facts),

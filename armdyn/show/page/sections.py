@@ -157,6 +157,36 @@ def course_section(facts: Facts) -> Section | None:
     return Section("course", "Path constraints", join(body)) if body else None
 
 
+def controller_section(facts: Facts) -> Section | None:
+    """Cost of each necessary condition of the controller's preset."""
+    controller = facts.part("controller")
+    rows = [
+        [
+            th(one.text("condition").replace("_", " "), "row"),
+            _percent(one.number("share") or 0.0),
+            td(_cost(one), class_="words"),
+        ]
+        for one in controller.parts("costs")
+    ]
+    if not rows:
+        return None
+    told = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
+    heads = [th("condition"), th("of its limit"), th("costs", class_="words")]
+    return Section(
+        "controller", "What the controller's conditions cost", join([element("p", told), stacked(heads, rows)])
+    )
+
+
+def _cost(one: Facts) -> str:
+    """Time that a condition costs, in words."""
+    cost, without = one.number("cost"), one.number("without")
+    if reason := one.text("reason"):
+        return f"nothing: {reason}"
+    if cost is None or without is None:
+        return "unknown: no motion was found without it"
+    return f"at least {1e3 * cost:.3g} ms, {100 * cost / (without + cost):.2g} %" if cost > 0 else "nothing"
+
+
 def _percent(share: float) -> Html:
     return td(f"{100 * share:.4g} %", class_="over") if share > 1.001 else td(f"{100 * share:.4g} %")
 

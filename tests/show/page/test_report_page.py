@@ -150,6 +150,23 @@ def test_limits_of_the_problem_are_listed_with_their_worst():
     assert "kept for feedback 10 % of torque limits" in section
 
 
+def test_costs_of_the_controllers_conditions_are_listed():
+    costs = [
+        {"condition": "torque_rate", "share": 0.9995, "without": 0.494, "cost": 0.0229, "reason": ""},
+        {"condition": "jerk", "share": 0.5, "without": None, "cost": 0.0, "reason": "the motion stays below its limit"},
+        {"condition": "velocity", "share": 1.0, "without": None, "cost": None, "reason": ""},
+    ]
+    robot, move = judged(controller={"preset": "franka-panda", "interface": "torque", "costs": costs})
+    page = page_of(move, robot=robot)
+    section = page[page.index("What the controller") :]
+    section = " ".join(text_of(section[: section.index("</section>")]).split())
+    assert "franka-panda, torque interface" in section
+    assert "torque rate 99.95 % at least 22.9 ms, 4.4 %" in section
+    assert "jerk 50 % nothing: the motion stays below its limit" in section
+    assert "velocity 100 % unknown: no motion was found without it" in section
+    assert "What the controller" not in page_of(judged()[1], robot=robot)
+
+
 def test_paths_are_told_without_their_folders():
     command = "armdyn mintime '/home/me/my arms/arm.urdf' --q-start=-pi/2,0 --obstacle=/tmp/box.json --out ~/runs/one"
     options = {

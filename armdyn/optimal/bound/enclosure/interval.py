@@ -153,6 +153,11 @@ def joined(parts: Sequence[Interval]) -> Interval:
     return Interval(np.concatenate([x.lower for x in parts]), np.concatenate([x.upper for x in parts]))
 
 
+def stacked(parts: Sequence[Interval], axis: int) -> Interval:
+    """Intervals of one shape along a new axis."""
+    return Interval(np.stack([x.lower for x in parts], axis), np.stack([x.upper for x in parts], axis))
+
+
 def down(x: Array) -> Array:
     """The next float below."""
     return np.asarray(np.nextafter(x, -np.inf))

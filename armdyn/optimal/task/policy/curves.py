@@ -6,6 +6,7 @@ from typing import ClassVar
 from armdyn.optimal.task.policy.tuned import by_kind, tuned
 
 TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
+RESTING = "Panda and UR5, forty random pairs each, two of whose joints rest (scripts/calm.py, seeds 5 and 6)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,16 +40,25 @@ class CurvePolicy:
     accepted_after: int = tuned(8, "iterations", "in a row; those that converge need 3", "xArm6")
     smooth: float = tuned(1e-3, "-", "weight of the mean squared torque against the duration: the fastest is unique")
     travel: float = tuned(
-        3e-4,
+        1e-4,
         "-",
-        "weight of mean squared velocities where time is given for calm joints; with three times that some motions "
-        "take more time than is given",
+        "weight of mean squared velocities where time is given for calm joints; with twice that some motions take more "
+        "time than is given",
+        RESTING,
     )
     torque_steps: float = tuned(
-        1.5e-4, "-", "weight of squared torque steps likewise; halves the variation of the torques"
+        7.5e-5,
+        "-",
+        "weight of squared torque steps likewise: torques vary a fifth (UR5) to two fifths (Panda) less; with 3e-5 "
+        "resting joints travel a tenth less, torques vary a tenth more",
+        RESTING,
     )
     resting: float = tuned(
-        0.02, "of a velocity limit", "mean speed below which joints are the calmer the less far they have to go"
+        1e-3,
+        "of a velocity limit",
+        "mean speed below which joints are the calmer the less far they have to go; at 0.02 resting joints travel "
+        "twice as far",
+        RESTING,
     )
     in_flight: float = tuned(
         1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
