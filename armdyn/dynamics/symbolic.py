@@ -11,10 +11,10 @@ import pinocchio as pin
 
 from armdyn.arguments import expect, flag, numbers
 from armdyn.arrays import Array
-from armdyn.dynamics.tree import Tree
 from armdyn.errors import BridgeError, SpecError
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot, expect_robot
+from armdyn.models.robots.tree import Tree
 
 _CASADI = (ca.SX, ca.MX, ca.DM)
 

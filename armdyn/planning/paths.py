@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.planning.rrt_connect import IsFree, OutOfChecksError, PlannerOptions, connect, length, shortened
+from armdyn.planning.rrt_connect import FreeUntil, OutOfChecksError, PlannerOptions, connect, length, shortened
 
 NEAR_STRAIGHT = 1.03
 """A path that takes no more than this times the straight line's time is not worth a second one."""
@@ -22,13 +22,14 @@ class JointSpace:
     """Configuration space of a planner: bounds and collision check.
 
     Attributes:
-        is_free: whether joint positions [rad or m], shape (n,), are free of collisions.
+        free_until: how many joint positions [rad or m], shape (m, n), are free of collisions before the first that is
+            not; m if all are.
         lower: joint positions [rad or m], shape (n,), finite.
         upper: likewise.
         speed: velocity limits [rad/s or m/s], shape (n,), finite: they scale the joints against each other.
     """
 
-    is_free: Callable[[Array], bool]
+    free_until: FreeUntil
     lower: Array
     upper: Array
     speed: Array
@@ -40,12 +41,16 @@ class _Budget:
     def __init__(self, space: JointSpace, checks: int, stop: Callable[[], bool]):
         self._space, self.left, self.attempt, self._stop = space, checks, 0, stop
 
-    def is_free(self, point: Array) -> bool:
-        if self.attempt <= 0 or self.left <= 0 or (self.left % _BETWEEN_STOPS == 0 and self._stop()):
+    def free_until(self, points: Array) -> int:
+        count = min(len(points), self.attempt, self.left)
+        free = self._space.free_until(points[:count] * self._space.speed) if count else 0
+        checks, before = min(free + 1, count), self.left
+        self.attempt -= checks
+        self.left -= checks
+        asks = before // _BETWEEN_STOPS != self.left // _BETWEEN_STOPS
+        if free == count < len(points) or (asks and self._stop()):
             raise OutOfChecksError
-        self.attempt -= 1
-        self.left -= 1
-        return self._space.is_free(point * self._space.speed)
+        return free
 
 
 def plan_paths(
@@ -97,13 +102,12 @@ def _attempt(
 ) -> Array | None:
     """One path, shortened as far as the attempt's checks last; None: none was found."""
     budget.attempt = checks
-    is_free: IsFree = budget.is_free
     try:
-        path = connect(is_free, *frame, seed, options)
+        path = connect(budget.free_until, *frame, seed, options)
     except OutOfChecksError:
         return None
     budget.attempt = checks
     try:
-        return shortened(is_free, path, [*seed, 1], options)
+        return shortened(budget.free_until, path, [*seed, 1], options)
     except OutOfChecksError:
         return path

@@ -4,6 +4,7 @@ OMPL has this planner, too; its random numbers are seeded once for a process, so
 returns another path, and answers would depend on the calls before.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,8 +12,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 
-IsFree = Callable[[Array], bool]
-"""Whether a point, shape (n,), is free of collisions."""
+FreeUntil = Callable[[Array], int]
+"""How many points, shape (m, n), are free of collisions before the first that is not; m if all are."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ class Tree:
         return int(np.argmin(np.einsum("ij,ij->i", apart, apart)))
 
     def __getitem__(self, index: int) -> Array:
-        return np.array(self._points[index])
+        point: Array = self._points[index].copy()
+        return point
 
     def path(self, index: int) -> list[Array]:
         """Points from this one to the root."""
@@ -75,21 +77,25 @@ class Tree:
         return out
 
 
-def segment_is_free(is_free: IsFree, a: Array, b: Array, step: float) -> bool:
+def segment_is_free(free_until: FreeUntil, a: Array, b: Array, step: float) -> bool:
     """Whether points between a and b are free, checked coarsely first."""
     count = int(np.ceil(np.max(np.abs(b - a)) / step))
     inner = np.arange(1, count)
     coarse_first = inner[np.argsort(-(inner & -inner), kind="stable")]
-    return all(is_free(a + (b - a) * k / count) for k in coarse_first)
+    return free_until(a + (b - a) * coarse_first[:, None] / count) == inner.size
 
 
 def connect(
-    is_free: IsFree, ends: tuple[Array, Array], bounds: tuple[Array, Array], seed: list[int], options: PlannerOptions
+    free_until: FreeUntil,
+    ends: tuple[Array, Array],
+    bounds: tuple[Array, Array],
+    seed: list[int],
+    options: PlannerOptions,
 ) -> Array:
     """Find a collision-free path between two points.
 
     Args:
-        is_free: of a point; raises `OutOfChecksError` to end the search.
+        free_until: see `FreeUntil`; raises `OutOfChecksError` to end the search.
         ends: start and goal, each of shape (n,).
         bounds: lower and upper, each of shape (n,).
         seed: of the random points.
@@ -101,21 +107,24 @@ def connect(
     Raises:
         OutOfChecksError: no path was found within the budget.
     """
-    if segment_is_free(is_free, *ends, options.step):
+    if segment_is_free(free_until, *ends, options.step):
         return np.array(ends)
-    random = np.random.default_rng(seed)
+    random, (lower, upper) = np.random.default_rng(seed), bounds
+    size = upper - lower
     growing, other, swapped = Tree(ends[0]), Tree(ends[1]), False
     while True:
-        added, _ = _extend(growing, random.uniform(*bounds), is_free, options, far=False)
+        added, _ = _extend(growing, lower + size * random.random(lower.size), free_until, options, far=False)
         if added is not None:
-            met, hit = _extend(other, growing[added], is_free, options, far=True)
+            met, hit = _extend(other, growing[added], free_until, options, far=True)
             if hit and met is not None:
                 path = growing.path(added)[::-1] + other.path(met)[1:]
                 return np.array(path[::-1] if swapped else path)
         growing, other, swapped = other, growing, not swapped
 
 
-def _extend(tree: Tree, target: Array, is_free: IsFree, options: PlannerOptions, far: bool) -> tuple[int | None, bool]:
+def _extend(
+    tree: Tree, target: Array, free_until: FreeUntil, options: PlannerOptions, far: bool
+) -> tuple[int | None, bool]:
     """Grow a tree towards a point as far as it is free, by at most `reach` unless `far`.
 
     Returns:
@@ -123,20 +132,19 @@ def _extend(tree: Tree, target: Array, is_free: IsFree, options: PlannerOptions,
     """
     index = tree.nearest(target)
     root, way = tree[index], target - tree[index]
-    length = float(np.linalg.norm(way))
+    length = math.sqrt(way @ way)
     if length == 0:
         return index, True
     part = 1.0 if far else min(1.0, options.reach / length)
-    count = max(int(np.ceil(part * np.max(np.abs(way)) / options.step)), 1)
+    count = max(math.ceil(part * max(map(abs, way.tolist())) / options.step), 1)  # numpy is slow on seven numbers
     between = max(int(options.reach / (part * length / count)), 1)
-    for k in range(1, count + 1):
-        point = root + way * (part * k / count)
-        if not is_free(point):
-            last = k - 1
-            return (None, False) if last == 0 else (tree.add(root + way * (part * last / count), index), False)
-        if k < count and k % between == 0:
-            index = tree.add(point, index)
-    return tree.add(root + part * way, index), part == 1.0
+    points = root + way * (part * np.arange(1, count + 1) / count)[:, None]
+    free = free_until(points)
+    for k in range(between, min(free + 1, count), between):
+        index = tree.add(points[k - 1], index)
+    if free == count:
+        return tree.add(points[-1], index), part == 1.0
+    return (tree.add(points[free - 1], index) if free else None), False
 
 
 def length(path: Array) -> float:
@@ -144,7 +152,7 @@ def length(path: Array) -> float:
     return float(np.sum(np.max(np.abs(np.diff(path, axis=0)), axis=1)))
 
 
-def shortened(is_free: IsFree, path: Array, seed: list[int], options: PlannerOptions) -> Array:
+def shortened(free_until: FreeUntil, path: Array, seed: list[int], options: PlannerOptions) -> Array:
     """Replace parts of a path between random points by straight segments where these are free and shorter."""
     random = np.random.default_rng(seed)
     for _ in range(options.shortcuts):
@@ -159,6 +167,6 @@ def shortened(is_free: IsFree, path: Array, seed: list[int], options: PlannerOpt
         # 1e-3: a shortcut that saves less is not worth its checks.
         if i == j or np.max(np.abs(b - a)) >= (1 - 1e-3) * (cuts[1] - cuts[0]):
             continue
-        if segment_is_free(is_free, a, b, options.step):
+        if segment_is_free(free_until, a, b, options.step):
             path = np.concatenate([path[: i + 1], [a, b], path[j + 1 :]])
     return path

@@ -14,7 +14,10 @@ WIDE = 10.0
 
 
 def space(is_free, n=2):
-    return JointSpace(is_free, np.full(n, -WIDE), np.full(n, WIDE), np.ones(n))
+    def free_until(points):
+        return next((k for k, point in enumerate(points) if not is_free(point)), len(points))
+
+    return JointSpace(free_until, np.full(n, -WIDE), np.full(n, WIDE), np.ones(n))
 
 
 def dense(path, samples=400):

@@ -1,25 +1,20 @@
-"""Distances of an arm from obstacles and from itself, on the real geometry, by coal through Pinocchio."""
+"""Distances of an arm from obstacles and from itself, on the real geometry, by coal (`_collision/`, in C++)."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import built_once, one_at_a_time
-from armdyn.models.reading.urdf_arm import configurations
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.balls import Balls
-from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.scene.separation import chain_of, gap, hulls
+from armdyn.models.scene.solids import compiled_scene
 from armdyn.models.values.placement import Point
+from armdyn.trajectory import Trajectory
 
-_BLOCK = 20_000
-"""Pairs whose bounds are computed at once: a few megabytes."""
 _TOUCHES = 5e-5
 """Bodies that are so near each other or overlap by so much touch, in words [m]."""
 
@@ -109,19 +104,8 @@ class CollisionModel:
         self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
         known = {frozenset(pair) for pair in touching}
         self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
-        self._scene, self._balls = scene, Balls(bodies(robot), scene)
-        self._hulls = hulls(robot, scene)
-        self.joints: Index = np.array([one.parentJoint for one in scene.model.geometryObjects], dtype=int)[scene.pairs]
-        self._carried = np.zeros((robot.model.njoints, robot.model.nv))
-        for joint in range(1, robot.model.njoints):
-            self._carried[joint, np.array(chain_of(robot, joint)) - 1] = 1.0
-        self._configuration = configurations(robot.model)
-        self._data, self._geometry = robot.model.createData(), pin.GeometryData(scene.model)
-        for k in self.touching:  # `is_free` compares their distances
-            self._geometry.deactivateCollisionPair(int(k))
-        self._broadphase = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            robot.model, scene.model, self._geometry
-        )
+        self.joints: Index = np.array([one["joint"] for one in scene.solids], dtype=int)[scene.pairs]
+        self._scene = compiled_scene(robot, scene.solids, scene.pairs, self.touching)
 
     def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
         """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).
@@ -130,12 +114,20 @@ class CollisionModel:
             q: joint positions.
             least: distances of the `touching` pairs above which these count as free [m], one or shape (m,).
         """
-        with one_at_a_time:  # the work space is the model's
-            self._place(q)
-            self._broadphase.update(False)
-            if pin.computeCollisions(self._broadphase, True):
-                return False
-            return not self.touching.size or bool(np.all(self.distances_of(self.touching, q) >= least))
+        return self.free_until(np.asarray(q, dtype=float)[None], least) == 1
+
+    def free_until(self, poses: Array, least: Array | float = 0.0) -> int:
+        """Index of the first of several poses at which a pair overlaps; their number if all are free.
+
+        Args:
+            poses: joint positions [rad or m], shape (poses, nv).
+            least: see `is_free`.
+        """
+        if not isinstance(least, np.ndarray):
+            least = np.full(self.touching.shape, least)
+        with one_at_a_time:  # the work space is the scene's
+            free: int = self._scene.first_hit(np.ascontiguousarray(poses, dtype=float), least)
+        return free
 
     def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
         """Distances of all pairs.
@@ -148,41 +140,15 @@ class CollisionModel:
         Returns:
             Distances [m], shape (pairs,) or (poses, pairs); negative: they overlap.
         """
-        poses = np.atleast_2d(np.asarray(q, dtype=float))
-        with one_at_a_time:  # the work space is the model's
-            out = self._bounds(poses)
-            for here, pose in zip(out, poses, strict=True):
-                self._measure(here, pose, within)
+        with one_at_a_time:
+            out: Array = self._scene.distances(_poses(q), within)
         return out if np.ndim(q) == 2 else out[0]
 
     def distances_of(self, pairs: Index, q: ArrayLike) -> Array:
-        """Distances of some pairs [m], of the shape of their indices, at joint positions q [rad or m], shape (nv,)."""
+        """Distances of some pairs [m], shape (pairs,) or (poses, pairs), at joint positions as of `distances`."""
         with one_at_a_time:
-            self._place(q)
-            for k in pairs:
-                pin.computeDistance(self._scene.model, self._geometry, int(k))
-            results = self._geometry.distanceResults
-            return np.array([results[int(k)].min_distance for k in pairs])
-
-    def gaps(self, pairs: Index, q: ArrayLike, v: ArrayLike, times: Array) -> Array:
-        """Gaps of some pairs along their present normals if their points went on at their present velocities.
-
-        Args:
-            pairs: indices, shape (m,).
-            q: joint positions [rad or m], shape (nv,).
-            v: joint velocities [rad/s or m/s], shape (nv,).
-            times: from now [s], shape (k,).
-
-        Returns:
-            [m], shape (m, k).
-        """
-        with one_at_a_time:
-            self.distances_of(pairs, q)
-            pin.forwardKinematics(self.robot.model, self._data, self._configuration(np.asarray(q)), np.asarray(v))
-            normals = [np.array(self._geometry.distanceResults[int(k)].normal) for k in pairs]
-            both = [(self._hulls[first], self._hulls[second]) for first, second in self._scene.pairs[pairs]]
-            each = zip(both, normals, strict=True)
-            return np.array([gap(self._data, self.robot.model, pair, normal, times) for pair, normal in each])
+            out: Array = self._scene.distances_of(np.asarray(pairs, dtype=int), _poses(q))
+        return out if np.ndim(q) == 2 else out[0]
 
     def near(self, poses: Array, within: float, most: int) -> NearPairs:
         """The nearest pairs at several poses and how their distances change.
@@ -192,27 +158,33 @@ class CollisionModel:
             within: pairs no farther apart than this [m].
             most: so many pairs of a pose at most.
         """
-        kept, found, jacobians = list[Index](), list[Array](), np.empty((len(poses), 6, self.robot.model.nv))
-        points, results = list[Array](), self._geometry.distanceResults
         with one_at_a_time:
-            for k, (here, pose) in enumerate(zip(self._bounds(poses), poses, strict=True)):
-                near = self._measure(here, pose, within)
-                near = near[np.argsort(here[near], kind="stable")][:most]
-                kept.append(near[here[near] <= within])
-                found.append(here[kept[-1]])
-                jacobians[k] = pin.computeJointJacobians(self.robot.model, self._data)
-                # coal's normal is a view of what the next pose overwrites
-                points += [np.array((one.normal, one.getNearestPoint1(), one.getNearestPoint2()))
-                           for one in (results[int(i)] for i in kept[-1])]  # fmt: skip
-        which, pairs = np.repeat(np.arange(len(poses)), [one.size for one in kept]), np.concatenate(kept)
-        gradients = self._gradients(pairs, np.array(points).reshape(-1, 3, 3), jacobians[which])
-        return NearPairs(which, pairs, np.concatenate(found), gradients)
+            return NearPairs(*self._scene.near(_poses(poses), within, most))
+
+    def prove(
+        self, motion: Trajectory, bounds: tuple[Array, Array, Array], asked: Array, work: tuple[int, int]
+    ) -> tuple[Clearance, tuple[float, ...]]:
+        """Prove that pairs keep their distances along a motion, or find times at which they do not.
+
+        Args:
+            motion: joints follow cubics between its samples.
+            bounds: travel and acceleration as of `MotionBounds`, and the reach of every pair, shape (pairs, nv).
+            asked: distances to be kept [m], shape (pairs,).
+            work: equal parts of the motion that are looked at first, and pairs looked at again at most.
+
+        Returns:
+            The nearest pair, `sure` if all keep what is asked; times at which a pair is nearer [s], increasing.
+        """
+        travel, acceleration, reach = bounds
+        rows = (motion.t, motion.q, motion.v, travel, acceleration, asked, reach)
+        with one_at_a_time:
+            sure, missed, pair, time = self._scene.prove(*(np.ascontiguousarray(row) for row in rows), *work)
+            nearest = self._clearance(pair, motion(time).q, time)
+        return replace(nearest, sure=sure), tuple(missed.tolist())
 
     def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
         """The pair that is nearest at joint positions q [rad or m], shape (nv,), at a time [s]."""
-        with one_at_a_time:
-            distances = self.distances(q)
-            return self._clearance(int(np.argmin(distances)), time)
+        return self._clearance(int(np.argmin(self.distances(q))), q, time)
 
     def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
         """Pairs of names that are nearer than a clearance and may not be, the nearest first.
@@ -221,59 +193,23 @@ class CollisionModel:
             q: joint positions [rad or m], shape (nv,).
             than: the clearance [m].
         """
-        with one_at_a_time:
-            distances = self.distances(q, than)
-            distances[self.touching] = np.inf
-            found = np.flatnonzero(distances < than)
-            near = [self._clearance(int(k), 0.0) for k in found[np.argsort(distances[found], kind="stable")]]
+        distances = self.distances(q, than)
+        distances[self.touching] = np.inf
+        found = np.flatnonzero(distances < than)
+        near = [self._clearance(int(k), q, 0.0) for k in found[np.argsort(distances[found], kind="stable")]]
         return tuple({(one.body, one.other): one for one in reversed(near)}.values())[::-1]
 
-    def _clearance(self, k: int, time: float) -> Clearance:
-        """The distance of a pair that coal computed last."""
-        result = self._geometry.distanceResults[k]
-        x, y = (tuple(map(float, point)) for point in (result.getNearestPoint1(), result.getNearestPoint2()))
-        return Clearance(result.min_distance, time, *self.pairs[k], points=((x[0], x[1], x[2]), (y[0], y[1], y[2])))
+    def _clearance(self, k: int, q: ArrayLike, time: float) -> Clearance:
+        """The distance of a pair at joint positions."""
+        with one_at_a_time:
+            distance, points = self._scene.witness(k, _poses(q))
+        x, y = points.tolist()
+        return Clearance(distance, time, *self.pairs[k], points=((x[0], x[1], x[2]), (y[0], y[1], y[2])))
 
-    def _bounds(self, poses: Array) -> Array:
-        """Lower bounds on the distances of all pairs at several poses [m], shape (poses, pairs)."""
-        out, block = np.empty((len(poses), len(self.pairs))), 1 + _BLOCK // max(len(self.pairs), 1)
-        frames = np.empty((len(poses), self.robot.model.njoints, 3, 4))
-        for here, pose in zip(frames, poses, strict=True):
-            pin.forwardKinematics(self.robot.model, self._data, self._configuration(pose))
-            for k, frame in enumerate(self._data.oMi):
-                here[k, :, :3], here[k, :, 3] = frame.rotation, frame.translation
-        for first in range(0, len(poses), block):
-            here = frames[first : first + block]
-            out[first : first + block] = self._balls.bounds(here[..., :3], here[..., 3])
-        return out
 
-    def _measure(self, bounds: Array, pose: Array, within: float) -> Index:
-        """Replace the bounds that are not larger than `within` by distances at a pose; their indices."""
-        self._place(pose)
-        near, results = np.flatnonzero(bounds <= within), self._geometry.distanceResults
-        for k in near.tolist():
-            pin.computeDistance(self._scene.model, self._geometry, k)
-            bounds[k] = results[k].min_distance
-        return near
-
-    def _place(self, q: ArrayLike) -> None:
-        configuration = self._configuration(np.asarray(q))
-        pin.updateGeometryPlacements(self.robot.model, self._data, self._scene.model, self._geometry, configuration)
-
-    def _gradients(self, pairs: Index, points: Array, jacobians: Array) -> Array:
-        """Gradients of distances by q, shape (m, nv): the normals times the velocities of the nearest points.
-
-        Args:
-            pairs: indices, shape (m,).
-            points: normal, nearest point of the first body and of the second [m], shape (m, 3, 3).
-            jacobians: of the velocities of the world's origin and of the rotations, shape (m, 6, nv).
-        """
-        normal, out = points[:, 0], np.zeros((pairs.size, self.robot.model.nv))
-        for side, sign in ((0, -1.0), (1, 1.0)):
-            turning = np.cross(points[:, 1 + side], normal)  # n . (w x p) = (p x n) . w
-            forward = np.einsum("mi,min->mn", np.concatenate([normal, turning], axis=1), jacobians)
-            out += sign * self._carried[self.joints[pairs, side]] * forward
-        return out
+def _poses(q: ArrayLike) -> Array:
+    """Joint positions, shape (poses, nv), as C++ takes them."""
+    return np.atleast_2d(np.ascontiguousarray(q, dtype=float))
 
 
 collision_model = built_once(maxsize=16)(CollisionModel)

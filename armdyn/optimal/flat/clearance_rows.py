@@ -102,7 +102,7 @@ def _passing(model: CollisionModel, leg: CurveLeg, even: Array, near: Array) -> 
         first, last = even[step - 1], even[step + 1]
         for _ in range(2):
             looks = np.linspace(first, last, _FINER + 1)
-            found = [model.distances_of(np.array([pair]), q)[0] for q in leg.at(looks)[0]]
+            found = model.distances_of(np.array([pair]), leg.at(looks)[0])
             k = int(np.clip(np.argmin(found), 1, _FINER - 1))
             first, last = looks[k - 1], looks[k + 1]
         out.append((first + last) / 2)

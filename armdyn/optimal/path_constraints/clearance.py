@@ -16,7 +16,8 @@ from armdyn.trajectory import Trajectory
 _AT_ENDS = 0.98
 """Part of a pair's distance at a given pose that is proven along the motion, where that is less than the clearance."""
 _LEFT = 0.7
-"""Part of a pair's distance at a given pose that the program asks of it: the motion need not begin along a wall."""
+"""Part of what a pair has beyond the clearance at a given pose that the program asks of it: the motion need not begin
+along a wall, and where it passes just by the clearance it is kept between the poses, too."""
 _NEARER = 1e-4
 """By so much a pair that touches at a given pose may be nearer along the way [m]: the program keeps it at poses."""
 
@@ -46,7 +47,7 @@ class KeepsClear(PathConstraint):
         """The clearance and a little more; of a pair that is nearer at a given pose that distance, or part of it."""
         model, ends = _model_and_ends(problem)
         places = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
-        most = np.where(ends < problem.clearance, ends, np.maximum(problem.clearance, _LEFT * ends))
+        most = np.minimum(ends, problem.clearance + _LEFT * (ends - problem.clearance))
         return AskedDistances(model, problem.clearance, most, places)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:

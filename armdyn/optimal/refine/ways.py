@@ -78,7 +78,7 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
     ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
     least = np.minimum(ends - problem.clearance, 0.0)  # as of the other pairs, the curve mends the clearance
     space = JointSpace(
-        lambda q: model.is_free(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
+        lambda q: model.free_until(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
     )
     legs = [
         plan_paths(space, line[0], line[-1], seed, stop=stop.__bool__) if len(line) == 2 else iter([line])

@@ -2,11 +2,13 @@
 
 import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
-from armdyn.errors import ProblemError
+from armdyn.errors import BridgeError, ProblemError
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import CollisionModel, collision_model
+from armdyn.models.scene.geometry import scene_geometry
 from armdyn.models.scene.obstacles import Box, Capsule, Cylinder, Plane, Sphere
 from oracles import robot_named
 from problems import CART, cart, paper_arm
@@ -112,3 +114,39 @@ def test_pairs_that_may_touch_are_not_compared():
     pairs = CollisionModel(robot, [ball]).pairs
     fewer = CollisionModel(robot, [ball], allowed=[("can", "panda_hand")]).pairs
     assert set(pairs) - set(fewer) == {("panda_hand", "can")}
+
+
+def test_distances_are_those_of_coal_through_pinocchio():
+    robot = robot_named("panda")
+    obstacles = [
+        Sphere((0.4, 0.2, 0.5), 0.05),
+        Box((0.1, 0.2, 0.3), (0.5, -0.2, 0.4)),
+        Cylinder((0.3, -0.4, 0.2), (0.5, -0.4, 0.6), 0.07),
+        Capsule((-0.4, 0.1, 0.1), (-0.4, 0.3, 0.9), 0.04),
+        Plane((0, 0, -0.2), (0.1, 0, 1)),
+    ]
+    model = CollisionModel(robot, obstacles, True)
+    solids, geometry = pin.GeometryModel(), [(body.joint, body.placement, body.geometry) for body in bodies(robot)]
+    geometry += [(0, *solid) for one in obstacles for solid in one.solids()]
+    for k, (joint, placement, shape) in enumerate(geometry):
+        solids.addGeometryObject(pin.GeometryObject(str(k), joint, pin.SE3(placement), shape))
+    for i, j in scene_geometry(robot, obstacles, True).pairs:
+        solids.addCollisionPair(pin.CollisionPair(int(i), int(j)))
+    data, found = robot.model.createData(), pin.GeometryData(solids)
+    poses = np.random.default_rng(4).uniform(robot.limits.position_lower, robot.limits.position_upper, (40, robot.nv))
+    hits = []
+    for q, own in zip(poses, model.distances(poses), strict=True):
+        pin.computeDistances(robot.model, data, solids, found, robot.configuration(q))
+        expected = np.array([one.min_distance for one in found.distanceResults])
+        np.testing.assert_allclose(own, expected, atol=2e-6)  # GJK's own tolerance, twice
+        hits.append(bool(np.any(expected < 0)))
+    assert 0 < sum(hits) < len(hits)
+    assert [not model.is_free(q) for q in poses] == hits
+    assert [not model.is_free(q) for q in poses[::-1]] == hits[::-1]  # whichever pair overlapped before
+    assert model.free_until(poses[~np.array(hits)]) == len(hits) - sum(hits)
+
+
+def test_another_version_of_coal_is_refused(monkeypatch):
+    monkeypatch.setattr(coal, "__version__", "2.9.9")
+    with pytest.raises(BridgeError, match=r"but coal 2\.9\.9 is installed"):
+        CollisionModel(paper_arm("rr"), [Sphere((5, 0, 0), 0.1)])

@@ -65,3 +65,11 @@ def test_poses_are_where_bodies_pass_each_other(swing):
         if step < nearest < 1 - step and np.min(distances[:, pair]) > 0:
             assert np.min(np.abs(places - nearest)) < step / 8
     assert np.all((places > 0) & (places < 1)) and np.all(np.diff(places) > 0) and places.size > policy.poses
+
+
+def test_a_pair_just_beyond_the_clearance_at_the_goal_is_asked_for_more_than_the_clearance(swing):
+    problem = swing[0]
+    near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
+    tight = problem.variant(clearance=near - 3e-4)  # as a finger beside what it is to grasp
+    asked = KeepsClear().asked_distances(tight)
+    assert tight.clearance < np.min(asked.most) < near

@@ -8,8 +8,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
+from armdyn.models.scene.motion_bounds import frame_accelerations
 from armdyn.models.scene.reaching import poses_reaching
-from armdyn.models.scene.separation import frame_accelerations
 from problems import POSES, paper_arm, solve
 
 START, GOAL = POSES["rr"]

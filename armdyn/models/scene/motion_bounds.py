@@ -1,88 +1,11 @@
-"""How the gap between two bodies closes: separating planes that move with the bodies' points.
+"""Bounds on the motion of an arm's bodies between the samples of a trajectory."""
 
-Along a direction n the gap is the least n.x of one body less the largest n.y of the other. It is no larger than their
-distance, and equal to it where n is the normal of their nearest points and both are convex.
-"""
-
-from dataclasses import dataclass
-from typing import Any
-
-import coal
 import numpy as np
-import pinocchio as pin
 
 from armdyn.arrays import Array
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.bodies import ROUND_FINE, balls_around, bodies
-from armdyn.models.scene.geometry import SceneGeometry
+from armdyn.models.scene.bodies import bodies
 from armdyn.trajectory import Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class Hull:
-    """A solid inside the convex hull of equal balls, or a half space.
-
-    Attributes:
-        joint: index of the joint that carries it; 0 is the world.
-        points: centres of the balls in the joint's frame [m], shape (m, 3).
-        radius: of the balls [m].
-        outward: normal of a half space in the world, shape (3,), whose point is one of its plane; None: of a solid.
-    """
-
-    joint: int
-    points: Array
-    radius: float
-    outward: Array | None = None
-
-
-def hulls(robot: Robot, scene: SceneGeometry) -> tuple[Hull, ...]:
-    """Convex hulls of all solids of a scene, in the order of its names."""
-    own = [Hull(body.joint, body.points, body.radius) for body in bodies(robot)]
-    return (*own, *(_hull(solid) for solid in list(scene.model.geometryObjects)[scene.links :]))
-
-
-def _hull(solid: Any) -> Hull:
-    """Hull of an obstacle, in the world."""
-    shape = solid.geometry
-    if isinstance(shape, coal.Halfspace):
-        outward = solid.placement.rotation @ shape.n
-        return Hull(0, (solid.placement.translation + shape.d * outward)[None], 0.0, outward)
-    points, radius = balls_around(shape, ROUND_FINE)
-    return Hull(0, points @ solid.placement.rotation.T + solid.placement.translation, radius)
-
-
-def gap(data: pin.Data, model: pin.Model, pair: tuple[Hull, Hull], normal: Array, times: Array) -> Array:
-    """Gap along a direction if the points of two bodies went on at their present velocities.
-
-    Args:
-        data: with placements and velocities of the joints.
-        model: of the arm.
-        pair: the two bodies.
-        normal: unit vector from the first to the second, shape (3,).
-        times: from now [s], shape (k,).
-
-    Returns:
-        [m], shape (k,).
-    """
-    for sign, body in zip((1, -1), pair, strict=True):
-        if body.outward is not None:  # along any other direction a half space has no end
-            normal = sign * body.outward
-    first, second = (_along(data, model, body, normal, times) for body in pair)
-    out: Array = np.min(second, axis=1) - np.max(first, axis=1) - pair[0].radius - pair[1].radius
-    return out
-
-
-def _along(data: pin.Data, model: pin.Model, body: Hull, normal: Array, times: Array) -> Array:
-    """Coordinates of a body's points along a direction at times from now [m], shape (k, m)."""
-    frame: Any = data.oMi[body.joint]
-    arms = body.points @ frame.rotation.T
-    at = arms @ normal + float(frame.translation @ normal)
-    if not body.joint:
-        return np.asarray(at[None])
-    velocity = pin.getVelocity(model, data, body.joint, pin.LOCAL_WORLD_ALIGNED)
-    turning = pin.skew(normal) @ velocity.angular  # n . (w x r) = (n x w) . r
-    speed = arms @ turning + float(velocity.linear @ normal)
-    return np.asarray(at + times[:, None] * speed)
 
 
 class MotionBounds:
