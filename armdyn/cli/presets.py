@@ -91,7 +91,7 @@ def _limits(preset: ad.ControllerPreset) -> Table:
 
     columns = {name: row for name in LIMITS if (row := getattr(preset.limits, name)) is not None}
     units = [UNITS["position" if name.startswith("position") else name] for name in columns]
-    heads = [f">{name.replace('_', ' ')}\n[{unit}]" for name, unit in zip(columns, units, strict=True)]
+    heads = [">" + "\n".join([*name.split("_"), f"[{unit}]"]) for name, unit in zip(columns, units, strict=True)]
     rows = [
         (joint or str(i + 1), *(f"{row[i]:g}" for row in columns.values())) for i, joint in enumerate(preset.joints)
     ]

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from armdyn.arrays import Array
 from armdyn.errors import BridgeError
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tree import Tree
 
@@ -32,18 +33,26 @@ def bridge_arm(robot: Robot) -> Any:
     """
     import _armdyn_bridge as bridge
 
+    return bridge.Arm(**_arguments(robot))
+
+
+@built_once(maxsize=16)
+def _arguments(robot: Robot) -> dict[str, Any]:
+    """Arguments of the bridge's `Arm`, which accelerates as `pin.aba` says."""
+    import _armdyn_bridge as bridge
+
     friction, n = robot.friction, robot.nv
     lost = (*friction.per_joint(n), np.broadcast_to(friction.width, n)) if friction.present else 3 * (np.empty(0),)
     names = ("damping", "coulomb", "width")
-    arm = bridge.Arm(**Tree.of(robot.model).arguments(), **dict(zip(names, map(np.array, lost), strict=True)))
+    arguments = Tree.of(robot.model).arguments() | dict(zip(names, map(np.array, lost), strict=True))
     q, v = np.sin(np.arange(1.0, n + 1)), np.cos(np.arange(1.0, n + 1))
     expected = pin.aba(robot.model, robot.model.createData(), robot.configuration(q), v, -friction.torque(v))
-    off = np.max(np.abs(arm.acceleration(q, v, np.zeros(n)) - expected))
+    off = np.max(np.abs(bridge.Arm(**arguments).acceleration(q, v, np.zeros(n)) - expected))
     if not off <= _AGREES * np.max(np.abs(expected), initial=1.0):
         raise BridgeError(
             f"armdyn's bridge and pinocchio differ by {off:.1e} rad/s² or m/s² in the motion of {robot.name}"
         )
-    return arm
+    return arguments
 
 
 def forward_dynamics(robot: Robot) -> StateFunction:

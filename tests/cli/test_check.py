@@ -130,6 +130,7 @@ def test_presets():
     one = run_here("presets", "franka-fr3").stdout
     for said in ("not public", "sources", "frankaemika.github.io", "2025-01-16", "torque rate", "-2.7437"):
         assert said in one
+    assert "joint7   -3.0159    3.0159      5.26            10      5000      12     1000" in one  # within 80 columns
     facts = answer(run_here("presets", "kinova-gen3", "--json"))
     assert facts["presets"][0]["limits"]["position_lower"][0] is None
     assert "did you mean 'ur5e'" in run_here("presets", "ur5ee").stderr

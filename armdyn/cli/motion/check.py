@@ -119,7 +119,7 @@ def show_check(found: ad.ControllerCheck, name: str) -> None:
     else:
         console.print(
             f"[red]refused[/]: {escape(refused.joint)} exceeds its {_plain(refused.condition)} limit, first at "
-            f"t = {refused.first:.4g} s: {refused.first_value:.5g} {refused.unit}"
+            f"t = {refused.first:.4g} s: {refused.first_shown} of {abs(refused.limit):.5g} {refused.unit}"
         )
     console.print(_table(found))
     points = f"Between its points: {found.interpolation} interpolation."
@@ -137,7 +137,7 @@ def _table(found: ad.ControllerCheck) -> Table:
             styles.append("dim")
         for one in nearest:
             for row in [row for row in found.offences if row.condition == one.condition] or [one]:
-                first = ("", "") if row.first is None else (f"{row.first_value:.4g}", f"{row.first:.4f}")
+                first = ("", "") if row.first is None else (row.first_shown, f"{row.first:.4f}")
                 value = row.value if row.share > _NOTHING else 0.0
                 condition = f"  {_plain(row.condition)} [{row.unit}]"
                 rows.append((condition, row.joint, f"{value:.4g}", f"{row.limit:.4g}", f"{row.time:.4f}", *first))

@@ -61,7 +61,15 @@ class ConditionCheck:
         )
         if self.first is None:
             return said
-        return f"{said}, first exceeded at {self.first:.4g} s by {self.first_value:.5g} {self.unit}"
+        return f"{said}, first exceeded at {self.first:.4g} s by {self.first_shown} {self.unit}"
+
+    @property
+    def first_shown(self) -> str:
+        """`first_value` with five digits, or as many as tell it from the limit; empty: the condition is kept."""
+        if self.first_value is None:
+            return ""
+        told = (f"{self.first_value:.{digits}g}" for digits in range(5, 10))
+        return next((one for one in told if abs(float(one)) != abs(self.limit)), f"{self.first_value:.10g}")
 
 
 @brief

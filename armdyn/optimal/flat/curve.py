@@ -125,7 +125,7 @@ class Curve:
         """The curve, slowed down by a factor."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
-    def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True) -> Trajectory:
+    def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True, ends: int = 1) -> Trajectory:
         """Samples of the motion with their torques.
 
         Args:
@@ -133,11 +133,13 @@ class Curve:
             least: samples of every interval, besides its end.
             steps: samples of every leg, at least.
             jumps: whether the torque may jump where legs meet: then both legs have a sample there.
+            ends: times as many samples of the first and the last interval of a leg.
         """
         parts, start = [], 0.0
         for k, leg in enumerate(self.legs):
             lengths = np.diff(leg.basis.breaks)
             counts = np.maximum(np.ceil(steps * lengths).astype(int), least)
+            counts[[0, -1]] *= ends
             fractions = np.concatenate([np.arange(count) / count for count in counts])
             s = np.append(np.repeat(leg.basis.breaks[:-1], counts) + np.repeat(lengths, counts) * fractions, 1.0)
             q, v, _ = leg.at(s)

@@ -6,6 +6,7 @@ with sequential convex optimization and convex collision checking", IJRR 33(9), 
 trust region are those of Nocedal and Wright, Numerical Optimization, 2006, algorithm 18.4 and section 18.5.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,10 @@ from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
+
+Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
+"""From unknowns, and the torques that their curve takes as parts of half the range, shape (points, joints), to lower
+and upper bounds of these torques; None: they may stay as they are."""
 
 _WITHIN = 0.9
 """Part of a trust region's radius within which it did not hold a step."""
@@ -54,9 +59,17 @@ class Sequential:
 
     def __init__(self, problem: CurveProgram, policy: SequentialPolicy, stop: Stop):
         self.problem, self.policy, self.stop = problem, policy, stop
-        self._whole = problem.guess.duration
+        self._whole, self._radius = problem.guess.duration, 0.0
 
-    def solve(self, trust: float, enough: float, beaten: float = np.inf, eager: int | None = None) -> NlpResult:
+    def solve(
+        self,
+        trust: float,
+        enough: float,
+        beaten: float = np.inf,
+        eager: int | None = None,
+        tighten: Tighten | None = None,
+        most: int | None = None,
+    ) -> NlpResult:
         """Iterate from the program's unknowns.
 
         Args:
@@ -64,12 +77,16 @@ class Sequential:
             enough: relative change of the merit at which the sequence ends.
             eager: first steps that are taken whatever they do; None: the policy's.
             beaten: a duration [s]; a sequence that is not near it after a few steps ends.
+            tighten: asked where a step ended about where it was predicted to, or none is better.
+            most: steps, though the policy may grant more; None: the policy's.
         """
         policy, iterations, first = self.policy, 0, trust
         eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
-        merit, step, status, word = self._merit(at), None, Status.ITERATION_LIMIT, "iteration limit"
-        for k in range(policy.steps):
+        merit, step = self._merit(at), None
+        k, last = -1, policy.steps - 1
+        while k < last and (most is None or k < most - 1):
+            k += 1
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
                 break
@@ -83,22 +100,27 @@ class Sequential:
                 at = self._point(at.x)
                 merit, trust = self._merit(at), first
                 continue
-            if taken is None:
-                status, word = (
-                    (Status.SOLVED, "no step is better") if self._kept(at) else (Status.FAILED, "no step is better")
-                )
+            ended, near, word = taken is None, taken is None and self._kept(at), "no step is better"
+            if taken is not None:
+                before, merit = merit, self._merit(taken)
+                # Where the rows were linear all along the step, it ends in the optimum.
+                off, reached = abs(self._promised(at, step) - merit), self._reached(at, taken)
+                at, settled, word = taken, abs(before - merit) < enough * merit, "converged"
+                ended = settled or (reached and off < policy.predicted * merit)
+                near = off < policy.tightened * merit and (reached or settled)
+            bounds = tighten(at.x, at.torques.tau) if tighten is not None and near else None
+            if bounds is not None:
+                at = self._bounded(at, bounds)
+                merit, eager, last = self._merit(at), 0, max(last, k + policy.steps_again)
+                trust = first if taken is None else trust
+            elif ended and (taken is None or self._kept(at)):
+                status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
-            before, merit = merit, self._merit(taken)
-            # Where the rows were linear all along the step, it ends in the optimum.
-            off = abs(self._promised(at, step) - merit)
-            straight = off < policy.predicted * merit and self._reached(at, taken, trust)
-            at = taken
-            if (straight or abs(before - merit) < enough * merit) and self._kept(at):
-                status, word = Status.SOLVED, "converged"
+            elif k >= eager and self._duration(at) > policy.hopeless * beaten:
+                status, word = Status.ITERATION_LIMIT, "another way is faster"
                 break
-            if k >= eager and self._duration(at) > policy.hopeless * beaten:
-                word = "another way is faster"
-                break
+        else:
+            status, word = Status.ITERATION_LIMIT, "iteration limit"
         return self._outcome(at, step, status, word, iterations)
 
     def _step(
@@ -108,6 +130,7 @@ class Sequential:
         policy, iterations = self.policy, 0
         program = self._convex(at)
         while True:
+            self._radius = trust
             step = solve_step(self._within(program, at, trust))
             iterations += 1
             if step.found and merit - self._promised(at, step) < policy.predicted * merit:
@@ -139,6 +162,14 @@ class Sequential:
         near = None if problem.clearance is None else problem.clearance.at(problem.guess, problem.shape, x)
         return _Iterate(x, torques, velocities, others, near, self._penalties(x, velocities, others, near))
 
+    def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
+        """An iterate of the program with other bounds of the torques."""
+        numbers, own = self.problem.numbers, self.problem.torques
+        lower, upper = (side.copy() for side in numbers.x_bounds)
+        lower[own], upper[own] = bounds
+        self.problem = replace(self.problem, numbers=replace(numbers, x_bounds=(lower, upper)))
+        return replace(at, penalties=self._penalties(at.x, at.velocities, at.others, at.near))
+
     def _penalties(
         self, x: Array, velocities: Sides, others: Sides | None, near: Linearised | None
     ) -> tuple[float, float, float]:
@@ -158,10 +189,10 @@ class Sequential:
     def _duration(self, at: _Iterate) -> float:
         return float(np.sum(at.x[self.problem.cost.durations]))
 
-    def _reached(self, at: _Iterate, taken: _Iterate, trust: float) -> bool:
-        """Whether a step ended within its trust region."""
+    def _reached(self, at: _Iterate, taken: _Iterate) -> bool:
+        """Whether the last step ended within its trust region."""
         change = np.abs(taken.x - at.x)[self.problem.place >= 0]
-        return bool(np.max(change) < _WITHIN * trust)
+        return bool(np.max(change) < _WITHIN * self._radius)
 
     def _kept(self, at: _Iterate) -> bool:
         torque, distance, other = at.penalties

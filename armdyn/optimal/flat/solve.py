@@ -14,7 +14,7 @@ from armdyn.optimal.flat.curve_cost import curve_cost, squared_derivatives
 from armdyn.optimal.flat.curve_program import CurveProgram, other_equations
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
-from armdyn.optimal.flat.sequential import Sequential
+from armdyn.optimal.flat.sequential import Sequential, Tighten
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.path_constraints.rows import Rows
 from armdyn.optimal.problem.status import Status
@@ -39,7 +39,6 @@ class Solved:
         shape: of the program.
         rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
-        spec: what was asked of the curve.
         in_steps: whether it was found by sequential convexification.
     """
 
@@ -48,7 +47,6 @@ class Solved:
     shape: CurveLayout
     rows: tuple[Rows, ...]
     guessed: float
-    spec: CurveSpec
     in_steps: bool = False
 
     @property
@@ -57,7 +55,9 @@ class Solved:
         return self.result.status is Status.SOLVED
 
 
-def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None) -> Solved:
+def solve_curve(
+    task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None, tighten: Tighten | None = None
+) -> Solved:
     """Solve the program of curves from one guess.
 
     Args:
@@ -65,6 +65,7 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
         guess: where it starts.
         spec: what is asked of the curve.
         near: what came out where nearly the same was asked: it is started from with its multipliers.
+        tighten: tightens the bounds of torques between steps, where the program is solved by steps; see `Sequential`.
 
     Raises:
         LateError: the time is up before the program is built.
@@ -77,18 +78,17 @@ def solve_curve(task: Task, guess: Curve, spec: CurveSpec, near: Solved | None =
     rows = rows_of(task.problem, spec.constraints)
     if _by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
-        again = near is not None and near.spec.travel == spec.travel
-        trust, eager = (numbers.again_trust, 0) if again else (numbers.trust, None)
-        found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers)
+        trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
+        found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers, tighten=tighten)
         if found.converged or task.stop:
             return found
         # Where many torques are at their limits all along, first derivatives converge slowly.
-        near = None
-    near = near if near is not None and (near.shape, near.rows) == (shape, rows) else None
+    same = near is not None and not near.in_steps and (near.shape, near.rows) == (shape, rows)
+    near = near if same else None
     solver = _solver(task, shape, rows, warm=near is not None)
     nlp_data = assemble_curve(task, guess, spec, shape)
     result = solver.solve(nlp_data, task.stop, None if near is None else near.result)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
 
 
 def solve_in_steps(
@@ -100,6 +100,7 @@ def solve_in_steps(
     beaten: float = inf,
     eager: int | None = None,
     numbers: SequentialPolicy | None = None,
+    tighten: Tighten | None = None,
 ) -> Solved:
     """Solve a program of curves by sequential convexification.
 
@@ -111,13 +112,15 @@ def solve_in_steps(
         enough: relative change of the merit at which the sequence ends.
         beaten: a duration [s]: a sequence that is not near it after a few steps ends.
         eager: first steps that are taken whatever they do; None: the policy's.
-        numbers: tuned numbers; None: those of the task.
+        numbers: tuned numbers, with which the options limit the iterations; None: those of the task.
+        tighten: see `Sequential.solve`.
     """
+    most = task.options.max_iterations if numbers else None
     numbers = numbers or task.policy.sequential
     problem = curve_program(task, guess, spec)
-    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager)
+    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager, tighten, most)
     shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, spec, in_steps=True)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, in_steps=True)
 
 
 def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:

@@ -7,7 +7,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.flat.refinement import tops
+from armdyn.optimal.flat.excess import tops
 from armdyn.optimal.live.mesh import Mesh
 
 
@@ -75,3 +75,22 @@ def check(
         float(np.max(np.abs(a) / acceleration)) - 1,
     )
     return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)
+
+
+def between_samples(seen: Checked, limits: JointLimits, torque: StateFunction) -> float:
+    """Largest excess of a torque between samples, as a part of half its range.
+
+    The motion that is handed out is a cubic from sample to sample. Its accelerations are linear, so that they are
+    looked at where each cubic begins and ends.
+
+    Args:
+        seen: a curve at its samples.
+        limits: of the torques.
+        torque: inverse dynamics, friction included.
+    """
+    h = np.diff(seen.t)[:, None]
+    rise, before, after = np.diff(seen.q, axis=0) / h, seen.v[:-1], seen.v[1:]
+    a = np.concatenate([6 * rise - 4 * before - 2 * after, 2 * before + 4 * after - 6 * rise]) / np.tile(h, (2, 1))
+    q, v = (np.concatenate([each[:-1], each[1:]]) for each in (seen.q, seen.v))
+    beyond = limits.actuators.excess(torque(q, v, a), q, v) / limits.actuators.half_range
+    return float(np.max(beyond))

@@ -10,7 +10,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import InverseDerivatives, StateFunction
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.pace import least_factor
-from armdyn.optimal.live.checking import Checked, check
+from armdyn.optimal.live.checking import Checked, between_samples, check
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.program import Ends, Iterate, Margins, Pace, Step, StepProgram
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
@@ -49,6 +49,7 @@ class Arm:
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
         """Whether a curve keeps all limits and distances."""
         kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
+        kept = kept and between_samples(seen, self.program.limits, self.torque) <= LIMIT_TOLERANCE
         return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
 
 

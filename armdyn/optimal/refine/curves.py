@@ -21,6 +21,7 @@ from armdyn.optimal.flat.refinement import (
     refine_curve,
     reports_on,
     sampled,
+    settled,
 )
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
@@ -53,9 +54,11 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
     starts = task.policy.search.guesses(task.options, numbers.starts)
     try:
-        found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts)), True)
+        found, planned = (
+            _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts), _calms(task)), True)
+        )
         if not (crowded or task.stop) and all(_trouble(task, one) for one in found):
-            found += _refined(task, _guesses(task, numbers.more_starts)[1:])
+            found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
@@ -128,7 +131,7 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances all the same."""
     task.progress("the way without obstacles")
     free = task.about(task.problem.without_obstacles())
-    (best,) = _refined(free, _guesses(free, 1)[:1])
+    (best,) = _refined(free, _guesses(free, 1)[:1], rough=False)
     constraints = TightenedConstraints.of(task)
     reports = reports_on(task, best.curve, constraints)
     spec = replace(best.spec, constraints=constraints)
@@ -160,14 +163,14 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     return guesses
 
 
-def _refined(task: Task, guesses: Sequence[Curve]) -> list[RefinedCurve]:
-    """The curves that guesses lead to."""
+def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedCurve]:
+    """The curves that guesses lead to; rough ones where they are refined further later."""
     if len(guesses) < 2:
-        return [refine_curve(task, guess) for guess in guesses]
+        return [refine_curve(task, guess, rough) for guess in guesses]
     task.progress(f"{len(guesses)} guesses")
     prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # workers know what was built before
     found = []
-    jobs = [partial(refine_curve, task, guess) for guess in guesses]
+    jobs = [partial(refine_curve, task, guess, rough) for guess in guesses]
     for one in in_processes(jobs, task.workers):
         found.append(one)
         task.progress(f"{len(found)} of {len(guesses)}: {one.curve.duration:.4f} s")
@@ -186,21 +189,20 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 
 def _calm(task: Task, fastest: RefinedCurve) -> RefinedCurve:
     """A curve with calm joints, as slow as the options allow, and a proven bound where that is near; or the fastest."""
-    problem, share, duration = task.problem, task.options.calm, fastest.curve.duration
-    if (
-        not share
-        or problem.pays_effort
-        or problem.crowded
-        or problem.regional
-        or task.stop
-        or not fastest.solved.converged
-    ):
-        return fastest
+    share, duration = task.options.calm, fastest.curve.duration
+    if not _calms(task) or task.stop or not fastest.solved.converged:
+        return settled(task, fastest)
     bound = task.lower_bound()
     if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound:
         share = min(share, (1 + GAP_TOLERANCE) * bound / duration - 1)
     task.progress(f"{duration:.6f} s; {100 * share:.2g} % of that are given for calm joints")
     return calm_curve(task, fastest, share)
+
+
+def _calms(task: Task) -> bool:
+    """Whether time is given for calm joints."""
+    problem = task.problem
+    return task.options.calm > 0 and not (problem.pays_effort or problem.crowded or problem.regional)
 
 
 def _no_way(task: Task) -> Attempt:

@@ -48,7 +48,7 @@ class MinimumTimeOptions:
             Newton-Euler with the accelerations as more unknowns.
         compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
             kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
-        max_iterations: of IPOPT, for one guess on one mesh, or one curve.
+        max_iterations: of IPOPT, for one guess on one mesh, or one curve; steps of a curve's convexification likewise.
         tolerance: of IPOPT, on the scaled problem.
         calm: part of the duration that may be given for calm joints, where motions are curves: of those about so much
             slower than the fastest one found, the one whose joints travel and turn back least. A motion within a

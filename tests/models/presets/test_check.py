@@ -1,6 +1,7 @@
 """Motions as controllers see them: of closed form, of Ruckig and toppra, and coarse points as MoveIt leaves them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,7 +83,15 @@ def test_the_first_offence_is_found_at_its_joint_and_time(joint, limits, conditi
     if when is None:
         when = motion.t[np.argmax(motion.q[:, joint] > -0.0698)]
     assert refused[0].first == pytest.approx(when, abs=0.0021)  # a difference reaches back as many ticks as its order
-    assert f"first exceeded at {refused[0].first:.4g} s by {refused[0].first_value:.5g} " in str(check)
+    assert f"first exceeded at {refused[0].first:.4g} s by {refused[0].first_shown} " in str(check)
+
+
+def test_a_hair_beyond_a_limit_is_shown_as_beyond():
+    motion, _ = ramps(0, v=2.3, a=15.0, j=7500.0)
+    row = next(row for row in PANDA.check(motion).offences if row.necessary)
+    for value, shown in ((7.6152345, "7.6152"), (7.5000213, "7.50002"), (-7.5000213, "-7.50002")):
+        assert replace(row, first_value=value, limit=7.5).first_shown == shown
+    assert replace(row, first=None, first_value=None).first_shown == ""
 
 
 def test_offences_of_one_tick_are_found():

@@ -9,8 +9,9 @@ import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.excess import excesses_of, larger_margin
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
-from armdyn.optimal.flat.refinement import _larger_margin, excesses_of, refine_curve
+from armdyn.optimal.flat.refinement import refine_curve
 from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
@@ -117,10 +118,10 @@ def test_room_is_added_only_where_a_torque_exceeds_its_limit():
 def test_a_point_without_room_takes_it_from_its_neighbours():
     job, kept = cart_task(), np.full((4, 1), -1.0)
     over = TorqueMargin(kept, np.array([[-1.0], [-1.0], [-1.0], [0.1]]), np.full((5, 1), -1.0))
-    once = _larger_margin(job, TorqueMargin(), over)
+    once = larger_margin(job, TorqueMargin(), over)
     assert once.lower[3, 0] == pytest.approx(0.15, abs=1e-3)
     assert not np.any(once.lower[:3]) and not np.any(once.upper)
-    full = _larger_margin(job, replace(once, lower=np.array([[0.0], [0.0], [0.0], [0.95]])), over)
+    full = larger_margin(job, replace(once, lower=np.array([[0.0], [0.0], [0.0], [0.95]])), over)
     assert full.lower[3, 0] == 0.95
     np.testing.assert_allclose(np.ravel(full.lower)[:3], [0, 0, 0.15], atol=1e-3)
     np.testing.assert_allclose(np.ravel(full.upper), [0, 0, 0.15, 0], atol=1e-3)

@@ -1,12 +1,17 @@
 """Motions from moving states: against the cold answer, against limits at random times, and where there is no time."""
 
+from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.optimal.live.checking import Checked, between_samples
 from problems import CART
 
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
@@ -45,6 +50,21 @@ def expect_motion(solution, q, v, goal):
     motion = solution.trajectory
     np.testing.assert_allclose(motion.q[[0, -1]], [q, goal], atol=1e-12)
     np.testing.assert_allclose(motion.v[[0, -1]], [v, np.zeros_like(v)], atol=1e-9)
+
+
+def test_torques_between_samples_are_those_of_the_cubics():
+    whole, robot = first_motion().trajectory, panda()
+    few = replace(whole, t=whole.t[::24], q=whole.q[::24], v=whole.v[::24], tau=whole.tau[::24])
+    nothing = np.zeros((len(few.t), 7))
+    seen = Checked(few.t, few.q, few.v, nothing, few.tau, nothing, nothing, 0.0)
+    between = between_samples(seen, robot.limits, inverse_dynamics(robot))
+    cubics, limits, found = CubicHermiteSpline(few.t, few.q, few.v), robot.limits, -np.inf
+    for first, last in pairwise(few.t):
+        t = np.linspace(np.nextafter(first, last), np.nextafter(last, first), 9)
+        tau = inverse_dynamics(robot)(cubics(t), cubics(t, 1), cubics(t, 2))
+        half = (limits.effort_upper - limits.effort_lower) / 2
+        found = max(found, np.max(np.maximum(tau - limits.effort_upper, limits.effort_lower - tau) / half))
+    assert between > 1e-3 and between == pytest.approx(found, rel=1e-6)
 
 
 def test_from_rest_it_finds_the_motion_of_the_whole_search():

@@ -6,6 +6,7 @@ from typing import ClassVar
 from armdyn.optimal.task.policy.tuned import by_kind, tuned
 
 TRAINED = "Panda and UR5, ten random pairs each (seed 1)"
+MARGINS = "UR3 1, UR10 1, xArm7 0, TIAGo's arms, Baxter 0, Panda 0 and 2, UR5 0 and 1 of docs/arms.md"
 RESTING = "Panda and UR5, forty random pairs each, two of whose joints rest (scripts/calm.py, seeds 5 and 6)"
 
 
@@ -66,11 +67,29 @@ class CurvePolicy:
     steep_in_flight: float = tuned(1e-3, "of a limit", "the same of how fast torques change", "UR5")
     looks: int = tuned(24, "places", "of an interval at which torques are held against their limits")
     eager: float = tuned(1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there")
+    eager_steps: float = tuned(
+        1.2, "-", "the same between steps, after which torques are soon looked at again", MARGINS
+    )
+    given_back: float = tuned(
+        0.3,
+        "-",
+        "times what a torque stays below its limit by beside a point is given back of a margin between steps",
+        MARGINS,
+    )
+    giving_rounds: int = tuned(3, "rounds", "in which margins may fall: later they would go back and forth", MARGINS)
     spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
     little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
+    rough: float = tuned(3e-3, "of half the range", "excess that is left where time is then given for calm joints")
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
     samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power")
     steps: int = tuned(400, "samples", "of a leg, at least")
+    finer_ends: int = tuned(
+        2,
+        "-",
+        "multiplies the samples of the first and last interval: where a light joint reaches its velocity limit within "
+        "it, the replay exceeds that by 1e-5 instead of 8e-5, and is slowed down by as much",
+        MARGINS,
+    )
     finer_with_friction: int = tuned(
         2,
         "-",

@@ -39,6 +39,8 @@ class SequentialPolicy:
         "error of a prediction that ends the iteration; among obstacles other pairs come near",
         TRAINED,
     )
+    steps_again: int = tuned(4, "steps", "at least after torques' bounds were tightened", FREE)
+    tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques say little", FREE)
     free_torque_left: float = tuned(1e-4, "of half the range", "sum over the points without obstacles", FREE)
     eager: int = tuned(4, "steps", "taken whatever they do: 6 instead of 29 to the end", TRAINED)
     trust: float = tuned(0.3, "rad or m", "radius of the trust region, first and largest", TRAINED)

@@ -1,0 +1,158 @@
+"""Excess of torques over their limits between the points of a curve's program, and the margins that take it off."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from armdyn.arrays import Array
+from armdyn.optimal.flat.curve import Curve, CurveLeg
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.task.task import Task
+
+_MOST = 0.95
+"""Part of half the torque's range that room may take."""
+_KEPT = -1.0
+"""Excess of a rate that is zero, or has no limit."""
+
+
+def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
+    """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
+
+    Args:
+        task: its limits, and at how many places they are looked at.
+        curve: a motion.
+    """
+    problem, looks = task.problem, task.policy.curves.looks
+    limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
+    half = limits.actuators.half_range
+    found = []
+    for leg in curve.legs:
+        breaks = leg.basis.breaks
+        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
+        tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
+        weakest, strongest = limits.actuators.range(*(x.reshape(tau.shape) for x in leg.at(s.ravel())[:2]))
+        # What the limits lose with speed is added to the torque: 0 where they are constant.
+        least = -tops((weakest - limits.actuators.lower) - tau)
+        most = tops(tau + (limits.actuators.upper - strongest))
+        marks = np.linspace(0, looks, POINTS + 1).astype(int)
+        halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
+        upper = (
+            np.stack([np.max(most[:, half_of], axis=1) - limits.actuators.upper for half_of in halves], axis=1) / half
+        )
+        lower = (
+            np.stack([limits.actuators.lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        )
+        rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
+        found.append(TorqueMargin(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
+    return tuple(found)
+
+
+def tops(tau: Array) -> Array:
+    """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
+
+    Args:
+        tau: shape (intervals, places, nv).
+    """
+    first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
+    near = np.abs(first) < -2 * second  # the top is no farther than the next place
+    tops = tau.copy()
+    tops[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
+    return tops
+
+
+def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
+    """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
+
+    Args:
+        leg: its points and its duration.
+        s: places of every interval, shape (intervals, places).
+        tau: torques there [N m or N], shape (intervals, places, nv).
+        limit: [N m/s or N/s], shape (nv,).
+    """
+    rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
+    middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
+    which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
+    over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
+    rates = rates.reshape(-1, limit.size)
+    for beside in (-1, 0, 1):  # a step that has no room left leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
+    return over
+
+
+def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
+    """Largest excess of all legs, as a part of a limit."""
+    return float(max(np.max(side) for leg in over for side in (leg.upper, leg.lower, leg.rates)))
+
+
+def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
+    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours.
+
+    Args:
+        task: its tuned numbers.
+        margin: so far.
+        over: excess.
+        eager: times what a torque exceeds its limit by is taken off; None: the policy's.
+    """
+    numbers = task.policy.curves
+    times = numbers.eager if eager is None else eager
+
+    def more(beyond: Array | float) -> Array:
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * times)
+
+    upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
+    left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
+    beside = np.maximum(left[:-2], left[2:])
+    upper, lower = margin.upper + upper + beside, margin.lower + lower + beside
+    return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
+
+
+class Tightening:
+    """Margins of torques, changed between steps until torques keep their limits between the points, too.
+
+    Attributes:
+        spec: what is asked, with the margins so far.
+        enough: excess that is left, as a part of half the range.
+        rounds: in which margins were changed.
+    """
+
+    def __init__(self, task: Task, guess: Curve, spec: CurveSpec, enough: float):
+        self.task, self.spec, self.enough, self.rounds = task, spec, enough, 0
+        self._guess, self._shape = guess, curve_layout(task.problem, guess, spec.constraints)
+        self._last = np.empty(0), tuple[TorqueMargin, ...]()
+
+    def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
+        """Bounds of the torques at the points, as parts of half their ranges; None: they may stay as they are."""
+        over = excesses_of(self.task, self._shape.curve(self._guess, x))
+        self._last = x, over
+        if worst_excess(over) <= self.enough or self.rounds == self.task.policy.curves.rounds:
+            return None
+        self.rounds += 1
+        actuators = self.task.problem.limits.actuators
+        least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
+        (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over
+        # What a point itself is beyond its bound, since torques are not linear, the next step takes off.
+        upper = beyond.upper - np.maximum(tau - (most - margin.upper), 0)
+        lower = beyond.lower - np.maximum(least + margin.lower - tau, 0)
+        margin = self._moved(margin, TorqueMargin(upper, lower, beyond.rates))
+        self.spec = replace(self.spec, margins=(margin,))
+        return least + margin.lower, most - margin.upper
+
+    def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
+        """Larger margins where torques exceed their limits; smaller ones where they stay below, and time is scarce."""
+        numbers = self.task.policy.curves
+        if self.spec.least or self.rounds > numbers.giving_rounds:
+            return larger_margin(self.task, margin, over)
+        more = larger_margin(self.task, margin, over, numbers.eager_steps)
+
+        def smaller(side: Array | float, beyond: Array | float) -> Array:
+            spare = np.minimum(np.asarray(beyond) + numbers.spare, 0)
+            return np.asarray(np.maximum(side + numbers.given_back * spare, 0))
+
+        return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
+
+    def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
+        """What torques exceed their limits by at the unknowns that were looked at last; None: those were others."""
+        return self._last[1] if np.array_equal(self._last[0], x) else None
