@@ -100,14 +100,14 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list
         if event.beside is None:
             soonest = _soonest(leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0))
             phases[k] = replace(phases[k], least=max(phases[k].least, soonest))
-        least = _alone(legs[k], phases[k], event, longest - others, stop)
+        least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
         phases[k] = replace(phases[k], least=max(phases[k].least, least))
     return phases
 
 
-def _alone(leg: BoundLeg, phase: Phase, event: _Event, longest: float, stop: Stop) -> float:
-    """Least time of a phase by itself [s], between rest and the event at its other end."""
-    numbers, first = leg.policy, leg.start.v is not None
+def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: Stop) -> float:
+    """Least time of the first or the last phase by itself [s], the event at its other end."""
+    numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
     known = max(known, phase.least)
     for _ in range(numbers.phase_grids):
