@@ -53,6 +53,43 @@ def test_one_joint_in_closed_form(curve, expected):
     assert expected * (1 - 1e-7) < found.duration < expected * (1 + 3e-4)
 
 
+def test_a_pendulum_against_its_two_phases():
+    """Under gravity: it drives along its curve, then brakes with all its torque; the switch by the energy left.
+
+    Independent of armdyn's limits and integrators: J and m g l by hand, the curve by interpolation, LSODA. Backwards in
+    time braking has constant torque, so that v² follows from energy: J v²/2 = ∫ (τ + m g l cos q) dq.
+    """
+    length, mass, start, goal, curve = 0.4, 0.8, -0.5, 0.9, [[0.0, 8.0], [3.0, 8.0], [9.0, 2.0]]
+    inertia, weight = 0.02 + mass * length**2, mass * 9.81 * length
+    robot = ad.Robot.from_urdf_string(
+        f"""<robot name="pendulum"><link name="base"/><link name="rod"><inertial><origin xyz="{length} 0 0"/>
+        <mass value="{mass}"/><inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+        <joint name="swing" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 -1 0"/>
+        <limit lower="-3" upper="3" effort="8" velocity="100"/></joint></robot>""",
+        torque_speed={"swing": curve},
+    )
+
+    def driven(_, x):
+        return [x[1], (np.interp(x[1], *np.transpose(curve)) - weight * np.cos(x[0])) / inertia]
+
+    def fast(_, x):  # as fast as braking from here to the goal takes away
+        taken = 8.0 * (goal - x[0]) + weight * (np.sin(goal) - np.sin(x[0]))
+        return inertia * x[1] ** 2 / 2 - taken
+
+    fast.terminal = True
+    driving = solve_ivp(driven, (0, 9), [start, 0.0], "LSODA", events=fast, rtol=1e-11, atol=1e-12)
+    braking = solve_ivp(
+        lambda _, x: [x[1], (-8.0 - weight * np.cos(x[0])) / inertia],
+        (0, 9), driving.y[:, -1], "LSODA", events=lambda _, x: x[1], rtol=1e-11, atol=1e-12,
+    )  # fmt: skip
+    expected = driving.t[-1] + braking.t_events[0][0]
+    assert braking.y_events[0][0][0] == pytest.approx(goal, abs=1e-8)
+    found = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[start], q_goal=[goal]), ONE)
+    assert found.usable
+    assert np.max(found.trajectory.v) > 3.0  # beyond the curve's corner
+    assert expected * (1 - 1e-6) < found.duration < expected * (1 + 3e-4)  # as above
+
+
 CURVE = [[0.0, 3.0], [5.0, 3.0], [20.0, 0.9]], [[0.0, 3.0], [11.0, 3.0], [43.0, 0.9]]
 
 
