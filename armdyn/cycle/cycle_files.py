@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from armdyn.arguments import shown
 from armdyn.cycle.cycle import CONDITIONS, Cycle
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
-from armdyn.errors import ProblemError, did_you_mean
+from armdyn.errors import CycleError, ProblemError, did_you_mean
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.attached import PAYLOAD_KEYS, payload_from
@@ -40,10 +42,24 @@ class CycleFile:
     Attributes:
         cycle: what is to be done.
         options: of the solves.
+        table: the whole file.
     """
 
     cycle: Cycle
     options: MinimumTimeOptions
+    table: Table
+
+    @contextmanager
+    def telling(self) -> Iterator[None]:
+        """Raise errors of the block about a step with the step's line.
+
+        Raises:
+            ProblemError: the complaint, with its line.
+        """
+        try:
+            yield
+        except CycleError as error:
+            raise _with_line(self.table, error) from None
 
 
 def read_cycle(path: str | os.PathLike[str]) -> Cycle:
@@ -72,7 +88,7 @@ def read_cycle_file(path: str | os.PathLike[str]) -> CycleFile:
     given.only(OPTIONS)
     with given.telling():
         options = MinimumTimeOptions(**given.values)
-    return CycleFile(cycle_from(file, robot_from(file.table("robot"))), options)
+    return CycleFile(cycle_from(file, robot_from(file.table("robot"))), options, file)
 
 
 def cycle_from(file: Table, robot: Robot) -> Cycle:
@@ -89,7 +105,19 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
         if "start" not in table.values:
             raise ProblemError("[cycle] has no start: joint positions, a pose's name, or a goal pose")
         given = conditions_from(table, robot)
-        return Cycle(robot, **{**given, "start": _place(table, "start", robot), "steps": steps})
+        start = _place(table, "start", robot)
+        try:
+            return Cycle(robot, **{**given, "start": start, "steps": steps})
+        except CycleError as error:
+            raise _with_line(file, error) from None
+
+
+def _with_line(file: Table, error: CycleError) -> ProblemError:
+    """An error about a step, with the line of its table; of the start or the way back, with that key's line."""
+    steps = file.tables("steps")
+    if 0 < error.step <= len(steps):
+        return steps[error.step - 1].error("", str(error))
+    return file.table("cycle").error("closed" if error.step else "start", str(error))
 
 
 def _part(table: Table, name: str) -> Payload:

@@ -13,7 +13,7 @@ from armdyn.arrays import Array, Flags
 from armdyn.cycle.branches import shortest
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.order import EXACT, best_order, order_of_many, through
-from armdyn.cycle.posing import problem_of
+from armdyn.cycle.posing import check_ways, problem_of
 from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
@@ -71,9 +71,10 @@ class CycleGraph:
         self-motions.
 
         Raises:
-            CycleError: a stop cannot be reached, or the arm cannot rest there.
+            CycleError: a stop or a way point cannot be reached, or the arm cannot rest at a stop.
         """
         positions = candidates(cycle)
+        check_ways(cycle, positions)
         if any(redundant(cycle, positions)):
             positions = with_slid(cycle, positions, cls.between(cycle, positions)._promising())
         return cls.between(cycle, positions)

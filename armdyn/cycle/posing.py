@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice, product
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,16 @@ import pinocchio as pin
 from armdyn.arrays import Array
 from armdyn.cycle.cycle import Cycle, Leg, told
 from armdyn.cycle.steps import Straight
+from armdyn.cycle.stops import limits_of
+from armdyn.errors import CycleError, ProblemError
+from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, frame_placement
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.via_regions import check_via_regions, via_positions
+from armdyn.optimal.task.policy.cycle import CyclePolicy
 
 
 def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> MinimumTimeProblem:
@@ -54,6 +60,54 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
         return MinimumTimeProblem(
             robot, q_start=q_start, q_goal=q_goal, via=via, obstacles=obstacles, path_constraints=constraints, **given
         )
+
+
+def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
+    """Refuse way points and straight segments out of reach, and blends that hold an end of their move.
+
+    In a free order a move may begin at several stops, so that only the search knows.
+
+    Args:
+        cycle: of moves in a given order.
+        positions: branches of every stop.
+
+    Raises:
+        CycleError: one is refused between all branches that were tried, with the step's number and name.
+    """
+    for k, leg in enumerate(cycle.moves if cycle.order == "given" else ()):
+        refused = None
+        for ends in islice(product(positions[k], positions[k + 1]), CyclePolicy().alike):
+            try:
+                _check_way(cycle, leg, ends)
+                break
+            except ProblemError as error:
+                refused = error
+                if _exact(cycle.stops[k].target) and _exact(cycle.stops[k + 1].target):
+                    raise CycleError(leg.step, leg.name, str(error)) from None
+        else:
+            raise CycleError(leg.step, leg.name, str(refused))
+
+
+def _exact(target: object) -> bool:
+    """Whether all branches of a stop bring the frame to one place."""
+    return not isinstance(target, GoalPose) or target.exact
+
+
+def _check_way(cycle: Cycle, leg: Leg, ends: tuple[Array, Array]) -> None:
+    """Refuse what a move passes between joint positions."""
+    move, robot, limits = leg.move, leg.robot, limits_of(cycle)
+    via = [one if isinstance(one, GoalPose) else pose_given(robot, one, "via") for one in move.via]
+    found = via_positions(robot, limits, ends, via, lambda q: True)
+    check_via_regions(robot, via, np.array([ends[0], *found, ends[1]]))
+    for name, straight, q in (("retreat", move.retreat, ends[0]), ("approach", move.approach, ends[1])):
+        if isinstance(straight, Straight):
+            try:
+                via_positions(robot, limits, (q, q), [_on_line(robot, straight, move.to, q)[0]], lambda q: True)
+            except ProblemError as error:
+                why = str(error).removeprefix("via[0]: ")
+                raise ProblemError(
+                    f"the far end of its {name} of {straight.length:g} m is out of reach: {why}"
+                ) from None
 
 
 def _on_line(robot: Robot, straight: Straight, to: object, q: Array) -> tuple[GoalPose, GoalPose]:

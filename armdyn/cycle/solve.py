@@ -62,7 +62,8 @@ def solve_cycle(
         answer = _answer(graph, tour, stop)
         seconds = _seconds_of_bound(time.perf_counter() - started, options.time_limit, CyclePolicy())
         seconds = 0.0 if stop.interrupted else seconds
-        answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
+        if options.bound:
+            answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
     return replace(answer, solve_time=time.perf_counter() - started)
 
 

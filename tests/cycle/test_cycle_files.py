@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.cycle.cycle_files import read_cycle_file
 from armdyn.errors import ProblemError
+from cycles import BOLT
 
 FILE = """
 [robot]
@@ -82,7 +84,8 @@ def test_a_file_says_what_python_says(tmp_path):
         ('axis = "-x"', 'axis = "u"', "axis of a straight segment is 'u'"),
         ("mass = 1.0", "mas = 1.0", "no key 'mas'"),
         ("dwell = 0.2", "dwell = -0.2", "line 30: dwell is -0.2 s"),
-        ('release = "bar"', "wait = 0", "step 4 .*still holds 'bar'"),
+        ('release = "bar"', "wait = 0", r"line 35: step 4 \(wait\): .*still holds 'bar'"),
+        ('grasp = "bar"\ndwell = 0.2', "wait = 0", r"line 34: step 4 \(release\): the arm carries nothing"),
         ("closed = true", "closd = true", "line 7: no key 'closd'"),
         ("[[steps]]", "[steps]", "not TOML|must be an array"),
     ],
@@ -90,3 +93,23 @@ def test_a_file_says_what_python_says(tmp_path):
 def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
     with pytest.raises(ProblemError, match=said):
         read(tmp_path, FILE.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("mass = 0.1", "mass = 50", r"line 11: step 2 \(grasp bolt\): the arm cannot rest with 'bolt' of 50 kg"),
+        ("[1.0, -0.4]", "{ position = [3, 0, 0] }", r"line 14: step 3 \(to the hole\): .* cannot reach its goal pose"),
+        (
+            "[1.0, -0.4]",
+            "[1.0, -0.4]\nvia = [{ position = [3, 0, 0] }]",
+            r"line 14: step 3 .*: via\[0\]: frame .* cannot",
+        ),
+    ],
+)
+def test_what_only_the_solve_finds_is_told_with_its_line(tmp_path, old, new, said):
+    path = tmp_path / "cell.toml"
+    path.write_text(BOLT.replace(old, new, 1))
+    read = read_cycle_file(path)
+    with pytest.raises(ProblemError, match=said), read.telling():
+        ad.solve_cycle(read.cycle, read.options)

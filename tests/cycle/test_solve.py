@@ -1,5 +1,6 @@
 """Solved cycles against all branches and all orders, one by one."""
 
+import re
 from dataclasses import replace
 from itertools import permutations, product
 
@@ -8,6 +9,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.errors import CycleError
 from cycles import HERE, THERE, down, planar, planar_solved
 
 QUICK = ad.MinimumTimeOptions(search="quick")
@@ -93,17 +95,32 @@ def test_a_cycle_in_which_every_branch_touches_something_says_where():
     assert np.isnan(solved.duration)
 
 
-def test_a_blend_that_is_wider_than_its_leg_is_said_at_once():
+@pytest.mark.parametrize(
+    ("passed", "said"),
+    [
+        ({"via": [(0.4, 0.2, 0.3, 0.2)]}, "via[0] is wider than its leg: the goal lies in it"),
+        ({"via": [(2.4, 0.2, 0.3, 0.01)]}, "via[0]: frame 'ee_link' of ur5 cannot reach"),
+        ({"retreat": 1.2}, "the far end of its retreat of 1.2 m is out of reach: frame 'ee_link'"),
+        ({"approach": 1.2}, "the far end of its approach of 1.2 m is out of reach: frame 'ee_link'"),
+    ],
+)
+def test_a_way_that_cannot_be_is_said_at_once(passed, said):
     """A UR5 has thousands of pairs of branches with their whole turns: it is not asked for each of them."""
     robot = ad.Robot.from_library("ur5")
     here, there = (ad.GoalPose(robot.tip, down(0.4, y, 0.2)) for y in (-0.2, 0.2))
-    wide = ad.GoalPose(robot.tip, down(0.4, 0.2, 0.3), tolerance=[0.2] * 6)
-    steps = [ad.Move(here, name="here"), ad.Move(there, via=[wide], name="there")]
-    solved = ad.solve_cycle(
-        ad.Cycle(robot, start=[0.0, -1.2, 1.5, -1.87, -1.57, 0.0], steps=steps), replace(QUICK, time_limit=60)
-    )
-    assert not solved.usable
-    assert solved.message.startswith("step 2 (there): via[0] is wider than its leg: the goal lies in it")
+    via = [ad.GoalPose(robot.tip, down(*at), tolerance=[wide] * 6) for *at, wide in passed.get("via", ())]
+    steps = [ad.Move(here, name="here"), ad.Move(there, **{**passed, "via": via}, name="there")]
+    cycle = ad.Cycle(robot, start=[0.0, -1.2, 1.5, -1.87, -1.57, 0.0], steps=steps)
+    with pytest.raises(CycleError, match=re.escape(f"step 2 (there): {said}")):
+        ad.solve_cycle(cycle, QUICK)
+
+
+def test_without_a_bound_none_is_proven():
+    solved = ad.solve_cycle(planar(), replace(QUICK, bound=False))
+    assert solved.duration == pytest.approx(planar_solved().duration, abs=1e-9)
+    assert solved.lower_bound is None
+    assert solved.gap is None
+    assert planar_solved().lower_bound > 0
 
 
 def test_a_release_without_a_rest_at_the_end_is_an_event_all_the_same():

@@ -154,7 +154,7 @@ class Lattice:
                 k for k, (tried, ends) in enumerate(zip(self.tried, pairwise(path.at), strict=True)) if not tried[ends]
             ]
             if untried:
-                self._bound(untried[0], path, enough, stop)
+                self._bound(min(untried, key=lambda k: path.legs[k]), path, enough, stop)
                 tries += 1
             elif not self._cut(path, stop):
                 return path
@@ -163,10 +163,10 @@ class Lattice:
         """Bound a leg of the path by momentum, as far as the path is then long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
-        self.tried[k][at] = True
+        self.tried[k][at] = done = True
         if np.all(np.isfinite((goal.q - start.q).magnitude)):
             points = all(region.is_point for region in path.regions[k : k + 2])
-            policy = leg.policy if points else replace(leg.policy, grids=1, passes=leg.policy.wide_passes)
+            policy = leg.policy if points else leg.policy.between_wide
             same, turns = self._turned_alike(k, at)
             position = leg.position + TURN * Interval(-turns, turns)
             one = replace(leg, start=start, goal=goal, position=position.hull(start.q).hull(goal.q), policy=policy)
@@ -174,9 +174,9 @@ class Lattice:
             # Of all paths along this edge none has shorter others than the shortest path of all.
             most = enough - path.duration + path.legs[k]
             if passage is not None and points and bound < most:
-                bound = passing_bound(one, passage, bound, most, stop)
+                bound, done = passing_bound(one, passage, bound, most, stop)
             self.bounds[k][same] = np.maximum(self.bounds[k][same], bound)
-            self.tried[k][same] = True
+            self.tried[k][same] = done
 
     def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[Flags, Array]:
         """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).

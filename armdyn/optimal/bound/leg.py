@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linprog
 
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
@@ -18,9 +19,6 @@ from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.bound import BoundPolicy
-
-_DEPENDENT = 1e-6
-"""Singular values of equations below this share of the greatest count as zero: they depend on each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +45,34 @@ class LegEnd:
         """The least λᵀ q of all joint positions of the end, rounded down, λ of shape (nv,).
 
         Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
-        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The w that solves for λ ρ leaves little of what the box allows.
+        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The best w is that of a small linear program; any other would do.
         """
         least = (Interval.at(weights) * self.q).sum(0).lower
-        if self.equations is None:
+        if self.equations is None or not np.any(weights):
             return float(least)
         centre, slopes, rest = (part[..., 0] for part in self.equations.parts)
         scaled = Interval.at(weights) * Interval.at(self.q.radius)
-        w = np.asarray(np.linalg.lstsq(slopes.T, scaled.centre, rcond=_DEPENDENT)[0], dtype=np.float64)
+        w = _combination(scaled.centre, centre, slopes, rest)
         left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
         beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
         middle = (Interval.at(weights) * Interval.at(self.q.centre)).sum(0)
         return float(np.maximum(least, (middle - beside).lower))
+
+
+def _combination(sought: Array, centre: Array, slopes: Array, rest: Array) -> Array:
+    """The w for which Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w| is least, shape (m,)."""
+    count, size = len(sought), float(np.max(np.abs(sought)))
+    if size == 0:
+        return np.zeros_like(centre)
+    both = np.hstack([-slopes.T, slopes.T])
+    found = linprog(
+        np.concatenate([rest + centre, rest - centre, np.ones(count)]),
+        A_ub=np.block([[both, -np.eye(count)], [-both, -np.eye(count)]]),
+        b_ub=np.concatenate([-sought, sought]) / size,
+        method="highs",
+    )
+    onward, back = np.split(found.x[:-count], 2) if found.status == 0 else (0.0 * centre, 0.0 * centre)
+    return np.asarray(size * (onward - back))
 
 
 @dataclass(frozen=True, eq=False)

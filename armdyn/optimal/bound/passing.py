@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.course import Phase
+from armdyn.optimal.bound.course import Phase, both
 from armdyn.optimal.bound.course_bound import course_bound
 from armdyn.optimal.bound.enclosure.interval import Interval, sum_down, up
+from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.region import BoundRegion
@@ -35,8 +36,8 @@ class Passage:
     lines: Mapping[int, BoundRegion]
 
 
-def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:
-    """Lower bound on the duration of a leg that passes regions [s].
+def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> tuple[float, bool]:
+    """Lower bound on the duration of a leg that passes regions [s], and whether more tries would gain nothing.
 
     Args:
         leg: between joint positions, or boxes of them.
@@ -45,12 +46,9 @@ def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float,
         longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
     """
-    for _ in range(leg.policy.course_grids):
-        most = min(longest, (1 + leg.policy.passing_ahead) * known)
-        known = _within(leg, passage, known, most, stop)
-        if known < most or known == longest or stop():
-            break
-    return known
+    most = min(longest, (1 + leg.policy.passing_ahead) * known)
+    found = _within(leg, passage, known, most, stop)
+    return found, found < most or found in (longest, known)
 
 
 def _within(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:
@@ -86,7 +84,7 @@ class _Event:
 
 def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list[Phase] | None:
     """The phases of motions that take no longer than some time [s]; None: there are no such motions."""
-    events = _events(leg, passage, longest)
+    events = _events(leg, passage, longest, stop)
     if events is None:
         return None
     last = len(events)
@@ -99,26 +97,38 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list
         if k in passage.lines and event.beside is not None:
             phases[k] = replace(phases[k], line=passage.lines[k], box=event.beside)
         others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
-        least = _alone(legs[k], phases[k], longest - others, stop)
+        if event.beside is None:
+            soonest = _soonest(leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0))
+            phases[k] = replace(phases[k], least=max(phases[k].least, soonest))
+        least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
         phases[k] = replace(phases[k], least=max(phases[k].least, least))
     return phases
 
 
-def _alone(leg: BoundLeg, phase: Phase, longest: float, stop: Stop) -> float:
-    """Least time of a phase by itself [s]."""
+def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: Stop) -> float:
+    """Least time of the first or the last phase by itself [s], the event at its other end."""
     numbers = leg.policy
-    known, _ = leg_bound(replace(leg, policy=replace(numbers, grids=1, passes=numbers.wide_passes)), stop)
+    known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
+    known = max(known, phase.least)
     for _ in range(numbers.phase_grids):
         if stop() or known == 0 or known >= longest:
             break
         before, most = known, min((1 + numbers.phase_ahead) * known, longest)
-        known = course_bound(leg, [replace(phase, least=known, goal=None)], known, most, stop)
+        far = up(leg.velocity * most)
+        box = both((leg.start if first else leg.goal).q + Interval(-far, far), event.box)
+        near = event.region.narrowed(box[None], numbers) if np.all(box.lower <= box.upper) else None
+        if near is None:
+            known = most
+            continue
+        passed = event.region.end(near[0])
+        one = replace(leg, goal=passed) if first else replace(leg, start=passed)
+        known = course_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
         if known < before * (1 + numbers.phase_worth):
             break
     return known
 
 
-def _events(leg: BoundLeg, passage: Passage, longest: float) -> list[_Event] | None:
+def _events(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list[_Event] | None:
     """Where a motion meets its regions; None: it cannot in some time [s].
 
     A motion that follows a line into a region crosses the plane in front of the region on its way. The first time it
@@ -132,10 +142,10 @@ def _events(leg: BoundLeg, passage: Passage, longest: float) -> list[_Event] | N
         found[-1] = _on_line(leg, passage.lines[count], regions[-1], (leg.goal, leg.start), longest)
     for k, region in enumerate(regions):
         if found[k] is None:
-            box = region.narrowed(_within_reach(leg, longest)[None], leg.policy)
+            box = _enclosed(leg, region, longest, stop)
             if box is None:
                 return None
-            found[k] = _Event(region, box[0])
+            found[k] = _Event(region, box)
     return [event for event in found if event is not None]
 
 
@@ -161,11 +171,34 @@ def _on_line(
     )
 
 
-def _within_reach(leg: BoundLeg, longest: float) -> Interval:
-    """Joint positions that velocity limits let a motion pass in some time [s]."""
-    far = up(leg.velocity * longest)
-    box = leg.position
-    for end in (leg.start.q, leg.goal.q):
-        near = end + Interval(-far, far)
-        box = Interval(np.maximum(box.lower, near.lower), np.minimum(box.upper, near.upper))
-    return box
+def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: Stop) -> Interval | None:
+    """A box of all joint positions in a region that a motion passes in some time [s]; None: there are none."""
+    within = Within((leg.start.q.centre, leg.goal.q.centre), leg.velocity, leg.position, longest)
+    goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
+    boxes = goals.whole if goals.closed and not np.any(leg.start.q.radius) and not np.any(leg.goal.q.radius) else None
+    if boxes is not None:
+        for size in leg.policy.region_sizes:
+            boxes = goals.enclosed(boxes, size, stop)
+        turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
+        if not turned:
+            return None
+        box = Interval(
+            np.min([one.lower.min(axis=0) for one in turned], axis=0),
+            np.max([one.upper.max(axis=0) for one in turned], axis=0),
+        )
+        box = both(box, within.box)
+    found = region.narrowed(box[None], leg.policy)
+    return None if found is None else found[0]
+
+
+def _soonest(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
+    """Time before which velocity limits let no motion from an end of a leg be in a region [s], some time at most."""
+    never, reached = 0.0, most
+    for _ in range(leg.policy.soonest_rounds):
+        middle = (never + reached) / 2
+        far = up(leg.velocity * middle)
+        if region.narrowed((end.q + Interval(-far, far))[None], leg.policy) is None:
+            never = middle
+        else:
+            reached = middle
+    return never

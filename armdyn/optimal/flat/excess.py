@@ -109,6 +109,12 @@ def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: f
     return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
 
 
+def round_words(number: int, curve: Curve, over: tuple[TorqueMargin, ...]) -> str:
+    """Progress of a round: the duration, and the excess that its margins are to take off."""
+    beyond = f"{100 * max(worst_excess(over), 0.0):.2g} % beyond between points"
+    return f"round {number}: {curve.duration:.6f} s, torques {beyond}"
+
+
 class Tightening:
     """Margins of torques, changed between steps until torques keep their limits between the points, too.
 
@@ -125,11 +131,13 @@ class Tightening:
 
     def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
         """Bounds of the torques at the points, as parts of half their ranges; None: they may stay as they are."""
-        over = excesses_of(self.task, self._shape.curve(self._guess, x))
+        curve = self._shape.curve(self._guess, x)
+        over = excesses_of(self.task, curve)
         self._last = x, over
         if worst_excess(over) <= self.enough or self.rounds == self.task.policy.curves.rounds:
             return None
         self.rounds += 1
+        self.task.progress(round_words(self.rounds, curve, over))
         actuators = self.task.problem.limits.actuators
         least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
         (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, worst_excess
+from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
 from armdyn.optimal.flat.solve import Solved, solve_curve
@@ -130,8 +130,7 @@ def _in_rounds(
         worst = worst_excess(over)
         if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
-        beyond = f"{100 * max(worst, 0.0):.2g} % beyond between points"
-        task.progress(f"round {k + 1}: {solved.curve.duration:.6f} s, torques {beyond}")
+        task.progress(round_words(k + 1, solved.curve, over))
         margins = spec.margins or (TorqueMargin(),) * len(over)
         more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
         tightened = spec.constraints.tightened(problem, kept)

@@ -9,6 +9,7 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.switching.at_speed import speed_contacts
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -21,6 +22,8 @@ def structures_of(
 ) -> Iterator[SwitchingStructure]:
     """Structures to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
 
+    First of all, those that hold another joint on its velocity limit as what they are.
+
     Args:
         shooting: the shooting problem.
         arcs: of a mesh.
@@ -28,12 +31,30 @@ def structures_of(
         sure: what is off all limits on the mesh is a singular arc: it is tried alone.
     """
     numbers = shooting.policy.singular
+    if sure:
+        yield from _at_speed(shooting, arcs, motion)
     shares = shares_of(shooting.problem, arcs, motion, numbers.in_arc)
     left = _long_stretches(arcs, numbers.long)
     if not (sure and np.any(left)):
         yield SwitchingStructure.of(banged(arcs, shares), motion)
     if np.any(left):
         yield _with_controls(shooting, SwitchingStructure.of(banged(arcs, shares, left), motion), motion)
+
+
+def _at_speed(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory) -> Iterator[SwitchingStructure]:
+    """The structure with torques that hold other joints on velocity limits; none: there are no such."""
+    numbers = shooting.policy
+    cut, contacts = speed_contacts(shooting, arcs, motion)
+    if not contacts:
+        return
+    left = _long_stretches(cut, numbers.singular.long)
+    for contact in contacts:
+        left[contact.arc, contact.other] = True
+    shares = shares_of(shooting.problem, cut, motion, numbers.singular.in_arc)
+    structure = SwitchingStructure.of(banged(cut, shares, left), motion)
+    for contact in contacts:
+        structure = contact.bound_in(structure, motion, numbers.contacts.at * structure.duration)
+    yield _with_controls(shooting, structure, motion)
 
 
 def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
@@ -59,7 +80,7 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
         structure = structure.with_changes((begin, Change(i, Mode.FREE), state) for i in starting)
     changes = list(structure.changes)
     for k, change in enumerate(changes):
-        if change.mode is not Mode.FREE:
+        if change.mode is not Mode.FREE or change.keeps:
             continue
         begin, end = structure.span(Segment(k, structure.end_of(k)))
         t = np.linspace(begin, end, numbers.along + 2)[1:-1] * (motion.duration / structure.duration)

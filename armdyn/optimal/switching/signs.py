@@ -44,12 +44,14 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
     rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
     found, carriers = list[WrongSign](), extremal.structure.carriers()
+    shortest = extremal.shooting.policy.descent.vanished * extremal.structure.duration
+    lasting = np.bincount(rollout.arc, weights=rollout.h)[rollout.arc] > shortest  # else between changes at one time
     for i in range(len(extremal.structure.first)):
         own = [modes[a][i] for a in rollout.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
         range_ = limits.actuators.width[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
-        fall = fall.ravel()
+        fall = (fall * lasting[:, None]).ravel()
         for run in stretches(np.flatnonzero(fall > 0.05 * least)):
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])

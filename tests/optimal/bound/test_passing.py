@@ -10,6 +10,7 @@ import armdyn as ad
 from armdyn.cycle.posing import problem_of
 from armdyn.models.scene.reaching import deviations_of, slid
 from armdyn.optimal.bound import course_bound as module
+from armdyn.optimal.bound import passing
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.course import Course, Phase
 from armdyn.optimal.bound.course_bound import course_bound
@@ -115,7 +116,7 @@ def solved(straight):
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1))
     assert solution.usable
     plain = leg_bound(leg, lambda: False)[0]
-    return solution, plain, passing_bound(leg, passage, plain, np.inf, lambda: False)
+    return solution, plain, passing_bound(leg, passage, plain, 0.33, lambda: False)[0]
 
 
 def test_no_motion_found_is_faster(straight, solved):
@@ -128,8 +129,8 @@ def test_no_motion_found_is_faster(straight, solved):
 def test_a_bound_for_short_motions_says_no_more_than_that(straight, solved):
     _, leg, passage = straight
     _, plain, bound = solved
-    assert passing_bound(leg, passage, plain, 0.95 * bound, lambda: False) == 0.95 * bound
-    assert passing_bound(leg, passage, plain, np.inf, lambda: True) <= bound
+    assert passing_bound(leg, passage, plain, 0.95 * bound, lambda: False) == (0.95 * bound, True)
+    assert passing_bound(leg, passage, plain, np.inf, lambda: True)[0] <= bound
 
 
 def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
@@ -183,3 +184,23 @@ def test_a_chain_knows_lines(straight, solved):
     found = chain_bound([problem], stops, upper=solution.duration)
     assert found.duration == pytest.approx(bound, rel=5e-3)
     assert found.duration < solution.duration
+
+
+def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
+    """Blends of 20 mm and 5 degrees: the boxes hold where the motion passes them, and each phase has a least time."""
+    given, leg, _ = straight
+    wide = (*[0.02 / 3**0.5] * 3, *[np.radians(5) / 3**0.5] * 3)
+    via = [ad.GoalPose(one.frame, one.placement, (), wide) for one in given.via]
+    problem = ad.MinimumTimeProblem(given.robot, q_start=given.q_start, q_goal=given.q_goal, via=via)
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1))
+    assert solution.usable
+    passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in via), {})
+    first, _, last = phases = passing._phases(leg, passage, 1.001 * solution.duration, lambda: False)
+    begin, end = solution.via_times
+    assert 0.01 < first.least <= begin
+    assert 0.01 < last.least <= solution.duration - end
+    for phase, t in zip(phases, (begin, end), strict=False):
+        q = solution.trajectory(t).q
+        assert np.all((phase.goal[1].lower <= q) & (q <= phase.goal[1].upper))
+        assert np.max(phase.goal[1].radius) < 0.3
+    assert passing_bound(leg, passage, 0.2, solution.duration, lambda: False)[0] <= solution.duration

@@ -93,3 +93,44 @@ def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there
     np.testing.assert_allclose(inside.v[:, 1], 21.45, rtol=1e-6)
     np.testing.assert_allclose(inside.tau[:, 1], -5.144, rtol=1e-5)
     assert np.all(np.abs(inside.tau[:, 0]) < 7.6)
+
+
+@pytest.mark.parametrize(
+    ("links", "payload", "limits", "way", "jumps"),
+    [
+        pytest.param(
+            ((0.1054, 0.08345, 0.09045, 9.574e-5), (0.268, 0.1638, 0.2499, 0.001422)),
+            0.05174,
+            ([7.987, 1.982], [25.42, 36.51]),
+            ([-1.32, 1.298], [1.39, 0.3614]),
+            (True, True),
+            id="other torque jumps at both ends",
+        ),
+        pytest.param(
+            ((0.3359, 0.266, 0.3919, 0.004215), (0.4166, 0.2546, 0.1302, 0.001791)),
+            0.2046,
+            ([8.136, 2.215], [20.79, 12.99]),
+            ([-1.138, 1.249], [-2.846, -2.991]),
+            (False, True),
+            id="velocity limit is met without acceleration",
+        ),
+    ],
+)
+def test_a_velocity_limit_held_by_another_torque_is_read_from_the_mesh(links, payload, limits, way, jumps):
+    # The other torque looked like a singular arc for 14 and 52 % of the time, which no short polynomial follows.
+    spec = ad.ArmSpec(
+        name="rr", links=tuple(ad.LinkSpec(length=a, com=c, mass=m, inertia=inertia) for a, c, m, inertia in links)
+    )
+    (effort, speed), (start, goal) = limits, way
+    robot = ad.Robot.from_spec(spec, ad.Payload(mass=payload))
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, effort_limit=effort, velocity_limit=speed)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified
+    assert solution.certificate.adjoint_error < 1e-6  # an integration of its own; it comes to 2e-8
+    (kept,) = [arc for arc in solution.arcs if arc.modes[0] is Mode.FREE]
+    begin = sum(arc.duration for arc in solution.arcs[: solution.arcs.index(kept)])
+    inside = solution.trajectory(begin + np.linspace(1e-6, 1 - 1e-6, 9) * kept.duration)
+    np.testing.assert_allclose(np.abs(inside.v[:, 1]), speed[1], rtol=1e-6)
+    np.testing.assert_allclose(np.abs(inside.tau[:, 1]), effort[1], rtol=1e-5)
+    assert np.all(np.abs(inside.tau[1:-1, 0]) < effort[0])
+    assert [bool(abs(tau) < 0.999 * effort[0]) for tau in inside.tau[[0, -1], 0]] == list(jumps)

@@ -209,7 +209,7 @@ def bound_of_a_chain():
 
 
 def bound_of_a_line():
-    """Up along a straight line, and down along another one."""
+    """Up along a straight line and down along another one, and through blends instead of them."""
     robot, q = ad.Robot.from_library("ur5"), np.array([-0.67, -1.44, 2.03, -0.58, 0.9, 0.0])
     goal, most = q + np.array([0.7, 0, 0, 0, 0.7, 0]), (3.5e-4, 3.5e-4, 0.0, 5e-3, 5e-3, 5e-3)
     here, there = (frame_placement(robot, robot.tip, one).homogeneous for one in (q, goal))
@@ -220,7 +220,9 @@ def bound_of_a_line():
     ]
     passed = [ad.GoalPose(robot.tip, at, tolerance=most) for at in (above, beyond)]
     problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=passed, path_constraints=lines)
-    chain_bound([problem], [q, goal], 0.4, policy=Noted.of(problem).bound)
+    wide = [replace(one, tolerance=(0.01,) * 6) for one in passed]
+    for one in (problem, ad.MinimumTimeProblem(robot, q_start=q, q_goal=goal, via=wide)):
+        chain_bound([one], [q, goal], 0.4, policy=Noted.of(one).bound)
 
 
 def goals_as_coarse_curves():

@@ -168,6 +168,7 @@ class SwitchingStructure:
             if (held[k] or held[after])
             and self.times[after] - self.times[k] <= near
             and self.changes[k].joint != self.changes[after].joint
+            and not (after == k + 1 and self.changes[after].tied)
         ]
 
     def swapped(self, k: int, after: int) -> Self:

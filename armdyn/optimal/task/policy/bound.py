@@ -1,6 +1,6 @@
 """Tuned numbers of the lower bound. The bound holds for any of them; they decide its tightness and its seconds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import tuned
@@ -46,13 +46,21 @@ class BoundPolicy:
         (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
-    chain_bounds: int = tuned(96, "bounds", "by momentum between boxes of consecutive stops: 0.2 to 0.6 s each", POSES)
+    chain_bounds: int = tuned(
+        5000,
+        "bounds",
+        "by momentum between boxes of consecutive stops: 0.05 to 0.5 s each; mostly time ends them",
+        POSES,
+    )
     cover: tuple[float, ...] = tuned(
-        (1.0, 0.3, 0.1), "m or rad", "of boxes of a chain's stops, thinned out in turn", POSES
+        (1.0, 0.3, 0.2), "m or rad", "of boxes of a chain's stops, thinned out in turn", POSES
     )
     narrow: float = tuned(0.05, "rad or m", "half width of boxes that are held against momentum first", POSES)
     sampled_grids: int = tuned(3, "grids", "at most for a sampled chain, whose bound is only one to stop at", POSES)
-    wide_passes: int = tuned(3, "passes", "between boxes that will be cut: more gain little", POSES)
+    wide_passes: int = tuned(2, "passes", "between boxes that will be cut: more gain little", POSES)
+    wide_cells: tuple[float, float] = tuned(
+        (0.01, 0.1), "of a side", "first and last cells between such boxes: 0.7 % less in a third of the time", POSES
+    )
     passed: float = tuned(
         0.01, "m or rad", "deviations of regions that a chain passes: wider ones take 20,000 boxes or more", POSES
     )
@@ -71,6 +79,10 @@ class BoundPolicy:
     narrowings: int = tuned(2, "rounds", "over all equations, each of which profits from the others", POSES)
     damping: float = tuned(1e-6, "of the equations' size", "keeps dependent combinations of them solvable", POSES)
     region_rounds: int = tuned(3, "rounds", "that narrow the box of a region that is passed, each pass", POSES)
+    region_sizes: tuple[float, ...] = tuned(
+        (0.5, 0.3, 0.2), "m or rad", "of boxes that enclose a region that is passed, in turn: some hundreds", POSES
+    )
+    soonest_rounds: int = tuned(8, "rounds", "of bisection for the time before which a region is out of reach", POSES)
     phase_cells: int = tuned(32, "cells", "of a phase between regions", POSES)
     course_grids: int = tuned(4, "grids", "of a motion that passes regions, at most", POSES)
     course_ahead: float = tuned(0.1, "of the bound so far", "motions that take longer are left out", POSES)
@@ -78,9 +90,15 @@ class BoundPolicy:
     beside_line: float = tuned(0.05, "rad or m", "by which such boxes are wider, before they are narrowed", POSES)
     most_slices: int = tuned(60, "slices", "of a line behind its end, at most", POSES)
     passing_ahead: float = tuned(0.25, "of the bound so far", "the same where lines are enclosed", POSES)
-    phase_grids: int = tuned(8, "grids", "of a phase by itself, at most", POSES)
+    phase_grids: int = tuned(12, "grids", "of a phase by itself, at most", POSES)
     phase_ahead: float = tuned(0.2, "of a phase's bound so far", "the same for a phase by itself", POSES)
-    phase_worth: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", POSES)
+    phase_worth: float = tuned(0.03, "of a phase's bound", "a grid that gains less is its last", POSES)
     phase_growth: float = tuned(
         1.25, "-", "from cell to cell, from a region on, where the motion goes on behind it", POSES
     )
+
+    @property
+    def between_wide(self) -> "BoundPolicy":
+        """The numbers for legs between boxes that are not as good as points."""
+        shortest, longest = self.wide_cells
+        return replace(self, grids=1, passes=self.wide_passes, shortest=shortest, longest=longest)
