@@ -1,8 +1,8 @@
-"""Picture of the studio: a Panda passes a box, in a real Chromium.
+"""Pictures of the studio, in a real Chromium: a Panda passes a box, its goal dragged 25 cm upwards, and on a phone.
 
     python scripts/studio_picture.py
 
-Takes a minute or more: without a graphics card a frame takes about a second.
+Takes several minutes: without a graphics card a frame takes about a second.
 """
 
 import json
@@ -11,31 +11,65 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+import armdyn as ad
+from armdyn.models.scene.reaching import frame_placement
+from armdyn.show.page.scene import reach_of
+
 ROOT = Path(__file__).parents[1]
+GOAL = (0.8, 0.3, 0, -1.9, 0, 2.2, 0.785)
 STUDIO = (
-    "studio panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal 0.8,0.3,0,-1.9,0,2.2,0.785 "
+    f"studio panda --q-start=-0.8,0.3,0,-1.9,0,2.2,0.785 --q-goal {','.join(map(str, GOAL))} "
     "--obstacle box:0.12,0.12,0.6@0.55,0,0.3 --json"
 )
+DESKTOP, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+UP = 0.25  # [m]
 
 
 def look(url: str) -> None:
-    """Open the page, stop the motion in its middle, and take the picture."""
+    """Open the page, take a picture, drag the goal, take another, and one of a second browser on a phone."""
     from playwright.sync_api import sync_playwright
 
     sys.path.insert(0, str(ROOT / "tests"))
-    from show.browser import FLAGS, find_chromium
+    from show.browser import FLAGS, find_chromium, pixel_of
 
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
-        page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    def opened(size):
+        page = chromium.new_page(viewport=size)
         page.set_default_timeout(300_000)
         page.goto(url)
         page.get_by_text("proven").wait_for()
         page.locator(".mantine-Notification-closeButton").first.click()  # says that there is no graphics card
+        return page
+
+    def picture(page, name, moment):
         page.get_by_role("button", name="Pause").click()
-        page.locator("label", has_text="time").locator("xpath=../../..").locator("input[inputmode]").fill("0.42")
+        page.locator("label", has_text="time").locator("xpath=../../..").locator("input[inputmode]").fill(str(moment))
         page.wait_for_timeout(20_000)
-        page.screenshot(path=ROOT / "docs" / "studio.png")
+        page.screenshot(path=ROOT / "docs" / name)
+        page.get_by_role("button", name="Play").click()
+
+    robot = ad.Robot.from_library("panda")
+    reach, tip = reach_of(robot), frame_placement(robot, robot.tip, np.array(GOAL))
+    eye, target = np.array([0.85, -0.75, 0.6]) * reach, np.array([0, 0, 0.22 * reach])
+    arrow = tip.translation + 0.12 * reach * tip.rotation[:, 2]  # of the gizmo: it points down, as the tool does
+    begin, end = (pixel_of(arrow + [0, 0, z], eye, target, DESKTOP) for z in (0, UP))
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+        page = opened(DESKTOP)
+        picture(page, "studio.png", 0.42)
+        page.mouse.move(*begin)
+        page.wait_for_timeout(5_000)
+        page.mouse.down()
+        for k in range(1, 11):
+            page.mouse.move(*(begin + (end - begin) * k / 10))
+            page.wait_for_timeout(1_000)
+        page.mouse.up()
+        page.wait_for_timeout(30_000)
+        picture(page, "studio_dragged.png", 0.35)
+        page.close()
+        page = opened(PHONE)
+        picture(page, "studio_phone.png", 0.35)
         chromium.close()
 
 

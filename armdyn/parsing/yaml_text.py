@@ -25,6 +25,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
     import yaml  # type: ignore[import-untyped]  # for scenes alone
 
     data, loader = read_bounded(path, MAX_BYTES), getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    too_deep = f"{path}: lists and tables lie deeper than {_DEPTH}"
     try:
         depth = 0
         for count, event in enumerate(yaml.parse(data, loader)):  # first: composing is recursive, and takes memory
@@ -32,11 +33,13 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
                 raise ProblemError(f"{path}: more than {_MOST_NODES} values")
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH:
-                raise ProblemError(f"{path}: lists and tables lie deeper than {_DEPTH}")
+                raise ProblemError(too_deep)
         documents = [one for one in yaml.load_all(data, loader) if one]  # texts, lists and dictionaries
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, ProblemError):
             raise
+        if "nesting depth" in str(error):  # PyYAML 6.0.4 reads ahead up to a limit of its own, of 1,000
+            raise ProblemError(too_deep) from None
         raise ProblemError(f"{path}: not YAML ({' '.join(str(error).split())[:200]})") from None
     if len(documents) > 1:
         raise ProblemError(f"{path}: {len(documents)} documents; it must be one (ros2 topic echo --once)")

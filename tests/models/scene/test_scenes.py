@@ -158,8 +158,8 @@ def test_hostile_yaml(tmp_path):
         ("a: &a [*a]\nworld: *a\n", "recursive"),
         ("[" * 41, "deeper than"),
         ("{a: " * 41, "deeper than"),
-        ("[" * 100_000, "deeper than|nesting depth"),  # PyYAML 6.0.4 has a limit of its own, of 1,000
-        ("{a: " * 100_000, "deeper than|nesting depth"),
+        ("[" * 100_000, "deeper than"),
+        ("{a: " * 100_000, "deeper than"),
         ("a: [", "not YAML"),
         ("- !!python/object/apply:os.system [touch hacked]", "must be a table"),
         ("world: !!python/object/apply:os.system [touch hacked]", "no planning scene"),
