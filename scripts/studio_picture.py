@@ -53,7 +53,7 @@ def look(url: str) -> None:
     reach, tip = reach_of(robot), frame_placement(robot, robot.tip, np.array(GOAL))
     eye, target = np.array([0.85, -0.75, 0.6]) * reach, np.array([0, 0, 0.22 * reach])
     arrow = tip.translation + 0.12 * reach * tip.rotation[:, 2]  # of the gizmo: it points down, as the tool does
-    begin, end = (pixel_of(arrow + [0, 0, z], eye, target, DESKTOP) for z in (0, UP))
+    begin, end = (pixel_of(arrow + np.array([0, 0, z]), eye, target, DESKTOP) for z in (0, UP))
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
         page = opened(DESKTOP)
