@@ -8,6 +8,7 @@ them is solved; the cycle is the least sum. `solve_cycle` works out only the mov
 """
 
 import argparse
+import sys
 import time
 from itertools import product
 
@@ -90,11 +91,11 @@ def compare(name: str) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("arms", nargs="*", default=["rr", "ur5"], choices=["rr", "ur5"])
+    parser.add_argument("arms", nargs="*", choices=["rr", "ur5"], help="all by default")
     columns = "arm", "branches", "solve_cycle [s]", "least of all [s]", "difference", "moves solved", "its time [s]"
     print(f"| {' | '.join(columns)} | all moves [s] |")
     print("|---|---|---|---|---|---|---|---|")
-    for name in parser.parse_args().arms:
+    for name in parser.parse_args(sys.argv[1:] or ["rr", "ur5"]).arms:
         print(compare(name), flush=True)
 
 

@@ -7,6 +7,7 @@ through. Twelve holes by eight branches each: the time that it takes.
 """
 
 import argparse
+import sys
 import time
 from itertools import pairwise, permutations
 
@@ -52,8 +53,8 @@ def by_all_orders(robot: ad.Robot, start: list[float], places: list[np.ndarray])
 def main() -> None:
     """Print both."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("cases", nargs="*", default=["seven", "twelve"], choices=["seven", "twelve"])
-    for case in parser.parse_args().cases:
+    parser.add_argument("cases", nargs="*", choices=["seven", "twelve"], help="both by default")
+    for case in parser.parse_args(sys.argv[1:] or ["seven", "twelve"]).cases:
         robot, start, goals = twelve()
         near = [ad.MinimumTimeProblem(robot, q_start=start, goal_pose=goal).goals[0] for goal in goals[:7]]
         found, seconds = drilled(robot, start, near if case == "seven" else goals)

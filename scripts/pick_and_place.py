@@ -10,6 +10,7 @@ accelerations whose torques are within their limits.
 """
 
 import argparse
+import sys
 import time
 from itertools import pairwise
 
@@ -164,12 +165,12 @@ def compare(name: str) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("arms", nargs="*", default=["ur5", "panda", "kinova"], choices=list(PLACES))
+    parser.add_argument("arms", nargs="*", choices=list(PLACES), help="all by default")
     toppra.setup_logging("ERROR")
     columns = [f"{way} [{unit}]" for way in ("blends", "straight") for unit in ("s", "% less", "gap %", "solve s")]
     print(f"| {' | '.join(['arm', 'toppra [s]', 'Ruckig [s]', *columns])} |")
     print("|---" * (3 + len(columns)) + "|")
-    for name in parser.parse_args().arms:
+    for name in parser.parse_args(sys.argv[1:] or list(PLACES)).arms:
         print(compare(name), flush=True)
 
 
