@@ -1,4 +1,4 @@
-"""Pictures of the studio, in a real Chromium: a Panda passes a box, its goal dragged 25 cm upwards, and on a phone.
+"""Pictures of the studio, in a real Chromium: a Panda passes a box, its goal dragged 20 cm upwards, and on a phone.
 
     python scripts/studio_picture.py
 
@@ -24,7 +24,7 @@ STUDIO = (
     "--obstacle box:0.12,0.12,0.6@0.55,0,0.3 --json"
 )
 DESKTOP, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-UP = 0.25  # [m]
+UP = 0.2  # [m]
 
 
 def look(url: str) -> None:
@@ -52,7 +52,7 @@ def look(url: str) -> None:
     robot = ad.Robot.from_library("panda")
     reach, tip = reach_of(robot), frame_placement(robot, robot.tip, np.array(GOAL))
     eye, target = np.array([0.85, -0.75, 0.6]) * reach, np.array([0, 0, 0.22 * reach])
-    arrow = tip.translation + 0.12 * reach * tip.rotation[:, 2]  # of the gizmo: it points down, as the tool does
+    arrow = tip.translation + 0.14 * reach * tip.rotation[:, 2]  # of the gizmo: it points down, as the tool does
     begin, end = (pixel_of(arrow + np.array([0, 0, z]), eye, target, DESKTOP) for z in (0, UP))
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
