@@ -1,8 +1,8 @@
 """Minimum times between random poses, of every arm that goes by a name: docs/arms.md.
 
 Poses are drawn from the middle 80 % of the position limits (an endless joint's from ±π), the same for a seed, and
-drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. Nothing is tuned on
-these poses but pair 1 of Panda and UR5.
+drawn again where the arm cannot be held still. Where the URDF has no torque limits, 10 N m serve. Curves' margins of
+torques were tuned on some of these poses: UR3 1, UR10 1, xArm7 0, TIAGo's arms, Baxter 0, Panda 0 to 2, UR5 0 and 1.
 
     scripts/library_motions.py --out docs/arms.md
     scripts/library_motions.py --only panda ur5
