@@ -32,7 +32,7 @@ def look(url: str) -> None:
     from playwright.sync_api import sync_playwright
 
     sys.path.insert(0, str(ROOT / "tests"))
-    from show.browser import FLAGS, find_chromium, pixel_of
+    from show.browser import FLAGS, drag, find_chromium, pixel_of
 
     def opened(size):
         page = chromium.new_page(viewport=size)
@@ -58,13 +58,7 @@ def look(url: str) -> None:
         chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
         page = opened(DESKTOP)
         picture(page, "studio.png", 0.42)
-        page.mouse.move(*begin)
-        page.wait_for_timeout(5_000)
-        page.mouse.down()
-        for k in range(1, 11):
-            page.mouse.move(*(begin + (end - begin) * k / 10))
-            page.wait_for_timeout(1_000)
-        page.mouse.up()
+        drag(page, begin, end, first=5_000, each=1_000)
         page.wait_for_timeout(30_000)
         picture(page, "studio_dragged.png", 0.35)
         page.close()

@@ -92,6 +92,17 @@ def pixel_of(point, eye, target, window):
     return np.array([window["width"] / 2 + scale * (way @ right), window["height"] / 2 - scale * (way @ up)])
 
 
+def drag(page, begin, end, first=300, each=40):
+    """Drag by the mouse in ten steps, with pauses before and between [ms]; begin and end: [px], shape (2,)."""
+    page.mouse.move(*begin)
+    page.wait_for_timeout(first)
+    page.mouse.down()
+    for k in range(1, 11):
+        page.mouse.move(*(begin + (end - begin) * k / 10))
+        page.wait_for_timeout(each)
+    page.mouse.up()
+
+
 def left_the_page(requests):
     return [url for url in requests if urlsplit(url).scheme not in ("file", "data", "blob")]
 

@@ -17,7 +17,7 @@ from armdyn.models.scene.reaching import frame_placement
 from armdyn.show.page.scene import reach_of
 from cli.command import COMMAND, run_here
 from problems import POSES, paper_arm
-from show.browser import FLAGS, UNDRAWN, find_chromium, pixel_of, wait_until
+from show.browser import FLAGS, UNDRAWN, drag, find_chromium, pixel_of, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -142,13 +142,7 @@ def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
         along = tip.rotation[:, 2]
         eye = np.array([0, -1.9, 0.2]) * reach
         begin, end = (pixel_of(tip.translation + x * reach * along, eye, np.zeros(3), DESKTOP) for x in (0.12, 0.02))
-        page.mouse.move(*begin)
-        page.wait_for_timeout(300)
-        page.mouse.down()
-        for k in range(1, 11):
-            page.mouse.move(*(begin + (end - begin) * k / 10))
-            page.wait_for_timeout(40)
-        page.mouse.up()
+        drag(page, begin, end)
         wait_until(page, "Math.abs(document.querySelectorAll('[role=slider]')[2].ariaValueNow - 0.9) > 1e-3")
         page.wait_for_timeout(500)
         moved = frame_placement(robot, robot.tip, np.array(goal(page))).translation - tip.translation
