@@ -46,12 +46,13 @@ class BoundPolicy:
         (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
-    chain_bounds: int = tuned(
-        5000,
-        "bounds",
-        "by momentum between boxes of consecutive stops: 0.05 to 0.5 s each; mostly time ends them",
+    chain_programs: int = tuned(
+        400,
+        "linear programs",
+        "of a chain's bound, 0.02 to 0.1 s each: 25/300/25 mm of a UR5 takes 460, after which it gains no more",
         POSES,
     )
+    at_once: int = tuned(8, "bounds", "between boxes of consecutive stops, improved together, on as many cores", POSES)
     cover: tuple[float, ...] = tuned(
         (1.0, 0.3, 0.2), "m or rad", "of boxes of a chain's stops, thinned out in turn", POSES
     )
