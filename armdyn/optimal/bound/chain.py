@@ -100,7 +100,7 @@ def chain_bound(
     vias = [[_via(problem, widest) for problem in given] for widest in (0.0, numbers.passed)]
     if vias[0] == vias[1]:
         vias.pop()  # there are no regions, or none that could help
-    effort = effort or Effort(numbers.chain_programs)
+    effort = Effort(numbers.chain_programs) if effort is None else effort
     found = []
     for k, via in enumerate(vias):
         with effort.shared(len(vias) - k):

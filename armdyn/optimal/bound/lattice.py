@@ -92,7 +92,7 @@ def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Regi
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Route:
     """Regions, one per layer, and the bounds of the legs between them [s]."""
 
     at: tuple[int, ...]
@@ -130,11 +130,11 @@ class Lattice:
         self.left = [np.full(own.shape, _first(leg)) for own, leg in zip(self.bounds, self.legs, strict=True)]
         self.under_way = [np.full(own.shape, -1) for own in self.bounds]
 
-    def path(self) -> Path | None:
+    def path(self) -> Route | None:
         """The shortest path; None: there is none."""
         return self._path(self.bounds)
 
-    def _path(self, lengths: Sequence[Array]) -> Path | None:
+    def _path(self, lengths: Sequence[Array]) -> Route | None:
         """The shortest path by other lengths of its edges [s]; None: none is finite."""
         least, before = np.zeros(len(self.layers[0])), []
         for each in lengths:
@@ -149,9 +149,9 @@ class Lattice:
         for origin in reversed(before):
             at.insert(0, int(origin[at[0]]))
         regions = tuple(layer[k] for layer, k in zip(self.layers, at, strict=True))
-        return Path(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
+        return Route(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
 
-    def improve(self, enough: float, effort: Effort) -> Path | None:
+    def improve(self, enough: float, effort: Effort) -> Route | None:
         """Improve bounds of the shortest paths until they are long enough [s], as far as the effort goes."""
         while (path := self.path()) is not None and path.duration < enough and effort:
             effort.say(path.duration)
@@ -180,7 +180,7 @@ class Lattice:
                 break
         return found
 
-    def _edge(self, k: int, path: Path, enough: float, number: int) -> Edge:
+    def _edge(self, k: int, path: Route, enough: float, number: int) -> Edge:
         """A leg of the path, under way from now on; of use is what makes the path long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
@@ -227,7 +227,7 @@ class Lattice:
         same |= parts[0][:, None] & parts[1] & np.all(by[0][:, None] == by[1], axis=2)
         return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
-    def _cut(self, path: Path, stop: Stop) -> bool:
+    def _cut(self, path: Route, stop: Stop) -> bool:
         """Cut the widest region of the path in two; whether one was left to be cut."""
         sizes = [0.0 if one.is_point else one.size for one in path.regions]
         k = int(np.argmax(sizes))
