@@ -48,10 +48,10 @@ class BoundPolicy:
     )
     size: float = tuned(0.02, "m or rad", "of boxes held against momentum, before those that touch are joined", POSES)
     chain_programs: int = tuned(
-        400,
+        600,
         "linear programs",
-        "of a chain's bound, 0.02 to 0.1 s each: 25/300/25 mm of a UR5 takes 460, after which it gains no more",
-        POSES,
+        "of a chain's bound: 10 s of a Panda's on two cores, whose bound still rises then; a UR5's takes 450 at most",
+        "25/300/25 mm: UR5, Panda",
     )
     at_once: int = tuned(8, "bounds", "between boxes of consecutive stops, improved together, on as many cores", POSES)
     cover: tuple[float, ...] = tuned(
