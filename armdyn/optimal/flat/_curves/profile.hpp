@@ -3,6 +3,7 @@
 // Journal 9(3), 1966. Rows without entries far from the diagonal, and a few full ones at the end, cost what they hold.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 namespace armdyn {
@@ -15,6 +16,7 @@ class Profile {
   int size() const { return static_cast<int>(first_.size()); }
   // out = M x.
   void times(const double* x, double* out) const;
+  void clear() { std::fill(values_.begin(), values_.end(), 0.0); }
   double* row(int i) { return values_.data() + start_[i]; }  // of column 0; valid from first[i] to i
   const double* row(int i) const { return values_.data() + start_[i]; }
 
