@@ -10,6 +10,10 @@ namespace armdyn {
 
 class Profile {
  public:
+  struct Run {
+    int begin, end;  // rows
+  };
+
   // first: column of each row's first entry.
   explicit Profile(const std::vector<int>& first);
 
@@ -28,7 +32,9 @@ class Profile {
  private:
   std::vector<int> first_;
   std::vector<long> start_;
-  std::vector<double> values_, diagonal_;
+  std::vector<int> run_start_;  // of each column
+  std::vector<Run> runs_;       // rows below the diagonal that hold the column
+  std::vector<double> values_, diagonal_, column_;
 };
 
 }  // namespace armdyn
