@@ -145,17 +145,26 @@ def _in_rounds(
     curve, over = solved.curve, over or excesses_of(task, solved.curve)
     rough = numbers.little < worst <= enough and not task.stop and solved.converged
     if can_be_slowed(problem) and not rough:
-        curve, over = _within_limits(task, curve, over)
+        curve, over = _within_limits(task, curve, over, numbers.little)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
 
 
-def _within_limits(task: Task, fast: Curve, over: tuple[TorqueMargin, ...]) -> tuple[Curve, tuple[TorqueMargin, ...]]:
-    """A curve slowed down until it keeps its limits, as far as slowing down helps, and what remains beyond them."""
+def _within_limits(
+    task: Task, fast: Curve, over: tuple[TorqueMargin, ...], most: float
+) -> tuple[Curve, tuple[TorqueMargin, ...]]:
+    """A curve slowed down until it keeps its limits, as far as slowing down helps, and what remains beyond them.
+
+    Args:
+        task: its limits.
+        fast: the curve.
+        over: what torques exceed their limits by.
+        most: excess that is mended by slowing down, as a part of half the range.
+    """
     curve = _slowed(task, fast)
     over = over if curve is fast else excesses_of(task, curve)
     for _ in range(_PACES):  # what samples do not see
-        if not 0 < worst_excess(over) <= task.policy.curves.little:
+        if not 0 < worst_excess(over) <= most:
             break
         curve = curve.slower(1 + _SLOWER * worst_excess(over))
         over = excesses_of(task, curve)
@@ -181,13 +190,12 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     for k in range(numbers.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
         iterations += solved.result.iterations
-        over, curve = excesses_of(task, solved.curve), solved.curve
-        excess = worst_excess(over)
-        if excess > 0 and can_be_slowed(task.problem):
-            curve = _slowed(task, curve)
-            excess = worst_excess(excesses_of(task, curve))
+        over = excesses_of(task, solved.curve)
+        curve, left = solved.curve, over
+        if can_be_slowed(task.problem):
+            curve, left = _within_limits(task, curve, over, hopeless)
         kept = reports_on(task, curve, spec.constraints)
-        found.append(RefinedCurve(curve, solved, spec, iterations, excess, kept))
+        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), kept))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
