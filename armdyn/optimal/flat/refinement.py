@@ -9,8 +9,8 @@ from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
-from armdyn.optimal.flat.solve import Solved, solve_curve
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
+from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
@@ -70,6 +70,31 @@ def _refined(task: Task, guess: Curve, spec: CurveSpec, little: float, near: Sol
     solved = solve_curve(task, guess, spec, near, tightening)
     over = tightening.over_at(solved.result.x)
     return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
+
+
+def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
+    """The curve of `refine_curve`, slowed down until it keeps its limits; without IPOPT where steps can do.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from.
+
+    Returns:
+        None: steps do not converge, or torques stay too far beyond their limits between the points.
+    """
+    spec, numbers, curves = CurveSpec.of(task), task.policy.sequential.without_obstacles, task.policy.curves
+    if not solved_by_steps(
+        task, curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
+    ):
+        return refine_curve(task, guess)
+    tighten = Tightening(task, guess, spec, curves.little)
+    solved = solve_in_steps(task, guess, spec, numbers.trust, numbers.enough, numbers=numbers, tighten=tighten)
+    over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
+    if not solved.converged or worst_excess(over) > curves.hopeless:
+        return None
+    curve, over = _within_limits(task, solved.curve, over, curves.hopeless)
+    reports = reports_on(task, curve, spec.constraints)
+    return RefinedCurve(curve, solved, tighten.spec, solved.result.iterations, worst_excess(over), reports)
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
