@@ -100,16 +100,13 @@ class LinearProgram:
         Args:
             tolerance: of the cost, relative to 1 and to its size.
         """
-        bounds, right = (
-            np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST),
-            np.concatenate(self.right, axis=None),
-        )
+        bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
         matrix = _matrix(self.entries, len(bounds)).tocsc()
         found, _, _, marginals = enclosure.solve(
             start=matrix.indptr,
             row=matrix.indices,
             value=matrix.data,
-            right=right,
+            right=np.concatenate(self.right, axis=None),
             cost=np.concatenate(self.costs),
             lower=bounds[:, 0].copy(),
             upper=bounds[:, 1].copy(),

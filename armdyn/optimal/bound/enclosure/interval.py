@@ -1,8 +1,9 @@
 """Arrays of intervals, rounded outward.
 
-A sum, difference or product of floats is their nearest float, so that the next float outward, or the one beyond it, bounds it. Products of
-matrices and running sums take the a-priori bound instead (N. Higham, Accuracy and Stability of Numerical Algorithms,
-2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes, u = 2⁻⁵³.
+A sum, difference or product of floats is their nearest float, so that the next float outward, or the one beyond it,
+bounds it. Products of matrices and running sums take the a-priori bound instead (N. Higham, Accuracy and Stability of
+Numerical Algorithms, 2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes,
+u = 2⁻⁵³.
 """
 
 from __future__ import annotations
