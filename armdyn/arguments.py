@@ -312,6 +312,8 @@ def _real(value: object) -> Array | None:
     """An array of its own, None if it is not one of real numbers."""
     import numpy as np
 
+    if type(value) is np.ndarray and value.dtype == float and value.size <= MOST_NUMBERS:  # inner loops come by
+        return value.astype(float)
     try:
         if isinstance(value, str | bytes) or _count(value) > MOST_NUMBERS:
             return None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from armdyn.paper import Kind
-    from armdyn.show.studio.session import Basis
+    from armdyn.show.studio.session import SessionSetup
     from armdyn.show.studio.state import StudioState
 
 _TURN, _SHIFT = 1.0, 0.2
@@ -124,13 +124,13 @@ def studio(
     with answering(output.json):
         _expect_viser()
         from armdyn.show.studio.origins import free_port
-        from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Basis, Session
+        from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Session, SessionSetup
         from armdyn.show.studio.state import StudioState
 
         folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
         with working(f"reading {task.robot.robot}"):
             problem, options = task.problem()
-            basis = Basis.of(problem, search.over(options).options())
+            basis = SessionSetup.of(problem, search.over(options).options())
             kept = None if fresh else _kept_state(basis, folder)
             state = StudioState.of(problem, basis.options.calm) if kept is None else kept
             free = free_port(host, port)
@@ -146,7 +146,7 @@ def _expect_viser() -> None:
         raise MissingPackageError("viser", "armdyn studio")
 
 
-def _kept_state(basis: Basis, folder: Path) -> StudioState | None:
+def _kept_state(basis: SessionSetup, folder: Path) -> StudioState | None:
     """The state of the last session in a folder; None: there was none, or it is of no use, and a warning says so."""
     from armdyn.show.studio.session import restored
 

@@ -31,7 +31,7 @@ RETURN = "return"
 
 
 @dataclass(frozen=True, eq=False)
-class Stop:
+class RestPlace:
     """A rest between two moves.
 
     Attributes:
@@ -168,13 +168,13 @@ class Cycle:
         """Time at rest in all steps [s]."""
         return float(sum(step.dwell for step in self.steps if not isinstance(step, Move)))
 
-    def rest(self, stop: Stop) -> float:
+    def rest(self, stop: RestPlace) -> float:
         """Time at rest at one of the stops [s].
 
         Raises:
             ProblemError: it is none.
         """
-        steps = (self.steps[k - 1] for k in expect(stop, Stop, "stop", "one of Cycle.stops").rests)
+        steps = (self.steps[k - 1] for k in expect(stop, RestPlace, "stop", "one of Cycle.stops").rests)
         return float(sum(step.dwell for step in steps if not isinstance(step, Move)))
 
     @cached_property
@@ -191,13 +191,13 @@ class Cycle:
         return tuple(legs)
 
     @cached_property
-    def stops(self) -> tuple[Stop, ...]:
+    def stops(self) -> tuple[RestPlace, ...]:
         """Where the arm rests: the start, then the end of every move."""
         begins = [0, *(leg.step for leg in self.moves)]
         targets = [self.start, *(self._target(leg) for leg in self.moves)]
         ends = [*begins[1:], len(self.steps) + 1]
         return tuple(
-            Stop(target, step, self.name_of(step), tuple(range(step + 1, end)))
+            RestPlace(target, step, self.name_of(step), tuple(range(step + 1, end)))
             for step, target, end in zip(begins, targets, ends, strict=True)
         )
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial, reduce
 
 from armdyn.arrays import Array
-from armdyn.cycle.cycle import Cycle, Leg, Stop
+from armdyn.cycle.cycle import Cycle, Leg, RestPlace
 from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.errors import TrajectoryError
 from armdyn.models.robots.loads import load_of
@@ -47,7 +47,7 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
     return reduce(partial(Trajectory.join, tolerance=_LANDING), pieces)
 
 
-def _rests(cycle: Cycle, stop: Stop, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
+def _rests(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
     """The rests at a stop as pieces, of so many seconds at least, then the event that has no rest, perhaps empty."""
     event = ""
     for k in stop.rests:

@@ -8,7 +8,7 @@ from itertools import islice, product
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.cycle.cycle import Cycle, Stop, told
+from armdyn.cycle.cycle import Cycle, RestPlace, told
 from armdyn.errors import CycleError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
@@ -100,7 +100,7 @@ def with_slid(
     return tuple(_held(cycle, stop, tuple(own), limits) for stop, own in zip(cycle.stops, found, strict=True))
 
 
-def _held(cycle: Cycle, stop: Stop, positions: tuple[Array, ...], limits: JointLimits) -> tuple[Array, ...]:
+def _held(cycle: Cycle, stop: RestPlace, positions: tuple[Array, ...], limits: JointLimits) -> tuple[Array, ...]:
     """Those positions at which the motors hold the arm with all that it carries at the stop.
 
     Raises:

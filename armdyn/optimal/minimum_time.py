@@ -79,15 +79,15 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     if problem.goal_pose is not None or len(problem.goals) > 1:
         return fastest_goal(task, solve_task)
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
-    with (
-        one_blas_thread(),
-        stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
-        _bounded(replace(task, stop=stop)) as task,
-    ):
-        optima, found = refined(task)
-        bound = task.lower_bound()
-    elapsed = time.perf_counter() - started
-    return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
+    with one_blas_thread():
+        with (
+            stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
+            _bounded(replace(task, stop=stop)) as task,
+        ):
+            optima, found = refined(task)
+            bound = task.lower_bound()
+        elapsed = time.perf_counter() - started
+        return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
 
 
 def refined(task: Task) -> tuple[list[Optimum], Found]:

@@ -1,4 +1,4 @@
-"""Several collision-free joint paths between two poses."""
+"""Several collision-free joint paths between two poses, by RRT-Connect (`scene/_collision/planner.hpp`, in C++)."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -6,51 +6,60 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.planning.rrt_connect import FreeUntil, OutOfChecksError, PlannerOptions, connect, length, shortened
+from armdyn.models.scene.collision import CollisionModel
 
 NEAR_STRAIGHT = 1.03
 """A path that takes no more than this times the straight line's time is not worth a second one."""
 ENOUGH = 8_000
 """Checks [1] after which one path is enough if the next attempts find none: as many as four usual attempts."""
 
-_BETWEEN_STOPS = 100
-"""Checks between two questions whether to stop: some 10 ms."""
+
+@dataclass(frozen=True)
+class PlannerOptions:
+    """Options of the planner; lengths are seconds at the velocity limits.
+
+    Attributes:
+        step: distance between collision checks, in the largest component. A Panda's fastest point moves 4 cm in 0.02 s;
+            what slips through is found when the motion is verified.
+        reach: length by which a tree grows towards a random point; 0.1 to 0.2 need the fewest checks in shelves.
+        checks: collision checks of all attempts together, so that the work does not depend on the clock.
+        first_checks: of the first attempt. Times to a path have a heavy tail: starting again beats going on.
+        growth: factor from the checks of one attempt to those of the next.
+        shortcuts: random shortcuts tried on every path.
+        beyond: random points are no farther than this from the box around both ends: half as many checks, and paths
+            shorter by a tenth, than with points from within all bounds;
+        everywhere: but for every so many-th attempt.
+        paths: that are looked for.
+    """
+
+    step: float = 0.02
+    reach: float = 0.15
+    checks: int = 200_000
+    first_checks: int = 1_500
+    growth: float = 1.3
+    shortcuts: int = 60
+    beyond: float = 0.4
+    everywhere: int = 3
+    paths: int = 4
 
 
 @dataclass(frozen=True, eq=False)
 class JointSpace:
-    """Configuration space of a planner: bounds and collision check.
+    """Configuration space of a planner.
 
     Attributes:
-        free_until: how many joint positions [rad or m], shape (m, n), are free of collisions before the first that is
-            not; m if all are.
+        model: checks for collisions.
         lower: joint positions [rad or m], shape (n,), finite.
         upper: likewise.
         speed: velocity limits [rad/s or m/s], shape (n,), finite: they scale the joints against each other.
+        least: distances of the model's `touching` pairs above which these count as free [m], shape (m,).
     """
 
-    free_until: FreeUntil
+    model: CollisionModel
     lower: Array
     upper: Array
     speed: Array
-
-
-class _Budget:
-    """Counts collision checks, of one attempt and of all."""
-
-    def __init__(self, space: JointSpace, checks: int, stop: Callable[[], bool]):
-        self._space, self.left, self.attempt, self._stop = space, checks, 0, stop
-
-    def free_until(self, points: Array) -> int:
-        count = min(len(points), self.attempt, self.left)
-        free = self._space.free_until(points[:count] * self._space.speed) if count else 0
-        checks, before = min(free + 1, count), self.left
-        self.attempt -= checks
-        self.left -= checks
-        asks = before // _BETWEEN_STOPS != self.left // _BETWEEN_STOPS
-        if free == count < len(points) or (asks and self._stop()):
-            raise OutOfChecksError
-        return free
+    least: Array
 
 
 def plan_paths(
@@ -75,16 +84,27 @@ def plan_paths(
         Joint positions of each path, shape (m, n); none if there was none within the options' checks.
     """
     options = PlannerOptions() if options is None else options
-    ends, bounds = (start / space.speed, goal / space.speed), (space.lower / space.speed, space.upper / space.speed)
-    straight = float(np.max(np.abs(ends[1] - ends[0])))
-    budget, checks, attempt = _Budget(space, options.checks, stop), options.first_checks, 0
-    found = 0
-    while found < options.paths and budget.left > 0 and not stop():
-        path = _attempt(budget, checks, (ends, bounds), [seed, attempt], options)
+    frame = np.array([start, goal, space.lower, space.upper]) / space.speed
+    ends = np.min(frame[:2], axis=0), np.max(frame[:2], axis=0)
+    straight = float(np.max(np.abs(frame[1] - frame[0])))
+    left, checks, attempt, found = options.checks, options.first_checks, 0, 0
+    while found < options.paths and left > 0 and not stop():
+        random, cuts = (np.random.default_rng(own) for own in ([seed, attempt], [seed, attempt, 1]))
+        beyond = options.beyond if (attempt + 1) % options.everywhere else np.inf
+        box = np.maximum(frame[2], ends[0] - beyond), np.minimum(frame[3], ends[1] + beyond)
+        path, used = space.model.plan(
+            np.vstack([frame[:2], *box, space.speed]),
+            space.least,
+            (random.random((min(checks, left), start.size)), cuts.random((options.shortcuts, 2))),
+            (options.step, options.reach),
+            (checks, left),
+            stop,
+        )
+        left -= used
         attempt += 1
-        if path is None:
+        if not path.size:
             checks = int(checks * options.growth)
-            if found and options.checks - budget.left > ENOUGH:
+            if found and options.checks - left > ENOUGH:
                 break
             continue
         found += 1
@@ -93,21 +113,6 @@ def plan_paths(
             break
 
 
-def _attempt(
-    budget: _Budget,
-    checks: int,
-    frame: tuple[tuple[Array, Array], tuple[Array, Array]],
-    seed: list[int],
-    options: PlannerOptions,
-) -> Array | None:
-    """One path, shortened as far as the attempt's checks last; None: none was found."""
-    budget.attempt = checks
-    try:
-        path = connect(budget.free_until, *frame, seed, options)
-    except OutOfChecksError:
-        return None
-    budget.attempt = checks
-    try:
-        return shortened(budget.free_until, path, [*seed, 1], options)
-    except OutOfChecksError:
-        return path
+def length(path: Array) -> float:
+    """Length of a path, shape (m, n), by the largest component of every segment."""
+    return float(np.sum(np.max(np.abs(np.diff(path, axis=0)), axis=1)))

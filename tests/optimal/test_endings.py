@@ -152,6 +152,19 @@ def test_interrupt_returns_what_there_is():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_an_interrupt_between_a_planned_path_and_its_first_curve():
+    def press(text):
+        if text == "the way without obstacles":
+            os.kill(os.getpid(), signal.SIGINT)
+
+    far = ad.Box((0.1, 0.1, 0.1), (2.0, 0, 0), name="far")
+    robot = ad.Robot.from_library("ur5")
+    problem = ad.MinimumTimeProblem(robot, q_start=np.zeros(6), q_goal=np.full(6, 0.5), obstacles=[far])
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False), press)
+    assert solution.status is ad.Status.INTERRUPTED, solution.message
+    assert not solution.success and solution.trajectory.duration > 0
+
+
 BALL = ad.Sphere((0.3, 0, -0.1), 0.06, name="ball")
 
 

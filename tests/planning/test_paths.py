@@ -5,19 +5,39 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.scene.obstacles import Box, Sphere
-from armdyn.planning.paths import JointSpace, plan_paths
-from armdyn.planning.rrt_connect import PlannerOptions
-from problems import paper_arm
+from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import Box, Cylinder, Sphere
+from armdyn.planning.paths import JointSpace, PlannerOptions, length, plan_paths
+from problems import GANTRY, paper_arm
 
 WIDE = 10.0
+DISK, POINT = 0.99, 0.01
+"""Radii of a disk and of what moves round it: together 1 m."""
+BALL = f'<collision><geometry><sphere radius="{POINT}"/></geometry></collision>'
+MOVING_POINT = GANTRY.replace('<link name="head">', f'<link name="head">{BALL}')
+"""Two slides: joint positions are a point's place in the plane."""
 
 
-def space(is_free, n=2):
-    def free_until(points):
-        return next((k for k, point in enumerate(points) if not is_free(point)), len(points))
+EVERYWHERE = PlannerOptions(everywhere=1)
+"""All attempts' random points are in the whole plane: ways round these obstacles lead far away from the ends."""
 
-    return JointSpace(free_until, np.full(n, -WIDE), np.full(n, WIDE), np.ones(n))
+
+class Counting(CollisionModel):
+    checks = 0
+
+    def plan(self, *given):
+        path, used = super().plan(*given)
+        self.checks += used
+        return path, used
+
+
+def space(*obstacles):
+    model = Counting(ad.Robot.from_urdf_string(MOVING_POINT), obstacles)
+    return JointSpace(model, np.full(2, -WIDE), np.full(2, WIDE), np.ones(2), np.empty(0))
+
+
+def disk():
+    return space(Cylinder((0, 0, -1), (0, 0, 1), DISK))
 
 
 def dense(path, samples=400):
@@ -26,25 +46,24 @@ def dense(path, samples=400):
 
 
 def test_the_straight_line_where_it_is_free():
-    (path,) = plan_paths(space(lambda q: True), np.zeros(2), np.ones(2))
+    (path,) = plan_paths(space(), np.zeros(2), np.ones(2))
     np.testing.assert_array_equal(path, [[0, 0], [1, 1]])
 
 
 def test_round_a_disk_a_path_is_nearly_as_short_as_can_be():
     start, goal = np.array([-2.0, 0.0]), np.array([2.0, 0.0])
-    paths = list(plan_paths(space(lambda q: bool(np.linalg.norm(q) > 1)), start, goal, seed=3))
+    paths = list(plan_paths(disk(), start, goal, 3, EVERYWHERE))
     for path in paths:
         np.testing.assert_array_equal(path[[0, -1]], [start, goal])
         assert np.min(np.linalg.norm(dense(path), axis=1)) > 1 - 0.02**2 / 2 - 1e-3  # checked 0.02 apart
-    times = [np.sum(np.max(np.abs(np.diff(path, axis=0)), axis=1)) for path in paths]
+    times = [length(path) for path in paths]
     # In the largest component: up to the corner of the square around the disk's quarter and down again, 4 at least.
     assert 4 <= min(times) < 4.4
 
 
 def test_the_same_seed_gives_the_same_paths_in_any_order():
     def paths(seed):
-        free = space(lambda q: bool(np.linalg.norm(q) > 1))
-        return list(plan_paths(free, np.array([-2.0, 0]), np.array([2.0, 0]), seed))
+        return list(plan_paths(disk(), np.array([-2.0, 0]), np.array([2.0, 0]), seed))
 
     first, other, again = paths(0), paths(1), paths(0)
     assert len(first) == len(again)
@@ -53,28 +72,36 @@ def test_the_same_seed_gives_the_same_paths_in_any_order():
 
 
 def test_none_is_found_through_a_wall_and_the_budget_ends_it():
-    count = [0]
-
-    def is_free(q):
-        count[0] += 1
-        return abs(q[0]) > 0.5
-
+    walled = space(Box((1.0, 30.0, 1.0), (0, 0, 0)))
     options = PlannerOptions(checks=5_000)
-    assert not list(plan_paths(space(is_free), np.array([-2.0, 0]), np.array([2.0, 0]), options=options))
-    assert count[0] <= 5_000
+    assert not list(plan_paths(walled, np.array([-2.0, 0]), np.array([2.0, 0]), options=options))
+    assert walled.model.checks == 5_000
+
+
+def test_a_way_outside_the_box_around_both_ends_is_found():
+    # Its ends are 5.5 m from the straight line, ten times `PlannerOptions.beyond` at 1 m/s.
+    wall = space(Box((1.0, 11.0, 1.0), (0, 0, 0)))
+    path = next(plan_paths(wall, np.array([-2.0, 0]), np.array([2.0, 0])))
+    assert np.max(np.abs(path[:, 1])) > 5.5
+
+
+def test_a_stop_ends_an_attempt():
+    walled, asked = space(Box((1.0, 30.0, 1.0), (0, 0, 0))), []
+
+    def stop():
+        asked.append(walled.model.checks)
+        return len(asked) > 5
+
+    assert not list(plan_paths(walled, np.array([-2.0, 0]), np.array([2.0, 0]), stop=stop))
+    assert walled.model.checks < PlannerOptions().checks
 
 
 def test_a_path_that_nobody_asks_for_is_not_planned():
-    count = [0]
-
-    def is_free(q):  # but for a wall, so that a path round it is not nearly straight
-        count[0] += 1
-        return bool(abs(q[0]) > 0.2 or abs(q[1]) > 2.5)
-
-    paths = plan_paths(space(is_free), np.array([-2.0, 0]), np.array([2.0, 0]), seed=3)
+    wall = space(Box((0.4, 5.0, 1.0), (0, 0, 0)))  # so that a path round it is not nearly straight
+    paths = plan_paths(wall, np.array([-2.0, 0]), np.array([2.0, 0]), 3, EVERYWHERE)
     next(paths)
-    first = count[0]
-    assert len(list(paths)) > 0 and count[0] > 2 * first
+    first = wall.model.checks
+    assert len(list(paths)) > 0 and wall.model.checks > 2 * first
 
 
 def test_plan_path_of_a_problem():

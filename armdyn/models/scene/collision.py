@@ -1,6 +1,6 @@
 """Distances of an arm from obstacles and from itself, on the real geometry, by coal (`_collision/`, in C++)."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -160,6 +160,32 @@ class CollisionModel:
         """
         with one_at_a_time:
             return NearPairs(*self._scene.near(_poses(poses), within, most))
+
+    def plan(
+        self,
+        frame: Array,
+        least: Array,
+        random: tuple[Array, Array],
+        lengths: tuple[float, float],
+        checks: tuple[int, int],
+        stop: Callable[[], bool],
+    ) -> tuple[Array, int]:
+        """Plan a collision-free path by RRT-Connect, in joint positions over joint speeds.
+
+        Args:
+            frame: start, goal, lower and upper bounds, and last the speeds [rad/s or m/s], shape (5, nv).
+            least: see `is_free`, shape (m,).
+            random: targets in the unit cube, shape (k, nv), and ends of shortcuts as parts of the path, shape (s, 2).
+            lengths: between collision checks, in the largest component, and by which a tree grows at most [s].
+            checks: until there is a path, and as many for the shortcuts; of both together.
+            stop: whether to give up, polled now and then.
+
+        Returns:
+            Points of the path [s], shape (points, nv), none if none was found; checks that were made.
+        """
+        with one_at_a_time:
+            path, used = self._scene.plan(frame, least, *random, lengths, checks, stop)
+        return path, used
 
     def prove(
         self, motion: Trajectory, bounds: tuple[Array, Array, Array], asked: Array, work: tuple[int, int]

@@ -102,7 +102,7 @@ class ActuatorLimits(ABC):
         """Joints without a motor, shape (nv,)."""
         return np.asarray((self.lower == 0) & (self.upper == 0))
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """Unit in which torques are compared [N m or N], shape (nv,): the half range.
 

@@ -87,7 +87,7 @@ def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Regi
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class Route:
     """Regions, one per layer, and the bounds of the legs between them [s]."""
 
     at: tuple[int, ...]
@@ -125,7 +125,7 @@ class Lattice:
         free = [leg.start.v is None and leg.goal.v is None for leg in self.legs]
         self.tried = [np.full(bounds.shape, one) for bounds, one in zip(self.bounds, free, strict=True)]
 
-    def path(self) -> Path | None:
+    def path(self) -> Route | None:
         """The shortest path; None: there is none."""
         least, before = np.zeros(len(self.layers[0])), []
         for bounds in self.bounds:
@@ -138,9 +138,9 @@ class Lattice:
         for origin in reversed(before):
             at.insert(0, int(origin[at[0]]))
         regions = tuple(layer[k] for layer, k in zip(self.layers, at, strict=True))
-        return Path(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
+        return Route(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
 
-    def improve(self, enough: float, most: int, stop: Stop) -> Path | None:
+    def improve(self, enough: float, most: int, stop: Stop) -> Route | None:
         """Improve bounds of the shortest path until it is long enough [s], or so many legs have been bounded."""
         tries = 0
         while True:
@@ -159,7 +159,7 @@ class Lattice:
             elif not self._cut(path, stop):
                 return path
 
-    def _bound(self, k: int, path: Path, enough: float, stop: Stop) -> None:
+    def _bound(self, k: int, path: Route, enough: float, stop: Stop) -> None:
         """Bound a leg of the path by momentum, as far as the path is then long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
@@ -196,7 +196,7 @@ class Lattice:
         same |= parts[0][:, None] & parts[1] & np.all(by[0][:, None] == by[1], axis=2)
         return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
-    def _cut(self, path: Path, stop: Stop) -> bool:
+    def _cut(self, path: Route, stop: Stop) -> bool:
         """Cut the widest region of the path in two; whether one was left to be cut."""
         sizes = [0.0 if one.is_point else one.size for one in path.regions]
         k = int(np.argmax(sizes))

@@ -81,9 +81,10 @@ def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy
     for leg, more in zip(guess.legs, asked.places, strict=True):
         even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
         passing = _passing(asked.model, leg, even, least + policy.passing) if fine else even[:0]
-        beside = (passing[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
+        near = np.concatenate([more, passing])
+        beside = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
         # Nearer places than a hundredth of a step tell the program nothing new.
-        all_ = np.unique(np.round(np.concatenate([even, more, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
+        all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
         places.append(all_[(all_ > 0) & (all_ < 1 - 1e-9)])
     return ClearanceRows(asked.model, least, tuple(places), policy.within, policy.pairs)
 

@@ -10,7 +10,7 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.nlp_data import CurveSpec, travel_scales
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.flat.torque_rows import Torques
+from armdyn.optimal.flat.torque_rows import TorqueParts
 from armdyn.optimal.task.task import Task
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class CurveCost:
         steps = self.steps[:, None] * np.diff(tau, axis=0) ** 2
         return float(np.sum(x[self.durations]) + (np.sum(squares) + np.sum(steps) + x @ (self.moving @ x)) / 2)
 
-    def gradient(self, x: Array, at: Torques) -> Array:
+    def gradient(self, x: Array, at: TorqueParts) -> Array:
         """Gradient by the unknowns, the torques following them, shape (unknowns,)."""
         slope = self._prices(x) * at.tau
         steps = self.steps[:, None] * np.diff(at.tau, axis=0)
@@ -54,7 +54,7 @@ class CurveCost:
         np.add.at(out, self.duration, np.sum(self.effort * at.tau**2, axis=1) / 2)
         return np.asarray(out)
 
-    def squares(self, x: Array, at: Torques) -> tuple[sp.csr_matrix, Array]:
+    def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
         """Rows and weights whose squares are the cost's curvature, after Gauss and Newton."""
         n, prices = at.tau.shape[1], self._prices(x).ravel()
         if not np.any(self.steps):

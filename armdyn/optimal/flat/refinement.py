@@ -9,8 +9,8 @@ from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
-from armdyn.optimal.flat.solve import Solved, solve_curve
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
+from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
@@ -70,6 +70,31 @@ def _refined(task: Task, guess: Curve, spec: CurveSpec, little: float, near: Sol
     solved = solve_curve(task, guess, spec, near, tightening)
     over = tightening.over_at(solved.result.x)
     return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
+
+
+def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
+    """The curve of `refine_curve`, slowed down until it keeps its limits; without IPOPT where steps can do.
+
+    Args:
+        task: what is to be solved.
+        guess: the curve to start from.
+
+    Returns:
+        None: steps do not converge, or torques stay too far beyond their limits between the points.
+    """
+    spec, numbers, curves = CurveSpec.of(task), task.policy.sequential.without_obstacles, task.policy.curves
+    if not solved_by_steps(
+        task, curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
+    ):
+        return refine_curve(task, guess)
+    tighten = Tightening(task, guess, spec, curves.little)
+    solved = solve_in_steps(task, guess, spec, numbers.trust, numbers.enough, numbers=numbers, tighten=tighten)
+    over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
+    if not solved.converged or worst_excess(over) > curves.hopeless:
+        return None
+    curve, over = _within_limits(task, solved.curve, over, curves.hopeless)
+    reports = reports_on(task, curve, spec.constraints)
+    return RefinedCurve(curve, solved, tighten.spec, solved.result.iterations, worst_excess(over), reports)
 
 
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
@@ -145,17 +170,26 @@ def _in_rounds(
     curve, over = solved.curve, over or excesses_of(task, solved.curve)
     rough = numbers.little < worst <= enough and not task.stop and solved.converged
     if can_be_slowed(problem) and not rough:
-        curve, over = _within_limits(task, curve, over)
+        curve, over = _within_limits(task, curve, over, numbers.little)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
 
 
-def _within_limits(task: Task, fast: Curve, over: tuple[TorqueMargin, ...]) -> tuple[Curve, tuple[TorqueMargin, ...]]:
-    """A curve slowed down until it keeps its limits, as far as slowing down helps, and what remains beyond them."""
+def _within_limits(
+    task: Task, fast: Curve, over: tuple[TorqueMargin, ...], most: float
+) -> tuple[Curve, tuple[TorqueMargin, ...]]:
+    """A curve slowed down until it keeps its limits, as far as slowing down helps, and what remains beyond them.
+
+    Args:
+        task: its limits.
+        fast: the curve.
+        over: what torques exceed their limits by.
+        most: excess that is mended by slowing down, as a part of half the range.
+    """
     curve = _slowed(task, fast)
     over = over if curve is fast else excesses_of(task, curve)
     for _ in range(_PACES):  # what samples do not see
-        if not 0 < worst_excess(over) <= task.policy.curves.little:
+        if not 0 < worst_excess(over) <= most:
             break
         curve = curve.slower(1 + _SLOWER * worst_excess(over))
         over = excesses_of(task, curve)
@@ -181,13 +215,12 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     for k in range(numbers.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
         iterations += solved.result.iterations
-        over, curve = excesses_of(task, solved.curve), solved.curve
-        excess = worst_excess(over)
-        if excess > 0 and can_be_slowed(task.problem):
-            curve = _slowed(task, curve)
-            excess = worst_excess(excesses_of(task, curve))
+        over = excesses_of(task, solved.curve)
+        curve, left = solved.curve, over
+        if can_be_slowed(task.problem):
+            curve, left = _within_limits(task, curve, over, hopeless)
         kept = reports_on(task, curve, spec.constraints)
-        found.append(RefinedCurve(curve, solved, spec, iterations, excess, kept))
+        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), kept))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")

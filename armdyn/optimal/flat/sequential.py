@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.flat.clearance_rows import Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
 from armdyn.optimal.flat.curve_program import CurveProgram, Sides
-from armdyn.optimal.flat.torque_rows import Torques
+from armdyn.optimal.flat.torque_rows import TorqueParts
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.solver import NlpResult
@@ -47,7 +47,7 @@ class _Iterate:
     """
 
     x: Array
-    torques: Torques
+    torques: TorqueParts
     velocities: Sides
     others: Sides | None
     near: Linearised | None

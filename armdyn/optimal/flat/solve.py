@@ -76,7 +76,7 @@ def solve_curve(
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
         return solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager)
     rows = rows_of(task.problem, spec.constraints)
-    if _by_steps(task, shape, rows) and (near is None or near.in_steps):
+    if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
         trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
         found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers, tighten=tighten)
@@ -171,11 +171,11 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
     Args and raises: as of `solve_curve`.
     """
     shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
-    for warm in () if _by_steps(task, shape, rows) else (False, True):
+    for warm in () if solved_by_steps(task, shape, rows) else (False, True):
         _solver(task, shape, rows, warm)
 
 
-def _by_steps(task: Task, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
+def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
     """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
     return plain and task.policy.curves.cruises and problem.from_rest_to_rest and not problem.pays_effort

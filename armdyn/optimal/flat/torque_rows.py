@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Torques:
+class TorqueParts:
     """Torques of one curve as parts of half their ranges.
 
     Attributes:
@@ -56,7 +56,7 @@ class TorqueRows:
         self._columns = np.repeat(columns, n, axis=0).astype(np.int32).ravel()
         self._starts = np.arange(n * self._duration.size + 1, dtype=np.int32) * columns.shape[1]
 
-    def at(self, x: Array) -> Torques:
+    def at(self, x: Array) -> TorqueParts:
         """Linearise the torques at unknowns x, shape (unknowns,), of which the torques count for nothing."""
         local, T = self._local, x[self._duration][:, None]
         q, dq, ddq = np.einsum("kdj,kjn->dkn", local, x[self._points])
@@ -68,4 +68,4 @@ class TorqueRows:
         by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None]) / T
         values = np.concatenate([by_points.reshape(*tau.shape, -1), by_duration], axis=2) / self.half_range[:, None]
         matrix = csr_matrix((values.ravel(), self._columns, self._starts), (tau.size, self.size), copy=False)
-        return Torques(tau / self.half_range, matrix)
+        return TorqueParts(tau / self.half_range, matrix)

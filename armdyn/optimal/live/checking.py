@@ -8,7 +8,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.excess import tops
-from armdyn.optimal.live.mesh import Mesh
+from armdyn.optimal.live.mesh import Places
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Checked:
 
 
 def check(
-    mesh: Mesh, points: Array, duration: float, limits: JointLimits, acceleration: Array, torque: StateFunction
+    mesh: Places, points: Array, duration: float, limits: JointLimits, acceleration: Array, torque: StateFunction
 ) -> Checked:
     """Look at a curve's samples.
 

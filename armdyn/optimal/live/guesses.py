@@ -4,7 +4,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.live.mesh import Mesh
+from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends
 
 _SHORTEST = 1e-3
@@ -13,7 +13,7 @@ _WITHIN = 0.7
 """Part of the torques that a guess may use for its accelerations, by the inertia at its start."""
 
 
-def direct(mesh: Mesh, ends: Ends, limits: JointLimits, inertia: Array) -> tuple[Array, float]:
+def direct(mesh: Places, ends: Ends, limits: JointLimits, inertia: Array) -> tuple[Array, float]:
     """Cubic polynomials from the start state to rest, as long as the slowest joint takes alone.
 
     A joint alone is taken for a double integrator: full acceleration, its velocity limit, full deceleration.
@@ -39,7 +39,7 @@ def direct(mesh: Mesh, ends: Ends, limits: JointLimits, inertia: Array) -> tuple
     return ends.q + lead + blend * (ends.goal - ends.q), duration
 
 
-def rest_of(mesh: Mesh, positions: Array, ends: Ends, duration: float) -> tuple[Array, float]:
+def rest_of(mesh: Places, positions: Array, ends: Ends, duration: float) -> tuple[Array, float]:
     """The rest of a motion, led to another goal.
 
     Args:

@@ -12,7 +12,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import Checked, between_samples, check
 from armdyn.optimal.live.distances import Distances
-from armdyn.optimal.live.program import Ends, Iterate, Margins, Pace, Step, StepProgram
+from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram, TorqueMargins
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
 
@@ -21,7 +21,7 @@ Guess = tuple[Array, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class LimitedArm:
     """An arm with its limits.
 
     Attributes:
@@ -66,7 +66,7 @@ class Improved:
 
     duration: float
     seen: Checked
-    margins: Margins
+    margins: TorqueMargins
     settled: bool
 
 
@@ -83,12 +83,17 @@ class Draft:
 
     points: Array
     duration: float
-    margins: Margins
+    margins: TorqueMargins
     steps: int
 
 
 def improve(
-    arm: Arm, ends: Ends, guesses: Sequence[Guess], margins: Margins, distances: Distances | None, until: float
+    arm: LimitedArm,
+    ends: Ends,
+    guesses: Sequence[Guess],
+    margins: TorqueMargins,
+    distances: Distances | None,
+    until: float,
 ) -> tuple[Improved | None, Draft]:
     """The fastest motion found that keeps its limits, and the last curve.
 
@@ -135,7 +140,7 @@ def improve(
     return best, Draft(here.points, here.duration, margins, k)
 
 
-def _at(arm: Arm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
+def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
     """A curve from the start state to the goal, linearised."""
     program = arm.program
     points = program.ends(points, duration, ends)
@@ -144,11 +149,11 @@ def _at(arm: Arm, ends: Ends, points: Array, duration: float, distances: Distanc
 
 
 def _taken(
-    arm: Arm,
+    arm: LimitedArm,
     ends: Ends,
     here: Iterate,
-    step: Step | None,
-    how: tuple[Margins, Pace, bool],
+    step: ProgramStep | None,
+    how: tuple[TorqueMargins, Pace, bool],
     distances: Distances | None,
 ) -> tuple[Iterate, float]:
     """The next curve, which is the same if the step makes things worse, and the next step's reach.
@@ -171,7 +176,9 @@ def _taken(
     return there, float(np.clip(reach, policy.least_reach, 1.0))
 
 
-def _slowed(arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances: Distances | None) -> Improved | None:
+def _slowed(
+    arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargins, distances: Distances | None
+) -> Improved | None:
     """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
     program = arm.program
     factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
@@ -182,7 +189,7 @@ def _slowed(arm: Arm, here: Iterate, seen: Checked, margins: Margins, distances:
     return Improved(factor * here.duration, slower, margins, False) if arm.keeps(slower, distances) else None
 
 
-def _tightened(program: StepProgram, margins: Margins, here: Iterate, seen: Checked, near: bool) -> Margins:
+def _tightened(program: StepProgram, margins: TorqueMargins, here: Iterate, seen: Checked, near: bool) -> TorqueMargins:
     """Margins by what torques exceed those at their places by around these, where they would exceed a limit.
 
     Args:
@@ -192,7 +199,7 @@ def _tightened(program: StepProgram, margins: Margins, here: Iterate, seen: Chec
         seen: its samples.
         near: the curve hardly changes any more: no margin falls.
     """
-    policy, nothing = program.policy, Margins(np.zeros_like(margins.upper), np.zeros_like(margins.lower))
+    policy, nothing = program.policy, TorqueMargins(np.zeros_like(margins.upper), np.zeros_like(margins.lower))
     kept = 1.0 if near else policy.forget
 
     def next_(margin: Array, beyond: Array, own: Array) -> Array:
@@ -200,4 +207,4 @@ def _tightened(program: StepProgram, margins: Margins, here: Iterate, seen: Chec
         return np.minimum(np.maximum(wanted, kept * margin), policy.most_margin)
 
     over, under = program.violations(here, nothing)
-    return Margins(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))
+    return TorqueMargins(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))

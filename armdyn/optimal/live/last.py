@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.live.mesh import Mesh
-from armdyn.optimal.live.program import Margins
+from armdyn.optimal.live.mesh import Places
+from armdyn.optimal.live.program import TorqueMargins
 from armdyn.optimal.task.policy.live import LivePolicy
 from armdyn.trajectory import Trajectory
 
@@ -30,7 +30,7 @@ class LastMotion:
     """
 
     motion: Trajectory
-    margins: Margins | None = None
+    margins: TorqueMargins | None = None
     places: Array | None = None
     settled: bool = True
 
@@ -64,7 +64,7 @@ class LastMotion:
         left = self.motion.slice(t, end)
         return replace(left, t=left.t - t, name="rest of the last motion")
 
-    def margins_from(self, passed: float, mesh: Mesh) -> Margins | None:
+    def margins_from(self, passed: float, mesh: Places) -> TorqueMargins | None:
         """The margins of what is left after a time [s], at the places of a new curve."""
         if self.margins is None or self.places is None:
             return None
@@ -74,4 +74,4 @@ class LastMotion:
             np.column_stack([np.interp(part, self.places, column) for column in each.T])
             for each in (self.margins.upper, self.margins.lower)
         )
-        return Margins(upper, lower)
+        return TorqueMargins(upper, lower)

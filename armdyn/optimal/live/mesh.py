@@ -16,7 +16,7 @@ _PER_INTERVAL = 2
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
+class Places:
     """Places of a curve and the B-splines there.
 
     Attributes:

@@ -19,7 +19,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.live.mesh import Mesh
+from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.task.policy.live import LivePolicy
 
 _IN_FLIGHT = 1e-5
@@ -46,7 +46,7 @@ class Ends:
 
 
 @dataclass(frozen=True, eq=False)
-class Margins:
+class TorqueMargins:
     """Parts of half the torques' ranges that are taken off their limits, each of shape (places, nv)."""
 
     upper: Array
@@ -96,7 +96,7 @@ class Pace:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ProgramStep:
     """Step of a quadratic program.
 
     Attributes:
@@ -112,7 +112,7 @@ class Step:
     part: float
 
 
-class _Rows(NamedTuple):
+class _SparseRows(NamedTuple):
     """Compressed rows, their upper sides, and slacks with their prices."""
 
     start: NDArray[np.int32]
@@ -132,7 +132,7 @@ class StepProgram:
         acceleration: limits [rad/s² or m/s²], shape (nv,), inf: none.
     """
 
-    def __init__(self, mesh: Mesh, limits: JointLimits, acceleration: Array, policy: LivePolicy):
+    def __init__(self, mesh: Places, limits: JointLimits, acceleration: Array, policy: LivePolicy):
         self.mesh, self.limits, self.acceleration, self.policy = mesh, limits, acceleration, policy
         self.nv, self.count = limits.velocity.size, mesh.basis.size
         self.size = self.count * self.nv + 1
@@ -183,7 +183,7 @@ class StepProgram:
             near = clear.at(self.curve(points, duration), self.layout, x)
         return Iterate(points, duration, q, v, tau, by_points, by_duration, near)
 
-    def merit(self, at: Iterate, margins: Margins, price: float) -> float:
+    def merit(self, at: Iterate, margins: TorqueMargins, price: float) -> float:
         """Duration, smoothness and prices of what is violated [s]; price: of a torque [s]."""
         policy = self.policy
         torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
@@ -192,12 +192,12 @@ class StepProgram:
         smooth = self._smoothness(at)
         return float(at.duration + smooth + price * np.sum(torque) + policy.rate * rates + policy.distance * missing)
 
-    def violations(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
+    def violations(self, at: Iterate, margins: TorqueMargins) -> tuple[Array, Array]:
         """Excess over the upper and the lower torque limits less margins, as parts of half the ranges."""
         lower, upper = self._torque_limits(at, margins)
         return (at.tau - upper) / self.half, (lower - at.tau) / self.half
 
-    def step(self, at: Iterate, margins: Margins, ends: Ends, pace: Pace) -> Step | None:
+    def step(self, at: Iterate, margins: TorqueMargins, ends: Ends, pace: Pace) -> ProgramStep | None:
         """The step of a quadratic program; None: it was not solved.
 
         Args:
@@ -216,7 +216,7 @@ class StepProgram:
             tops += [whole - c / most, whole + c / most]
         price = self._price.copy()
         price[: self.mesh.places.size] = pace.price
-        rows = _Rows(*self._pattern, np.concatenate([np.ravel(each) for each in tops]), self._slack, price)
+        rows = _SparseRows(*self._pattern, np.concatenate([np.ravel(each) for each in tops]), self._slack, price)
         if at.near is not None:
             rows = self._with_distances(rows, at.near)
         gradient = np.append((self._smoothing @ at.points / self._scale**2).ravel(), 1.0)
@@ -235,7 +235,7 @@ class StepProgram:
         points, longer = change[:-1].reshape(at.points.shape), float(change[-1])
         greatest = T * (policy.faster if longer < 0 else policy.slower)
         part = max(float(np.max(np.abs(points))) / policy.trust, abs(longer) / greatest)
-        return Step(points, longer, T + self._smoothness(at) + float(cost), part)
+        return ProgramStep(points, longer, T + self._smoothness(at) + float(cost), part)
 
     def _bounds(self, at: Iterate, reach: float) -> tuple[Array, Array]:
         """Bounds of a step: its reach, and the position limits of control points."""
@@ -256,7 +256,7 @@ class StepProgram:
         """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
         return np.asarray(ends.v / self.mesh.basis.factors(1)[0])
 
-    def _torque_limits(self, at: Iterate, margins: Margins) -> tuple[Array, Array]:
+    def _torque_limits(self, at: Iterate, margins: TorqueMargins) -> tuple[Array, Array]:
         """Least and largest torques at the places, in the states of the iterate."""
         lower, upper = self.limits.actuators.range(at.q, at.v)
         return lower + margins.lower * self.half, upper - margins.upper * self.half
@@ -292,10 +292,10 @@ class StepProgram:
                 values[acceleration[0, place]] += by_duration
                 values[acceleration[1, place]] -= by_duration
 
-    def _with_distances(self, rows: _Rows, near: Linearised) -> _Rows:
+    def _with_distances(self, rows: _SparseRows, near: Linearised) -> _SparseRows:
         """Rows with those of the distances, linearised: spare + J step >= 0."""
         matrix = near.jacobian[:, : self.size].tocsr()
-        return _Rows(
+        return _SparseRows(
             np.concatenate([rows.start, rows.start[-1] + matrix.indptr[1:]]).astype(np.int32),
             np.concatenate([rows.column, matrix.indices]).astype(np.int32),
             np.concatenate([rows.value, -matrix.data]),

@@ -24,10 +24,10 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
-from armdyn.optimal.live.improving import Arm, Draft, Improved, improve
+from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
 from armdyn.optimal.live.last import LastMotion
-from armdyn.optimal.live.mesh import Mesh
-from armdyn.optimal.live.program import Ends, Margins, StepProgram
+from armdyn.optimal.live.mesh import Places
+from armdyn.optimal.live.program import Ends, StepProgram, TorqueMargins
 from armdyn.optimal.live.stopping import at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -89,7 +89,7 @@ class Resolver:
     clearance: float = 0.005
     allowed_contacts: Sequence[tuple[str, str]] = ()
     _last: LastMotion | None = field(default=None, init=False, repr=False)
-    _arm: Arm | None = field(default=None, init=False, repr=False)
+    _arm: LimitedArm | None = field(default=None, init=False, repr=False)
     _draft: Draft | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -174,7 +174,7 @@ class Resolver:
         check_motors_everywhere(self.robot, problem.limits, "a Resolver plans curves")
         return problem
 
-    def _prepared(self, problem: MinimumTimeProblem) -> Arm:
+    def _prepared(self, problem: MinimumTimeProblem) -> LimitedArm:
         """The arm with its program: laid out again where limits have changed; its dynamics where the robot has."""
         known, acceleration = self._arm, np.full(self.robot.nv, np.inf)
         if problem.acceleration_limit is not None:
@@ -183,15 +183,15 @@ class Resolver:
             program = known.program
         else:
             numbers = Policy.of(problem).live
-            mesh = Mesh(Basis(graded(numbers.intervals, numbers.shortest)), numbers.looks)
+            mesh = Places(Basis(graded(numbers.intervals, numbers.shortest)), numbers.looks)
             program = StepProgram(mesh, problem.limits, acceleration, numbers)
             self._draft = None
         if known is None or known.program is not program or known.robot is not self.robot:
             dynamics = inverse_dynamics(self.robot), inverse_dynamics_derivatives(self.robot)
-            known = self._arm = Arm(self.robot, program, *dynamics)
+            known = self._arm = LimitedArm(self.robot, program, *dynamics)
         return known
 
-    def _on_the_way(self, arm: Arm, ends: Ends, distances: Distances | None) -> Trajectory | None:
+    def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
         """The rest of the last motion where it goes to the goal, or rest where the arm is there; None: neither."""
         if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
             return at_rest(arm, ends.goal, distances)
@@ -201,12 +201,12 @@ class Resolver:
         return rest_of_last(arm, ends, last, distances)
 
     def _improved(
-        self, arm: Arm, ends: Ends, inertia: Array, distances: Distances | None, until: float
+        self, arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | None, until: float
     ) -> tuple[Improved | None, Draft]:
         """The best motion to the goal, and the last curve."""
         mesh, limits = arm.program.mesh, arm.program.limits
         guesses, nothing = [direct(mesh, ends, limits, inertia)], np.zeros((mesh.places.size, ends.q.size))
-        margins = Margins(nothing, nothing)
+        margins = TorqueMargins(nothing, nothing)
         if self._last is not None:
             passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q

@@ -21,10 +21,6 @@ along a wall, and where it passes just by the clearance it is kept between the p
 _NEARER = 1e-4
 """By so much a pair that touches at a given pose may be nearer along the way [m]: the program keeps it at poses."""
 
-_AROUND = 5e-3
-"""Beside a time at which a distance was missed it is asked for, too, so far away [of the leg's duration]: a third of
-the usual step; else the next motion misses it there."""
-
 
 @dataclass(frozen=True, eq=False)
 class KeepsClear(PathConstraint):
@@ -75,10 +71,7 @@ class KeepsClear(PathConstraint):
             return self
         own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         leg, part = kept.missed.T
-        around = part[:, None] + _AROUND * np.array([-1.0, 0.0, 1.0])
-        more = [around[leg == k].ravel() for k in range(len(own))]
-        kept_in = [new[(new > 0) & (new < 1)] for new in more]
-        return replace(self, places=tuple(np.append(places, new) for places, new in zip(own, kept_in, strict=True)))
+        return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in enumerate(own)))
 
 
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:

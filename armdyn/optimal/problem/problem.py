@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, flag, number, path, several
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
+from armdyn.locks import cached_property
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -332,6 +333,10 @@ class MinimumTimeProblem:
 
     def duration_bound(self) -> float:
         """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
+        return self._duration_bound
+
+    @cached_property
+    def _duration_bound(self) -> float:
         return float(np.sum(np.max(np.abs(np.diff(self.fixed_poses, axis=0)) / self.limits.velocity, axis=1)))
 
     def leg_bounds(self) -> Array:

@@ -11,6 +11,7 @@ Slices serve numpy arrays and casadi's SX, MX and DM alike. All numbers are scal
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -21,6 +22,27 @@ from armdyn.optimal.task.scheme import Scheme
 
 _BODY = 10
 """Dynamic parameters of a body: mass, first moments, inertia."""
+_KEPT = 256
+"""Arrays of places that are kept: a search solves hundreds of programs on a few meshes."""
+
+
+@lru_cache(_KEPT)
+def _places(first: int, size: int, block: int, blocks: int) -> Index:
+    """Places of a part of every block, shape (blocks, size)."""
+    places = block * np.arange(blocks)[:, None] + first + np.arange(size)
+    places.setflags(write=False)
+    return places
+
+
+@lru_cache(_KEPT)
+def _condensed_places(full: "Layout", N: int) -> Index:
+    """See `CondensedLayout.kept`."""
+    knots = full.knots(N)
+    torques = knots[:, full.knot.torque] if full.linear else full.torques(N)
+    states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
+    places = np.append(states, full.times(N)[0])
+    places.setflags(write=False)
+    return places
 
 
 def _after(before: slice, size: int) -> slice:
@@ -158,11 +180,11 @@ class Layout:
 
     def knots(self, N: int) -> Index:
         """Which unknowns are a knot's, shape (N + 1, knot)."""
-        return self.block * np.arange(N + 1)[:, None] + np.arange(self.knot.size)
+        return _places(0, self.knot.size, self.block, N + 1)
 
     def inners(self, N: int) -> Index:
         """Which unknowns are an interval's own, shape (N, inner)."""
-        return self.block * np.arange(N)[:, None] + self.knot.size + np.arange(self.inner.size)
+        return _places(self.knot.size, self.inner.size, self.block, N)
 
     def times(self, N: int) -> Index:
         """Which unknowns are a final time, shape (N + 1,)."""
@@ -215,10 +237,7 @@ class CondensedLayout:
 
     def kept(self, N: int) -> Index:
         """Index of each unknown in the full layout; of the times the first."""
-        full, knots = self.full, self.full.knots(N)
-        torques = knots[:, full.knot.torque] if self.full.linear else full.torques(N)
-        states = np.sort(np.concatenate([full.states(N).ravel(), torques.ravel()]))
-        return np.append(states, full.times(N)[0])
+        return _condensed_places(self.full, N)
 
     def expanded(self, w: Array, middles: Array) -> Array:
         """Unknowns of the full layout, from those of the condensed one.

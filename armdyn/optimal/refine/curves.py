@@ -19,6 +19,7 @@ from armdyn.optimal.flat.refinement import (
     calm_curve,
     constraints_mended,
     refine_curve,
+    refine_roughly,
     reports_on,
     sampled,
     settled,
@@ -64,9 +65,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=(unbegun,))
     if awaited():
         task.progress("its machine code is being built in the background, once: later solves are faster")
+    if not found:  # or the time was up between planning and the first curve
+        return [], Found((), failed=(_no_way(task),))
     failed = () if planned else (_no_way(task),)
-    if not found:
-        return [], Found((), failed=failed)
     found.sort(
         key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
     )
@@ -131,8 +132,9 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     """The fastest curve without obstacles, if it keeps all clearances all the same."""
     task.progress("the way without obstacles")
     free = task.about(task.problem.without_obstacles())
-    (best,) = _refined(free, _guesses(free, 1)[:1], rough=False)
-    constraints = TightenedConstraints.of(task)
+    best, constraints = refine_roughly(free, _guesses(free, 1)[0]), TightenedConstraints.of(task)
+    if best is None:
+        return []
     reports = reports_on(task, best.curve, constraints)
     spec = replace(best.spec, constraints=constraints)
     return [replace(best, spec=spec, reports=reports)] if constraints_mended(task, reports) else []

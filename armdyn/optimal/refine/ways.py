@@ -28,8 +28,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
-from armdyn.planning.paths import JointSpace, plan_paths
-from armdyn.planning.rrt_connect import PlannerOptions
+from armdyn.planning.paths import JointSpace, PlannerOptions, plan_paths
 
 Way = list[Array]
 """For each leg a path, shape (n, nv) [rad or m]."""
@@ -77,9 +76,7 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
     speed = _speed(problem, policy)
     ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
     least = np.minimum(ends - problem.clearance, 0.0)  # as of the other pairs, the curve mends the clearance
-    space = JointSpace(
-        lambda q: model.free_until(q, least), lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed)))
-    )
+    space = JointSpace(model, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))), least)
     legs = [
         plan_paths(space, line[0], line[-1], seed, stop=stop.__bool__) if len(line) == 2 else iter([line])
         for line in lines

@@ -7,6 +7,7 @@ import pinocchio as pin
 from scipy.interpolate import BPoly
 
 from armdyn.arrays import Array
+from armdyn.models.reading.urdf_arm import configurations
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.path_constraints.constraint import Path
@@ -137,9 +138,9 @@ def straight_curve(task: Task, intervals: int) -> Curve:
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
     """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
-    robot, data = problem.robot, problem.robot.model.createData()
-    rows = zip(q, v, a, strict=True)
-    torques = [pin.rnea(robot.model, data, robot.configuration(x), y, z) for x, y, z in rows]
+    robot, model = problem.robot, problem.robot.model
+    data, at = model.createData(), configurations(model)
+    torques = [pin.rnea(model, data, at(x), y, z) for x, y, z in zip(q, v, a, strict=True)]
     return np.array(torques) + robot.friction.torque(v)
 
 

@@ -75,7 +75,8 @@ def serve(session: Session, host: str, port: int, serving: Callable[[int], None]
 class Page:
     """Widgets and scene of a session, the same in all browsers.
 
-    Callbacks of widgets only note what is to be done; `run`, in the main thread, does it, once per frame.
+    Callbacks of widgets only note what is to be done, and with which value; `run`, in the main thread, does it, once
+    per frame. A widget that a browser has changed since the last frame began is not written to before that is done.
     """
 
     def __init__(self, server: viser.ViserServer, session: Session):
@@ -105,10 +106,9 @@ class Page:
 
     def tick(self, seconds: float) -> None:
         """One frame, some seconds after the last one [s]."""
-        notes, self._notes = self._notes, {}
-        for action in notes.values():
+        for key in list(self._notes):
             try:
-                action()
+                self._notes.pop(key)()
             except ArmdynError as error:
                 self._session.change(str(error))
         self._session.tick()
@@ -154,7 +154,7 @@ class Page:
         poses = {name: pose for name, pose in robot.poses.items() if np.all(np.isfinite(pose))}
         if poses:
             chosen = gui.add_dropdown("pose", (_NONE, *poses), hint="Named poses of the robot")
-            self._hear(chosen, lambda: session.change(**{end: poses.get(chosen.value, getattr(session.state, end))}))
+            self._hear(chosen, lambda name: session.change(**{end: poses.get(name, getattr(session.state, end))}))
         lower, upper = slider_limits(session.basis.problem)
         sliders = []
         for i, name in enumerate(short_names(robot.joint_names)):
@@ -165,7 +165,7 @@ class Page:
                 f"{name} [{unit}]", float(lower[i]), float(upper[i]), _STEP, shown, hint=robot.joint_names[i]
             )
             sliders.append(one)
-            self._hear(one, lambda: session.change(**{end: [slider.value for slider in sliders]}), key=f"sliders {end}")
+            self._hear(one, partial(self._turn, end, i))
         return sliders
 
     def _add_obstacle_widgets(self) -> None:
@@ -177,8 +177,8 @@ class Page:
         self._position = gui.add_vector3("position [m]", (0.0, 0.0, 0.0), step=0.01)
         self._hear(self._position, self._shift)
         self._sizes = [gui.add_number("size [m]", 0.1, min=1e-3, step=0.01) for _ in range(3)]
-        for one in self._sizes:
-            self._hear(one, self._resize, key="sizes")
+        for k, one in enumerate(self._sizes):
+            self._hear(one, partial(self._resize, k))
         self._remove = gui.add_button("Remove obstacle")
         self._remove.on_click(self._note("remove", self._remove_obstacle))
 
@@ -201,20 +201,29 @@ class Page:
             "self-collision", state.self_collision, hint="Links keep clear of each other, too"
         )
         for name, handle in self._limits.items():
-            self._hear(handle, partial(self._change_limit, name, handle))
+            self._hear(handle, partial(self._change_limit, name))
 
     def _note(self, key: str, action: Callable[[], object]) -> Callable[[Any], Any]:
         """A callback that notes an action for the next frame; of one key the last note counts."""
 
-        async def noted(event: Any) -> None:
-            if event.client is not None:  # else this page itself changed the widget
-                self._notes.pop(key, None)
-                self._notes[key] = action
+        async def noted(_: Any) -> None:
+            self._notes[key] = action
 
         return noted
 
-    def _hear(self, handle: Any, action: Callable[[], object], key: str = "") -> None:
-        handle.on_update(self._note(key or f"widget {id(handle)}", action))
+    def _hear(self, handle: Any, action: Callable[[Any], object]) -> None:
+        """Do something with the value that a browser gives to a widget, in the next frame."""
+
+        async def noted(event: Any) -> None:
+            if event.client is not None:  # else this page itself changed the widget
+                self._notes[_key(handle)] = partial(action, handle.value)
+
+        handle.on_update(noted)
+
+    def _write(self, handle: Any, value: object) -> None:
+        """Show a value in a widget, unless a browser has just given it another one."""
+        if _key(handle) not in self._notes:
+            handle.value = value
 
     def _hear_gizmos(self) -> None:
         for end in END_NAMES:
@@ -234,8 +243,8 @@ class Page:
         self._playing = not self._playing
         self._play_button.label = "Pause" if self._playing else "Play"
 
-    def _seek(self) -> None:
-        self._time = float(self._clock.value)
+    def _seek(self, time: float) -> None:
+        self._time = time
         if self._playing:
             self._toggle()
         self._drawn.pop("time", None)
@@ -253,26 +262,29 @@ class Page:
         self._selected = made.name
         self._session.change(obstacles=(*self._session.state.obstacles, made))
 
-    def _select(self) -> None:
-        self._selected = self._choice.value
+    def _turn(self, end: End, joint: int, position: float) -> None:
+        q = list(getattr(self._session.state, end))
+        q[joint] = position
+        self._session.change(**{end: q})
 
-    def _shift(self) -> None:
+    def _select(self, name: str) -> None:
+        self._selected = name
+
+    def _shift(self, position: tuple[float, float, float]) -> None:
         if (found := self._chosen()) is not None and (at := placement_of(found[1])) is not None:
-            to = pin.SE3(at.rotation, np.array(self._position.value))
-            self._session.replace_obstacle(found[0], moved(found[1], to))
+            self._session.replace_obstacle(found[0], moved(found[1], pin.SE3(at.rotation, np.array(position))))
 
-    def _resize(self) -> None:
+    def _resize(self, which: int, size: float) -> None:
         if (found := self._chosen()) is not None and (sizes := sizes_of(found[1])) is not None:
-            wanted = [one.value for one in self._sizes[: len(sizes)]]
+            wanted = [size if k == which else one for k, one in enumerate(sizes)]
             self._session.replace_obstacle(found[0], resized(found[1], wanted))
 
     def _remove_obstacle(self) -> None:
         if (found := self._chosen()) is not None:
             self._session.replace_obstacle(found[0], None)
 
-    def _change_limit(self, name: str, handle: Any) -> None:
-        value = "" if name == "preset" and handle.value == _NONE else handle.value
-        self._session.change(**{name: value})
+    def _change_limit(self, name: str, value: Any) -> None:
+        self._session.change(**{name: "" if name == "preset" and value == _NONE else value})
 
     def _save(self, save: Callable[[], Path], event: Any) -> None:
         """Save in the callback's own thread: a report takes a second."""
@@ -302,17 +314,17 @@ class Page:
             held = time.monotonic() - self._held.get(end, 0.0) < _LET_GO
             if not held and self._changed(f"gizmo {end}", (getattr(state, end), self._held.get(end))):
                 view.place_gizmo(end)
-            if self._changed(f"sliders {end}", getattr(state, end)):
-                for slider, q in zip(self._sliders[end], getattr(state, end), strict=True):
-                    slider.value = q
+            for slider, q in zip(self._sliders[end], getattr(state, end), strict=True):
+                self._write(slider, q)
         if self._changed("ends", (state.start, state.goal, session.touching, id(session.solution))):
             view.show_ends(session.solution.trajectory if session.solution else None)
         if self._changed("payload", state.payload):
             view.show_payload()
         for name, handle in self._limits.items():
-            handle.value = getattr(state, name) or (_NONE if name == "preset" else getattr(state, name))
+            self._write(handle, getattr(state, name) or (_NONE if name == "preset" else getattr(state, name)))
         if self._changed("obstacles", (state.obstacles, self._selected)):
             self._show_obstacles()
+        self._show_chosen()
         if self._changed("answer", content := answer_html(session)):
             self._answer.content = content
 
@@ -324,18 +336,23 @@ class Page:
         self._choice.options = (_NONE, *names)
         self._choice.value = self._selected or _NONE
         found = self._chosen()
+        if time.monotonic() - self._held.get("mover", 0.0) >= _LET_GO:
+            self.view.show_mover(None if found is None else found[1])
+
+    def _show_chosen(self) -> None:
+        """The numbers of the selected obstacle."""
+        found = self._chosen()
         one = None if found is None else found[1]
         at, sizes = (None, None) if one is None else (placement_of(one), sizes_of(one))
-        if time.monotonic() - self._held.get("mover", 0.0) >= _LET_GO:
-            self.view.show_mover(one)
         self._position.visible, self._remove.visible = at is not None, one is not None
         if at is not None:
-            self._position.value = tuple(at.translation.tolist())
+            self._write(self._position, tuple(at.translation.tolist()))
         labels = _SIZE_NAMES[type(one).__name__] if sizes else ()
         for k, handle in enumerate(self._sizes):
             handle.visible = k < len(labels)
             if sizes and k < len(labels):
-                handle.label, handle.value = f"{labels[k]} [m]", float(sizes[k])
+                handle.label = f"{labels[k]} [m]"
+                self._write(handle, float(sizes[k]))
 
     def _show_motion(self) -> None:
         solution = self._session.solution
@@ -367,7 +384,7 @@ class Page:
             self.view.show_arm(motion(motion.t[0] + at).q)
         self._frames += 1
         if self._playing and self._frames % _SLIDER_EVERY == 0:
-            self._clock.value = float(at)
+            self._write(self._clock, float(at))
 
     def _look(self) -> None:
         """Place the camera; where a phone has the widgets in its lower half, the arm is in the upper one."""
@@ -383,6 +400,10 @@ class Page:
 
         place(self._server.initial_camera, 1.0, 0.0)
         self._server.on_client_connect(connected)
+
+
+def _key(handle: Any) -> str:
+    return f"widget {id(handle)}"
 
 
 def _pose_of(handle: Any) -> pin.SE3:

@@ -26,7 +26,7 @@ from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.show.report import write_report
-from armdyn.show.studio.solving import NewestFirst, Solved
+from armdyn.show.studio.solving import NewestFirst, Reply
 from armdyn.show.studio.state import StudioState, carrying, fitting_presets, posed, slider_limits
 
 End = Literal["start", "goal"]
@@ -44,7 +44,7 @@ _OUT_OF_REACH = 1e-4
 
 
 @dataclass(frozen=True)
-class Basis:
+class SessionSetup:
     """Problem, options and presets of a session, which do not change.
 
     Attributes:
@@ -92,7 +92,7 @@ class Session:
         unsaved: why the state could not be saved; empty: it was.
     """
 
-    def __init__(self, basis: Basis, folder: Path, state: StudioState):
+    def __init__(self, basis: SessionSetup, folder: Path, state: StudioState):
         self.basis, self.folder = basis, folder
         self.state = self._kept = state
         self.robot = carrying(basis.problem.robot, state.payload)
@@ -228,7 +228,7 @@ class Session:
             raise ProblemError("there is no motion yet")
         return self.solution
 
-    def _take(self, found: Solved[StudioState, Solution | str]) -> None:
+    def _take(self, found: Reply[StudioState, Solution | str]) -> None:
         result = found.result
         self.solved = found.request
         if isinstance(result, Solution) and result.moves:
@@ -262,7 +262,7 @@ class Session:
             self._kept, self.unsaved = self.state, ""
 
 
-def save_state(basis: Basis, folder: Path, state: StudioState) -> Path:
+def save_state(basis: SessionSetup, folder: Path, state: StudioState) -> Path:
     """Write a state, whole or not at all.
 
     Raises:
@@ -273,7 +273,7 @@ def save_state(basis: Basis, folder: Path, state: StudioState) -> Path:
     return write_whole(folder / STATE_FILE, (json.dumps(content, indent=1) + "\n").encode())
 
 
-def restored(basis: Basis, folder: Path) -> StudioState | None:
+def restored(basis: SessionSetup, folder: Path) -> StudioState | None:
     """The state that a session left in a folder; None: none did.
 
     Raises:
@@ -297,6 +297,6 @@ def restored(basis: Basis, folder: Path) -> StudioState | None:
     return replace(state, start=start, goal=goal)
 
 
-def _robot_of(basis: Basis) -> dict[str, Any]:
+def _robot_of(basis: SessionSetup) -> dict[str, Any]:
     robot = basis.problem.robot
     return {"robot": robot.name, "joints": list(robot.joint_names)}

@@ -24,7 +24,7 @@ _POLL = 0.02
 
 
 @dataclass(frozen=True)
-class Solved(Generic[Request, Result]):
+class Reply(Generic[Request, Result]):
     """The result of a request.
 
     Attributes:
@@ -45,7 +45,7 @@ class NewestFirst(Generic[Request, Result]):
     def __init__(self, do: Callable[[Request], Result], first: Request):
         self._do = do
         self._waiting: Request | None = first
-        self._solved: Solved[Request, Result] | None = None
+        self._solved: Reply[Request, Result] | None = None
         self._since: float | None = None
         self._lock, self._wake, self._forked = threading.Lock(), threading.Event(), threading.Event()
         self._closed = False
@@ -75,7 +75,7 @@ class NewestFirst(Generic[Request, Result]):
         since = self._since
         return None if since is None else time.monotonic() - since
 
-    def newest(self) -> Solved[Request, Result] | None:
+    def newest(self) -> Reply[Request, Result] | None:
         """The result that came last, once; None: none came since."""
         with self._lock:
             found, self._solved = self._solved, None
@@ -103,4 +103,4 @@ class NewestFirst(Generic[Request, Result]):
                         due = time.monotonic() + _AGAIN
                 with self._lock:
                     for _, _, result in found:
-                        self._solved = Solved(what, None if result is None else result[0])
+                        self._solved = Reply(what, None if result is None else result[0])

@@ -20,7 +20,7 @@ _EVEN = 1e-6
 """Part of a tick by which stamps may be off even ones."""
 
 
-class Event(NamedTuple):
+class PieceStart(NamedTuple):
     """Start of a piece, as a program has it."""
 
     row: int
@@ -68,7 +68,7 @@ class Stream:
             raise TrajectoryError(f"payload_com has {len(com)} numbers; it is x, y, z [m]")
         return mass, [number(x, f"payload_com[{i}]", unit="m", error=TrajectoryError) for i, x in enumerate(com)]
 
-    def events(self, samples: Samples) -> list[Event]:
+    def events(self, samples: Samples) -> list[PieceStart]:
         """The pieces at whose start something occurs: an event, or a change of the load.
 
         Raises:
@@ -81,7 +81,7 @@ class Stream:
             if changes or piece.event:
                 row = row if row or piece.event else -1
                 told = self._about_flange(load) if load is not None and changes else None
-                found.append(Event(row, piece.event, piece.name, told))
+                found.append(PieceStart(row, piece.event, piece.name, told))
             before = load or before
         return found
 
@@ -124,7 +124,7 @@ class Stream:
 
 
 EVENT_REMARK = "tick, kind, name; mass [kg], centre of mass from the flange [m], inertia [kg m^2] of the load"
-"""Of `Event` in a program."""
+"""Of `PieceStart` in a program."""
 
 
 def start_tolerance(value: object) -> float:

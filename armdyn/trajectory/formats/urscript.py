@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.arguments import number
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory.formats.streams import EVENT_REMARK, Event, Stream, python_head, start_tolerance
+from armdyn.trajectory.formats.streams import EVENT_REMARK, PieceStart, Stream, python_head, start_tolerance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,7 +108,7 @@ class UrScript(Stream):
                 raise TrajectoryError(f"{name} is {getattr(self, name):g}; URScript takes {low:g} to {high:g}")
         return round(_LATE * self.lookahead * rate)
 
-    def late_events(self, samples: Samples, rate: float) -> list[Event]:
+    def late_events(self, samples: Samples, rate: float) -> list[PieceStart]:
         """Events in ticks from the start of the motion, later by the arm's lag where it moves before.
 
         Raises:
@@ -117,7 +117,7 @@ class UrScript(Stream):
         late = round(self.lookahead * rate)
         return [one._replace(row=one.row + late) if one.row > 0 else one for one in self.events(samples)]
 
-    def _event_lines(self, event: Event) -> list[str]:
+    def _event_lines(self, event: PieceStart) -> list[str]:
         """Script of an event; names have plain letters only, for URScript has no escapes."""
         kind, name = (_PLAIN.sub("_", text[:80]) for text in (event.kind, event.name))
         lines = [f'  armdyn_event("{kind}", "{name}")'] if event.kind else []
@@ -126,7 +126,7 @@ class UrScript(Stream):
             lines.append(f"  armdyn_load({_number(mass)}, {_vector(com)}, {_vector(inertia)})")
         return lines
 
-    def _functions(self, events: Sequence[Event]) -> list[str]:
+    def _functions(self, events: Sequence[PieceStart]) -> list[str]:
         """Script of the functions that events call."""
         over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
         told = _ON_EVENT if any(event.kind for event in events) else ""

@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 import subprocess
+import sys
 
 import numpy as np
 import psutil
@@ -30,11 +31,22 @@ def free_port():
         return probe.getsockname()[1]
 
 
+SLOW_FRAMES = """
+import sys, time
+from armdyn.cli import main
+from armdyn.show.studio.session import Session
+tick = Session.tick
+Session.tick = lambda self: (time.sleep(0.3), tick(self))
+main()
+"""
+"""`armdyn` with a studio of which a frame takes a third of a second."""
+
+
 @contextlib.contextmanager
-def served(folder, *arguments, robot="rr"):
+def served(folder, *arguments, robot="rr", command=COMMAND):
     """A running studio, and what it says of itself first; killed in the end, if it has not ended."""
     asked = [
-        *COMMAND,
+        *command,
         "studio",
         robot,
         "--json",
@@ -197,6 +209,28 @@ def test_obstacles_load_and_files(tmp_path):
         page.get_by_role("tab", name="Obstacles").click()
         page.get_by_role("button", name="Remove obstacle").click()
         page.get_by_role("button", name="Remove obstacle").wait_for(state="detached")
+
+
+def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(tmp_path):
+    with served(tmp_path, command=[sys.executable, "-c", SLOW_FRAMES]) as (_, said), browser() as opened:
+        page = opened(said["url"])
+        page.get_by_role("tab", name="Obstacles").click()
+        page.get_by_role("button", name="Add obstacle").click()
+        fields(page, "position").first.wait_for()
+        page.wait_for_timeout(1000)  # until it is drawn
+        for field, value in zip(fields(page, "position").all(), ("0.1", "0", "0.9"), strict=True):
+            field.fill(value)
+            page.wait_for_timeout(100)  # some arrive while the frame of the first is drawn
+        page.get_by_role("tab", name="Goal").click()
+        fields(page, "joint1").fill("0.3")
+        page.wait_for_timeout(100)
+        fields(page, "joint2").fill("0.2")
+        page.wait_for_timeout(1500)
+        assert goal(page) == pytest.approx([0.3, 0.2])
+        page.get_by_role("button", name="Problem (TOML)").click()
+        page.get_by_text("Saved:").wait_for()
+        (box,) = ad.read_problem(tmp_path / "problem.toml").obstacles
+        np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
 
 
 def test_killed_and_restarted_it_takes_up_its_last_state(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import FileError, ProblemError
 from armdyn.models.scene.reaching import frame_placement
-from armdyn.show.studio.session import Basis, Session, restored
+from armdyn.show.studio.session import Session, SessionSetup, restored
 from armdyn.show.studio.state import StudioState
 from armdyn.show.studio.words import answer_html, warnings_of
 from problems import paper_problem
@@ -19,7 +19,7 @@ QUICK = ad.MinimumTimeOptions(search="quick")
 
 
 def basis_of(arm="rr", **arguments):
-    return Basis.of(paper_problem(arm, **arguments), QUICK)
+    return SessionSetup.of(paper_problem(arm, **arguments), QUICK)
 
 
 def session_of(basis, folder):
@@ -69,7 +69,7 @@ def test_files_are_read_again(tmp_path):
 
 
 def test_dragging_brings_the_tip_where_it_is_dragged(tmp_path):
-    basis = Basis.of(
+    basis = SessionSetup.of(
         ad.MinimumTimeProblem(
             ad.Robot.from_library("panda"), q_start="ready", q_goal=[1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
         ),
@@ -165,7 +165,7 @@ def test_positions_beyond_other_limits_are_clipped(tmp_path):
 def test_a_payload_keeps_its_place_through_zero(tmp_path):
     arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, com=(0.01, 0, 0), frame="link1"))
     problem = ad.MinimumTimeProblem(arm, q_start=[-1.5, 0], q_goal=[0.1, 0])
-    session = session_of(Basis.of(problem, QUICK), tmp_path)
+    session = session_of(SessionSetup.of(problem, QUICK), tmp_path)
     session.change(payload=0.0)
     assert session.robot.payload is None
     session.change(payload=0.3)

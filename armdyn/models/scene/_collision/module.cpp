@@ -1,10 +1,11 @@
 // The boundary: arrays of numbers in, arrays of numbers out. Other threads go on meanwhile.
-#include "scene.hpp"
+#include "planner.hpp"
 
 #include <coal/config.hh>
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/function.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -220,6 +221,35 @@ nb::tuple prove(Scene& scene, const Table& t, const Table& q, const Table& v, co
   return nb::make_tuple(proof.sure, array(std::move(proof.missed), {missed}), proof.pair, proof.time);
 }
 
+armdyn::Randoms randoms(const Table& numbers, std::size_t columns) {
+  expect(numbers.ndim() == 2 && numbers.shape(1) == columns);
+  return {numbers.data(), static_cast<Eigen::Index>(numbers.shape(0)), static_cast<Eigen::Index>(columns)};
+}
+
+// A path, shortened, empty if none was found, and the collision checks that it took, of a budget.
+nb::tuple plan(Scene& scene, const Table& frame, const Table& least, const Table& random, const Table& cuts,
+               std::pair<double, double> lengths, std::pair<long, long> checks, std::function<bool()> stop) {
+  const std::size_t n = scene.nv();
+  expect(poses(scene, frame) == 5 && least.size() == static_cast<std::size_t>(scene.touching()));
+  const auto row = [&](int k) { return armdyn::Point(Eigen::Map<const armdyn::Point>(frame.data() + k * n, n)); };
+  const armdyn::JointSpace space{row(0), row(1), row(2), row(3), row(4), least.data(), lengths.first, lengths.second};
+  const armdyn::Randoms targets = randoms(random, n), shortcuts = randoms(cuts, 2);
+  const auto asked = [&] {
+    nb::gil_scoped_acquire here;
+    return stop();
+  };
+  armdyn::Planner planner(scene, space, checks.second, asked);
+  Numbers points;
+  {
+    nb::gil_scoped_release others_go_on;
+    armdyn::Path path = planner.connect(targets, checks.first);
+    if (!path.empty()) planner.shorten(path, shortcuts, checks.first);
+    for (const armdyn::Point& point : path) points.insert(points.end(), point.data(), point.data() + n);
+  }
+  const std::size_t count = points.size() / n;
+  return nb::make_tuple(array(std::move(points), {count, n}), planner.used());
+}
+
 }  // namespace
 
 NB_MODULE(_armdyn_collision, m) {
@@ -244,6 +274,8 @@ NB_MODULE(_armdyn_collision, m) {
       .def("distances_of", &distances_of, nb::arg("pairs"), nb::arg("q"))
       .def("near", &near, nb::arg("q"), nb::arg("within"), nb::arg("most"))
       .def("witness", &witness, nb::arg("pair"), nb::arg("q"))
+      .def("plan", &plan, nb::arg("frame"), nb::arg("least"), nb::arg("random"), nb::arg("cuts"), nb::arg("lengths"),
+           nb::arg("checks"), nb::arg("stop"))
       .def("prove", &prove, nb::arg("t"), nb::arg("q"), nb::arg("v"), nb::arg("travel"), nb::arg("acceleration"),
            nb::arg("asked"), nb::arg("reach"), nb::arg("pieces"), nb::arg("most"));
 }

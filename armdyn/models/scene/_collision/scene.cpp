@@ -27,7 +27,14 @@ Scene::Scene(std::vector<Joint> joints, std::vector<Solid> solids, std::vector<s
     std::copy(before, before + joints_.size(), own);
     own[k] = 1;
   }
-  for (std::size_t k = 0; k < solids_.size(); ++k) centers_[k] = solids_[k].centers;
+  for (std::size_t k = 0; k < solids_.size(); ++k) {
+    centers_[k] = solids_[k].centers;
+    Solid& solid = solids_[k];
+    for (const Vector& center : solid.centers) solid.middle += center / static_cast<double>(solid.centers.size());
+    for (const Vector& center : solid.centers)
+      solid.around = std::max(solid.around, (center - solid.middle).norm() + solid.ball);
+    middles_.push_back(solid.middle);
+  }
   const std::vector<double> nowhere(joints_.size(), 0.0);
   place(nowhere.data());
 }
@@ -45,10 +52,12 @@ void Scene::place(const double* q) {
     else
       own.turn = own.turn * Eigen::AngleAxisd(q[k], joint.axis).toRotationMatrix();
   }
-  for (std::size_t k = 0; k < solids_.size(); ++k)
-    if (solids_[k].joint)
-      for (std::size_t i = 0; i < solids_[k].centers.size(); ++i)
-        centers_[k][i] = world(frames_[solids_[k].joint], solids_[k].centers[i]);
+  for (std::size_t k = 0; k < solids_.size(); ++k) {
+    if (!solids_[k].joint) continue;
+    const Place& joint = frames_[solids_[k].joint];
+    middles_[k] = world(joint, solids_[k].middle);
+    for (std::size_t i = 0; i < solids_[k].centers.size(); ++i) centers_[k][i] = world(joint, solids_[k].centers[i]);
+  }
 }
 
 void Scene::move(const double* v) {
@@ -84,12 +93,21 @@ double Scene::bound(int pair) const {
   return std::sqrt(least) - first.ball - second.ball;
 }
 
+// Whether one ball around each of the two shows that they do not overlap.
+bool Scene::far(int pair) const {
+  const auto [i, j] = pairs_[pair];
+  const Solid &first = solids_[i], &second = solids_[j];
+  const double reach = first.around + second.around;
+  const double apart = second.centers.empty() ? away(second, middles_[i]) : (middles_[i] - middles_[j]).squaredNorm();
+  return apart > reach * reach;
+}
+
 void Scene::bounds(double* out) const {
   for (int k = 0; k < pairs(); ++k) out[k] = bound(k);
 }
 
 bool Scene::overlaps(int pair) {
-  if (may_touch_[pair] || bound(pair) > 0) return false;
+  if (may_touch_[pair] || far(pair) || bound(pair) > 0) return false;
   const Solid &first = solids_[pairs_[pair].first], &second = solids_[pairs_[pair].second];
   auto& compute = collisions_[pair];
   if (!compute) compute = std::make_unique<coal::ComputeCollision>(first.shape.get(), second.shape.get());

@@ -45,6 +45,8 @@ struct Solid {
   std::vector<Vector> centers;
   double ball;
   Vector lower, upper;
+  Vector middle = Vector::Zero();  // of a ball that contains these balls
+  double around = 0;
 };
 
 struct Witness {
@@ -100,6 +102,7 @@ class Scene {
   Vector world(const Place& joint, const Vector& point) const { return joint.turn * point + joint.at; }
   coal::Transform3s placed(const Solid& solid) const;
   double bound(int pair) const;
+  bool far(int pair) const;
   bool overlaps(int pair);
   double away(const Solid& box, const Vector& point) const;
   void move(const double* v);
@@ -113,6 +116,7 @@ class Scene {
   std::vector<Place> frames_;                  // of the joints
   std::vector<Vector> axes_, speeds_, turns_;  // axes of the joints; velocities of their origins, angular velocities
   std::vector<std::vector<Vector>> centers_;   // of the solids' balls in the world
+  std::vector<Vector> middles_;                // likewise
   std::vector<char> carries_;                  // whether joint column moves joint row
   int last_hit_ = 0;  // the pair that overlapped last is looked at first
   std::vector<std::unique_ptr<coal::ComputeDistance>> distances_;

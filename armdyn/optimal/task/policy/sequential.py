@@ -25,7 +25,7 @@ class SequentialPolicy:
     within: float = tuned(0.1, "m", "pairs farther apart than this are not in a step's reach", TRAINED)
     pairs: int = tuned(16, "pairs", "the nearest, at every pose", TRAINED)
     passing: float = tuned(0.02, "m", "pairs that pass each other so near are asked when they are nearest", TRAINED)
-    beside: float = tuned(0.2, "steps between poses", "and so long before and after", TRAINED)
+    beside: float = tuned(0.33, "steps between poses", "and so long before and after", TRAINED)
     spare: float = tuned(5e-4, "m", "asked beyond the clearance, so that it is kept between the poses", TRAINED)
     ways: int = tuned(3, "ways", "compared on the coarse mesh, the shortest first", TRAINED)
     ways_in_regions: int = tuned(2, "ways", "the same between regions: three differed by 0.2 %", "Panda, bins and wall")
@@ -34,10 +34,7 @@ class SequentialPolicy:
     steps: int = tuned(30, "steps", "at most", TRAINED)
     free_steps: int = tuned(8, "steps", "without obstacles: those that converge fast take 5", FREE)
     predicted: float = tuned(
-        0.0,
-        "of the merit",
-        "error of a prediction that ends the iteration; among obstacles other pairs come near",
-        TRAINED,
+        1e-4, "of the merit", "error of a prediction, or gain of a step, that ends the iteration", TRAINED
     )
     steps_again: int = tuned(4, "steps", "at least after torques' bounds were tightened", FREE)
     tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques say little", FREE)
