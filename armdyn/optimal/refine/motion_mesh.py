@@ -38,7 +38,8 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
     knots, near, best = mesh(numbers.intervals), attempt, None
     for _ in range(numbers.rounds):
         found = solve_on_knots(within, near.trajectory, knots, settings, numbers.tie)
-        if not found.usable or task.stop:
+        slower = found.trajectory.duration > (1 + numbers.slower) * near.trajectory.duration
+        if not found.usable or slower or task.stop:
             break
         near = best = found
         finer = _finer(within, found, numbers)

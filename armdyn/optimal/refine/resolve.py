@@ -55,23 +55,32 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     sharp, resolved = attempt, None
     if not task.stop:
         own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
+        fast = _at_speed(task, motion)  # there structures rarely settle, and the mesh's motion does sooner
         if rolled_out:
             found = _by_switching(task, shooting_problem(task, motion.duration), attempt, own)
             known += _landed(task, found, attempt, own)
-            if not found.settled:
+            if not (found.settled or fast):
+                found = found.again(own)
+                known += _landed(task, found, attempt, own)
+            if not (_certified(known) or found.why == _IDLE):
                 resolved = mesh_optimum(task, found.mesh, found.why)
                 known += [] if resolved is None else [resolved]
-            if not (found.settled or _certified(known)):
+            if fast and resolved is None and not found.settled:
                 found = found.again(own)
                 known += _landed(task, found, attempt, own)
             remark, sharp = found.why, found.mesh
+            if resolved is not None:
+                own.spend(own.left)  # what a resolved motion lacks no other mesh has
         # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
-        fast = resolved is None and _at_speed(task, motion, *(one.trajectory for one in known))
-        if (not rolled_out or remark == _IDLE or fast) and not _certified(known):
+        fast = fast or _at_speed(task, *(one.trajectory for one in known))
+        if (not rolled_out or remark == _IDLE or (fast and resolved is None)) and not _certified(known):
             phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
                 remark = known[-1].certificate.remark
+        if rolled_out and found.why == _IDLE and not _certified(known):
+            resolved = mesh_optimum(task, found.mesh, found.why)
+            known += [] if resolved is None else [resolved]
     if certified := _certified(known):
         return min(certified, key=partial(rank, task))
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration

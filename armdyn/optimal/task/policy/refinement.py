@@ -98,6 +98,7 @@ class MotionMeshPolicy:
     inside: float = tuned(
         3e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
     )
+    slower: float = tuned(4e-3, "of the duration", "a solution that is so much slower is another optimum", "RRR, 500 g")
     tie: float = tuned(
         3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
     )
