@@ -62,7 +62,7 @@ def mesh_costates(
         problem: whose motion it is; time alone counts.
         motion: that lands.
         replay: of it, along which the adjoint equations are integrated.
-        policy: the resolution, what counts as near a limit, and how finely is integrated.
+        policy: lengths of stretches, what counts as near a limit, and how finely is integrated.
     """
     system = _System.of(problem, motion, replay, policy)
     return None if system is None else system.solved()
@@ -102,7 +102,7 @@ class _Limit:
 
 @dataclass(frozen=True, eq=False)
 class _Stretches:
-    """A motion in stretches of about the resolution, for costates r = ρ size at their ends.
+    """A motion in stretches, for costates r = ρ size at their ends.
 
     Attributes:
         ends: knots at which they begin and end, shape (G + 1,).
@@ -132,7 +132,7 @@ class _System:
         share: of their ranges that torques are above the lower limit, shape (K, nv).
         limits: that the motion comes near to.
         width: of the torques' ranges, shape (nv,).
-        numbers: the resolution, and what is near.
+        numbers: lengths of stretches, and what is near.
     """
 
     motion: Shooting
@@ -189,16 +189,12 @@ class _System:
         return self._measured(stretches, found.x[columns - 2 * n : columns], found.x[columns : columns + E])
 
     def _stretches(self) -> _Stretches:
-        """Intervals together until they are as long as the resolution, or, where torques stay, some times as long."""
+        """Intervals together until they are as long as a stretch."""
         (K, n), h = self.share.shape, np.diff(self.motion.t) / self.motion.t[-1]
         ends, length = [0], 0.0
         for k in range(K):
             length += h[k]
-            stays = k + 1 < K and np.array_equal(self.share[k], self.share[k + 1])
-            if (
-                length >= self.numbers.resolution * (self.numbers.together if stays else self.numbers.apart)
-                or k == K - 1
-            ):
+            if length >= self.numbers.stretch or k == K - 1:
                 ends.append(k + 1)
                 length = 0.0
         flows, places, sources, distances = [], [], [], []
@@ -227,12 +223,12 @@ class _System:
     def _conditions(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows and right-hand sides of H ≤ 0, H ≥ 0 and of the signs of S, and their parts of the duration.
 
-        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; a shorter one than the
-        resolution counts for its part of it.
+        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; one that is shorter than
+        the numbers' `brief` counts for its part of that.
         """
         G, n, E = len(stretches.carried), self.width.size, len(stretches.source)
         t, ends = self.motion.t / self.motion.t[-1], stretches.ends
-        counts = np.minimum(np.diff(t)[:, None] / self.numbers.resolution, 1.0)
+        counts = np.minimum(np.diff(t)[:, None] / self.numbers.brief, 1.0)
         m, width, blocks, right, weights = 2 * n, 2 * n * (G + 1) + E, [], [], []
         rate, into, lengths = self.rate[0][ends[:-1]], self.into[ends], np.diff(t[ends])
         beside = (np.append(lengths, 0.0) + np.append(0.0, lengths)) / 2

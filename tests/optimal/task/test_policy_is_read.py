@@ -148,6 +148,9 @@ SOLVES = {
         starts=1,
     ),
     "arcs that are not resolved": lambda: noted(
+        between("rr", **INSIDE), [("switching", {"rounds": 0}), ("refinement", {"rounds": 0})], starts=2
+    ),
+    "motions that are not resolved": lambda: noted(
         between("rr", **INSIDE),
         [("switching", {"rounds": 0}), ("refinement", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
         starts=2,

@@ -71,8 +71,5 @@ class ShootingPolicy:
     states: float = tuned(1.0, "-", "cost of a change of a state against that of all torques")
     longer: float = tuned(1.0, "-", "the same of a change of the duration")
     held: float = tuned(2e-4, "of a limit", "a velocity, or as a part of its way a position, so near may be held by it")
-    resolution: float = tuned(
-        1e-3, "of the duration", "over which a mesh is to keep Pontryagin's conditions in the mean", "by definition"
-    )
-    together: float = tuned(4.0, "of the resolution", "between costates of the linear program where torques stay")
-    apart: float = tuned(2.0, "of the resolution", "the same where they do not")
+    brief: float = tuned(1e-3, "of the duration", "a shorter interval counts less where the linear program looks at it")
+    stretch: float = tuned(2e-3, "of the duration", "between costates of the linear program, at least")
