@@ -20,6 +20,8 @@ from threadpoolctl import ThreadpoolController
 from armdyn.locks import one_at_a_time
 
 Result = TypeVar("Result")
+Job = TypeVar("Job")
+Context = TypeVar("Context")
 
 _GRACE = 0.75
 """Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
@@ -43,15 +45,51 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
             done here.
     """
     with job_pool(jobs, workers) as pool:
-        waiting, known = deque(range(len(jobs))), dict[int, tuple[Result] | None]()
-        for k, job in enumerate(jobs):
-            while pool.count and k not in known:
-                while pool.idle and waiting:
-                    number = waiting.popleft()
-                    pool.submit(number, number)
-                known.update((number, result) for number, _, result in pool.finished(None))
-            found = known.pop(k, None)
-            yield job() if found is None else found[0]
+        yield from _in_order(pool, range(len(jobs)), lambda k: jobs[k]())
+
+
+def _in_order(pool: "ForkPool[Result]", jobs: Sequence[Job], here: Callable[[Job], Result]) -> Generator[Result]:
+    """Results of a pool in the order of the jobs; a job that no worker has done is done here."""
+    waiting, known = deque(range(len(jobs))), dict[int, tuple[Result] | None]()
+    for k, job in enumerate(jobs):
+        while pool.count and k not in known:
+            while pool.idle and waiting:
+                number = waiting.popleft()
+                pool.submit(number, jobs[number])
+            known.update((number, result) for number, _, result in pool.finished(None))
+        found = known.pop(k, None)
+        yield here(job) if found is None else found[0]
+
+
+class SharedPool(Generic[Context]):
+    """Pool of workers that share an object, for series of jobs one after the other; see `shared_pool`."""
+
+    def __init__(self, context: Context, pool: "ForkPool[Any]"):
+        self._context, self._pool = context, pool
+
+    def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
+        """Results of jobs in their order, as by `in_processes`.
+
+        Args:
+            jobs: functions of the object, which are pickled.
+        """
+        try:
+            yield from _in_order(self._pool, jobs, lambda job: job(self._context))
+        finally:
+            self._pool.drop()
+
+
+@contextmanager
+def shared_pool(context: Context, workers: int | None) -> Iterator[SharedPool[Context]]:
+    """Pool for several series of jobs: forks take longer than small solves.
+
+    Args:
+        context: object that the jobs are functions of. Workers know it as it was when the first jobs came.
+        workers: see `in_processes`.
+    """
+    count = workers or core_count()
+    with fork_pool(lambda job: job(context), count if _worth_forks(count, 2) else 0) as pool:
+        yield SharedPool(context, pool)
 
 
 @contextmanager
@@ -137,6 +175,15 @@ class ForkPool(Generic[Result]):
                 with suppress(ProcessLookupError):
                     os.kill(number, signal.SIGINT)
 
+    def drop(self) -> None:
+        """Kill the workers that are at work; others take their places when jobs come."""
+        for line in self._under_way:
+            worker = self._processes.pop(line)
+            _own_ends.discard(line)
+            line.close()
+            worker.kill()
+        self._under_way.clear()
+
     def close(self, patient: bool) -> None:
         """Kill all workers. Nobody waits for their end, which takes as long as a small solve.
 
@@ -221,8 +268,11 @@ def job_pool(
         least: fewest workers that are worth their forks.
     """
     count = min(workers or core_count(), len(jobs))
-    forks = count >= least and _can_fork() and not multiprocessing.current_process().daemon
-    return fork_pool(lambda k: jobs[k](), count if forks else 0, patient)
+    return fork_pool(lambda k: jobs[k](), count if _worth_forks(count, least) else 0, patient)
+
+
+def _worth_forks(count: int, least: int) -> bool:
+    return count >= least and _can_fork() and not multiprocessing.current_process().daemon
 
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:

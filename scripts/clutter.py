@@ -5,20 +5,22 @@ problem is solved as a user would: real geometry, self-collision, a clearance of
 at the goal. A motion is then sampled at 5,000 times, and its distances are computed by coal on the meshes of the URDF
 as they are, which the solver does not use: it takes convex parts. CPU seconds are those of all threads and processes;
 what is built once for an arm is built before. Rows are kept in --out as they come: a run that was ended goes on where
-it stopped.
+it stopped, with --again, too.
 
     scripts/clutter.py problems --sets box_panda cage_panda --last 20 --out rows.jsonl
     scripts/clutter.py --table rows.jsonl
-    scripts/clutter.py problems --again rows.jsonl --some 100 --seed 3     # the same durations on another day?
+    scripts/clutter.py problems --again rows.jsonl --some 100 --seed 3 --busy 2 --out again.jsonl  # the same durations?
 """
 
 import argparse
 import json
 import resource
 import statistics
+import subprocess
 import sys
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -214,20 +216,43 @@ def run(given: argparse.Namespace) -> None:
             row = solved(given.folder, name, k)
             out.write(json.dumps(row) + "\n")
             out.flush()
-            said = f"{row['duration']:.4f} s, CPU {row['cpu']:.2f} s" if row["usable"] else row["why"]
-            print(f"{name} {k}: {said}", file=sys.stderr)
+            print(f"{name} {k}: {said(row)}", file=sys.stderr)
+
+
+def said(row: dict[str, Any]) -> str:
+    """A row in words."""
+    if not row["usable"]:
+        return str(row["why"])
+    ratios = [f"{row['duration'] / row[key]:.3f} times the {key}" for key in ("free", "bound") if row[key]]
+    return ", ".join([f"{row['duration']:.4f} s", *ratios, f"CPU {row['cpu']:.2f} s"])
 
 
 def again(given: argparse.Namespace) -> None:
-    """Solve some problems again, and compare the durations."""
+    """Solve some problems again, beside busy processes, and compare the durations; what --out has is not solved."""
     rows = [row for row in lines(given.again) if row["usable"]]
-    random, worst = np.random.default_rng(given.seed), 0.0
-    for k in random.choice(len(rows), min(given.some, len(rows)), replace=False):
-        row = rows[k]
-        duration = ad.solve_minimum_time(problem_of(given.folder, row["set"], row["problem"])).duration
-        worst = max(worst, abs(duration / row["duration"] - 1))
-        print(f"{row['set']} {row['problem']}: {row['duration']:.6f} s, again {duration:.6f} s", file=sys.stderr)
-    print(f"largest relative difference of {min(given.some, len(rows))} durations: {worst:.1e}")
+    chosen = np.random.default_rng(given.seed).choice(len(rows), min(given.some, len(rows)), replace=False)
+    known = {(row["set"], row["problem"]): row["again"] for row in lines(given.out)} if given.out.exists() else {}
+    with busy(given.busy), given.out.open("a") as out:
+        for row in (rows[k] for k in chosen if (rows[k]["set"], rows[k]["problem"]) not in known):
+            name, number = row["set"], row["problem"]
+            known[name, number] = ad.solve_minimum_time(problem_of(given.folder, name, number)).duration
+            out.write(json.dumps({"set": name, "problem": number, "again": known[name, number]}) + "\n")
+            out.flush()
+            print(f"{name} {number}: {row['duration']:.6f} s, again {known[name, number]:.6f} s", file=sys.stderr)
+    changes = [abs(known[rows[k]["set"], rows[k]["problem"]] / rows[k]["duration"] - 1) for k in chosen]
+    print(f"largest relative difference of {len(changes)} durations: {max(changes):.1e}")
+
+
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """Keep so many processes at work meanwhile."""
+    others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
 
 
 def lines(path: Path) -> list[dict[str, Any]]:
@@ -238,8 +263,8 @@ def lines(path: Path) -> list[dict[str, Any]]:
 def table(rows: list[dict[str, Any]]) -> str:
     """A row for each set and one for each arm, then what failed."""
     out = [
-        "| set | usable | time: mean, 98 % [s] | to free: median, worst | gap: median | CPU: median, 95 %, worst [s] "
-        "| least distance [mm] |",
+        "| set | usable | time: mean, 98 % [s] | to free: median, worst | to bound: median, worst "
+        "| CPU: median, 95 %, worst [s] | least distance [mm] |",
         "|---|---|---|---|---|---|---|",
     ]
     names = sorted({row["set"] for row in rows}, key=lambda name: name.rsplit("_", 1)[::-1])
@@ -253,10 +278,10 @@ def table(rows: list[dict[str, Any]]) -> str:
             continue
         times, cpus = [row["duration"] for row in good], [row["cpu"] for row in group if "cpu" in row]
         ratios = [row["duration"] / row["free"] for row in good if row["free"]]
-        gaps = [row["duration"] / row["bound"] - 1 for row in good if row["bound"]]
+        gaps = [row["duration"] / row["bound"] for row in good if row["bound"]]
         out.append(
             f"| {name} | {len(good)} of {len(group)} | {statistics.mean(times):.3f}, {np.percentile(times, 98):.2f} | "
-            f"{statistics.median(ratios):.3f}, {max(ratios):.2f} | {100 * statistics.median(gaps):.2g} % | "
+            f"{statistics.median(ratios):.3f}, {max(ratios):.2f} | {statistics.median(gaps):.4f}, {max(gaps):.2f} | "
             f"{statistics.median(cpus):.2f}, {np.percentile(cpus, 95):.2f}, {max(cpus):.2f} | "
             f"{1e3 * min(row['sampled'] for row in good):.2f} |"
         )
@@ -271,12 +296,14 @@ def main() -> None:
     parser.add_argument("--sets", nargs="+", metavar="SET", help="such as box_panda; all by default")
     parser.add_argument("--first", type=int, default=1, help="problem of each set (1)")
     parser.add_argument("--last", type=int, default=60, help="problem of each set (60)")
-    parser.add_argument("--out", type=Path, default=Path("clutter.jsonl"), help="rows, kept as they come")
+    parser.add_argument("--out", type=Path, help="rows, kept as they come (clutter.jsonl; of --again again.jsonl)")
     parser.add_argument("--table", type=Path, metavar="ROWS", help="print the table of rows")
     parser.add_argument("--again", type=Path, metavar="ROWS", help="solve some of them again and compare")
     parser.add_argument("--some", type=int, default=100, help="how many of --again (100)")
     parser.add_argument("--seed", type=int, default=0, help="of the choice of --again (0)")
+    parser.add_argument("--busy", type=int, default=0, help="processes that are busy beside --again (0)")
     given = parser.parse_args()
+    given.out = given.out or Path("again.jsonl" if given.again else "clutter.jsonl")
     if given.table:
         print(table(lines(given.table)))
         return

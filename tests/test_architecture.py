@@ -1,7 +1,9 @@
 """The map names what is there: every function of its table of equations, every room."""
 
+import ast
 import importlib
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,13 @@ def test_every_file_named_is_there():
             ROOT / "armdyn" / "control",
         )
         assert any((root / name).exists() for root in rooms), name
+
+
+def test_no_two_classes_share_a_name():
+    found = Counter(
+        node.name
+        for path in (ROOT / "armdyn").rglob("*.py")
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef)
+    )
+    assert [name for name, count in found.items() if count > 1] == []

@@ -12,7 +12,7 @@ import pytest
 
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.paper.parallel import as_completed
-from armdyn.parallel import in_processes
+from armdyn.parallel import in_processes, shared_pool
 
 HERE = os.getpid()
 FORK = multiprocessing.get_context("fork")
@@ -35,6 +35,35 @@ def test_every_job_is_done_once(workers, together):
 
 def test_no_jobs_no_results():
     assert list(in_processes([], 2)) == list(as_completed([], 2)) == []
+
+
+def plus(k, context):
+    return context[0] + k, os.getpid()
+
+
+def test_a_shared_pool_forks_once_for_all_series_of_jobs():
+    with shared_pool([100], 2) as pool:
+        first, second = (list(pool.results([partial(plus, k) for k in series])) for series in (range(6), range(6, 10)))
+    assert [result for result, _ in first + second] == [100 + k for k in range(10)]
+    assert len({pid for _, pid in first + second} - {HERE}) == 2
+
+
+def endless(k, context):
+    while k:
+        signal.pause()
+    return os.getpid()
+
+
+def test_a_shared_pool_works_on_when_a_series_is_not_read_to_its_end():
+    with shared_pool([100], 2) as pool:
+        with closing(pool.results([partial(endless, k) for k in range(4)])) as results:
+            next(results)
+        assert [result for result, _ in pool.results([partial(plus, k) for k in range(4)])] == [100, 101, 102, 103]
+
+
+def test_a_shared_pool_of_one_works_here():
+    with shared_pool([100], 1) as pool:
+        assert list(pool.results([partial(plus, 1)])) == [(101, HERE)]
 
 
 def overtaken(event, k):

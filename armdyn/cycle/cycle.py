@@ -226,7 +226,8 @@ class Cycle:
                 job = []
             if job or isinstance(step, Move):
                 job.append(k)
-        back = self.closed and len(job) == 1 and _same(self.stops[-1].target, self.start)
+        last = self.moves[-1].step  # a step of the way back is no job; where it is added, it is none of the steps
+        back = self.closed and job == [last] and _same(self.stops[-1].target, self.start)
         return tuple(jobs if back else [*jobs, tuple(job)])
 
     def reordered(self, order: Sequence[int]) -> Cycle:

@@ -7,32 +7,31 @@ the best order are improved, until it is long enough.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from armdyn.cycle.graph import Arc, CycleGraph
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.covers import covers
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
-Stop = Callable[[], bool]
 
-
-def order_bound(graph: CycleGraph, enough: float, stop: Stop) -> float:
+def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:
     """Lower bound on the time of all moves in any order [s]; 0 says nothing.
 
     Args:
         graph: of a cycle in free order.
         enough: duration of all moves of a cycle that is known [s]: the bound is no more than that.
-        stop: asked now and then; once it is true, what is proven so far is returned.
+        effort: that may be spent.
     """
     legs = _legs(graph)
     if legs is None:
         return 0.0
-    stops = _regions(graph, legs, enough, stop)
+    stops = _regions(graph, legs, enough, effort)
     lattices = {arc: Lattice([leg], [stops[arc[0]], stops[arc[1] + 1]]) for arc, leg in legs.items()}
     least = {arc: np.inf if (path := own.path()) is None else path.duration for arc, own in lattices.items()}
     left = set(lattices)
@@ -40,12 +39,16 @@ def order_bound(graph: CycleGraph, enough: float, stop: Stop) -> float:
         lengths = {arc: np.full(own.shape, least[arc]) for arc, own in graph.lengths.items()}
         tour = graph.best(lengths)
         arcs = [edge[:2] for edge in tour.edges if edge[:2] in left]
-        if stop() or tour.length >= enough or not arcs:
+        if not effort or tour.length >= enough or not arcs:
             return min(graph.bound(lengths), enough)
-        for arc in arcs:
-            path = lattices[arc].improve(enough, 1, stop)
+        effort.say(tour.length)
+        edges = {arc: lattices[arc].next_edges(enough, effort.stop) for arc in arcs}
+        found = iter(effort.spent_on([edge for own in edges.values() for edge in own]))
+        for arc, own in edges.items():
+            lattices[arc].learn(own, [next(found) for _ in own])
+            path = lattices[arc].path()
             least[arc] = np.inf if path is None else path.duration
-            if path is None or lattices[arc].tried[0][path.at]:
+            if not own:
                 left.discard(arc)  # no other boxes are nearer, and these are bounded as well as can be
 
 
@@ -57,11 +60,11 @@ def _legs(graph: CycleGraph) -> dict[Arc, BoundLeg] | None:
         problem = next((posed for edge in edges if (posed := graph.problem(edge)) is not None), None)
         if problem is None:
             return None
-        found[arc] = legs_of(problem, BoundPolicy())[0]
+        found[arc] = legs_of(problem, replace(BoundPolicy(), at_once=1))[0]
     return found
 
 
-def _regions(graph: CycleGraph, legs: dict[Arc, BoundLeg], longest: float, stop: Stop) -> list[list[Region]]:
+def _regions(graph: CycleGraph, legs: dict[Arc, BoundLeg], longest: float, effort: Effort) -> list[list[Region]]:
     """Regions of every stop: those that are reached from the start in some time [s]."""
     start = graph.cycle.stops[0].target
     ends = [] if isinstance(start, GoalPose) else [start]
@@ -69,6 +72,6 @@ def _regions(graph: CycleGraph, legs: dict[Arc, BoundLeg], longest: float, stop:
     for k, place in enumerate(graph.cycle.stops):
         own = next(leg for arc, leg in legs.items() if k in (arc[0], arc[1] + 1))
         places = [*ends, place.target, *(ends if graph.cycle.closed else [])]
-        layers = covers([own] * max(len(places) - 1, 1), places, longest, stop)
+        layers = covers([own] * max(len(places) - 1, 1), places, longest, effort.stop)
         found.append(layers[len(ends)])
     return found

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import expect, listener
+from armdyn.arguments import expect, listener, whole
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.order_bound import order_bound
@@ -18,12 +18,14 @@ from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.cycle import CyclePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
@@ -32,7 +34,10 @@ Report = Callable[[str], None]
 
 
 def solve_cycle(
-    cycle: Cycle, options: MinimumTimeOptions | None = None, progress: Callable[[str], None] | None = None
+    cycle: Cycle,
+    options: MinimumTimeOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+    bound_programs: int | None = None,
 ) -> CycleSolution:
     """The fastest cycle, over all branches of the inverse kinematics at its stops, and over the orders that it allows.
 
@@ -45,14 +50,19 @@ def solve_cycle(
         cycle: what is to be done.
         options: of every move's solve; the time limit is that of the whole cycle.
         progress: called with a line of text on what is being tried.
+        bound_programs: linear programs that the lower bound of the whole cycle may take where a stop is a goal pose,
+            0.03 to 0.1 s each on one core; None: as many as `BoundPolicy` says. More may prove a smaller gap.
 
     Returns:
         A `CycleSolution`; look at `usable` and `gap`. Ctrl-C returns what there is, with status "interrupted".
 
     Raises:
         CycleError: a step cannot be done, with its number and name.
-        ProblemError: cycle, options or progress is something else.
+        ProblemError: cycle, options, progress or bound_programs is something else.
     """
+    numbers = BoundPolicy()
+    if bound_programs is not None:
+        numbers = replace(numbers, chain_programs=whole(bound_programs, "bound_programs", least=1))
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
@@ -60,16 +70,11 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
-        seconds = _seconds_of_bound(time.perf_counter() - started, options.time_limit, CyclePolicy())
-        seconds = 0.0 if stop.interrupted else seconds
         if options.bound:
-            answer = replace(answer, lower_bound=_lower_bound(graph, answer, seconds, report))
+            stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().beyond * options.time_limit)
+            effort = Effort(numbers.chain_programs, stop.__bool__, options.workers, report)
+            answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))
     return replace(answer, solve_time=time.perf_counter() - started)
-
-
-def _seconds_of_bound(spent: float, limit: float, numbers: CyclePolicy) -> float:
-    """Time for the bound of the whole cycle [s]: as long as the search took, and a little where its time was up."""
-    return max(min(max(spent, numbers.bound), limit - spent), min(numbers.bound, numbers.beyond * limit))
 
 
 def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report: Report) -> Tour:
@@ -164,25 +169,21 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
     return CycleSolution(cycle, status, message, tuple(legs), None, len(graph.solutions))
 
 
-def _lower_bound(graph: CycleGraph, found: CycleSolution, seconds: float, report: Report) -> float | None:
-    """Lower bound on the duration of all cycles through the steps [s]; None: none is known.
-
-    Over joint positions that no inverse kinematics sampled it takes time, of which it gets so many seconds.
-    """
+def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> float | None:
+    """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
     cycle = found.cycle
     if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
         return graph.bound(graph.bounds) + cycle.dwell
-    if not found.usable or not seconds:
+    if not found.usable or effort.stop():
         return None  # `graph.bounds` know sampled branches only
-    report("a lower bound of the whole cycle")
-    moves, duration = found.duration - cycle.dwell, 0.0
-    with stopping(seconds) as stop:
-        if graph.cycle.order == "free":
-            duration = order_bound(graph, moves, stop.__bool__)
-        else:
-            problems = [leg.solution.problem for leg in found.legs]
-            bound = chain_bound(problems, [place.target for place in cycle.stops], moves, stop.__bool__)
-            duration = 0.0 if bound is None else bound.duration
+    effort.report("a lower bound of the whole cycle")
+    moves, effort.others = found.duration - cycle.dwell, cycle.dwell
+    if graph.cycle.order == "free":
+        duration = order_bound(graph, moves, effort)
+    else:
+        problems = [leg.solution.problem for leg in found.legs]
+        bound = chain_bound(problems, [place.target for place in cycle.stops], moves, effort)
+        duration = 0.0 if bound is None else bound.duration
     return duration + cycle.dwell if duration > 0 else None
 
 

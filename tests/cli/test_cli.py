@@ -67,6 +67,8 @@ def test_mintime_round_an_obstacle_to_a_pose(tmp_path):
     for wrong, says in (
         (["--obstacle", "ball:3"], "no file"),
         (["--obstacle", "box:1,1@0,0,0"], "box:SX,SY,SZ@X,Y,Z"),
+        (["--obstacle", "box:0.1"], "box:SX,SY,SZ@X,Y,Z"),
+        (["--obstacle", "cube:1@0,0,0"], "sphere:R@X,Y,Z"),
         (["--obstacle", "sphere:0.05@0,0,-0.2"], "inside"),
         (["--goal-pose", "tip:9,0,0"], "cannot reach"),
         (["--goal-pose", "9,0,0"], "FRAME:X,Y,Z"),

@@ -21,6 +21,13 @@ def everything():
     return ca.Function("everything", [x, y], [first, ca.vertcat(*second, ca.fabs(-x[1]))])
 
 
+def aligned(rows):
+    """An array of vectors, each at a multiple of its size, as C has them."""
+    room = np.empty((rows + 1) * LANES)
+    first = -room.ctypes.data // 8 % LANES
+    return room[first : first + rows * LANES].reshape(rows, LANES)
+
+
 @needs_compiler
 def test_each_lane_is_a_place_of_its_own(tmp_path, monkeypatch):
     monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path / "cache"))
@@ -28,10 +35,8 @@ def test_each_lane_is_a_place_of_its_own(tmp_path, monkeypatch):
     body = "void call(const V *x, const V *y, V *a, V *b) { everything(x, y, a, b); }"
     library = compiled_library(prelude() + in_lanes(plain) + body, plain.n_instructions(), True)
     random = np.random.default_rng(0)
-    x, y = random.uniform(0.5, 2, (3, LANES)), random.uniform(0.5, 2, (1, LANES))
-    a, b = np.empty((9, LANES)), np.empty((8, LANES))
-    # A vector stands where a multiple of its size does; numpy's own arrays stand so by 16 bytes on all its platforms.
-    assert all(array.ctypes.data % (8 * LANES) == 0 for array in (x, y, a, b))
+    x, y, a, b = (aligned(rows) for rows in (3, 1, 9, 8))
+    x[:], y[:] = random.uniform(0.5, 2, x.shape), random.uniform(0.5, 2, y.shape)
     library.call(*(array.ctypes.data_as(ctypes.c_void_p) for array in (x, y, a, b)))
     for lane in range(LANES):
         expected = plain(x[:, lane], y[:, lane])

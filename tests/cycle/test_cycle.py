@@ -119,3 +119,14 @@ def test_a_part_that_is_too_heavy_is_told_with_its_step():
         CycleError, match=r"step 2 \(grasp anvil\): the arm cannot rest with 'anvil' of 50 kg: joint .*; so"
     ):
         ad.solve_cycle(ad.Cycle(robot, start=[0.1, 0.2], steps=steps))
+
+
+def test_a_move_whose_way_back_is_added_is_a_job():
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    there, here = ad.Move([1.0, 0.5], name="there"), [0.1, 0.2]
+    assert ad.Cycle(robot, start=here, steps=[there], closed=True).jobs == ((1,),)
+    assert ad.Cycle(robot, start=here, steps=[there, ad.Move(here)], closed=True).jobs == ((1,),)
+    assert ad.Cycle(robot, start=here, steps=[there, ad.Wait(0.1), ad.Move([1.0, 0.0])], closed=True).jobs == (
+        (1, 2),
+        (3,),
+    )

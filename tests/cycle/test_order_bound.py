@@ -10,6 +10,7 @@ import armdyn as ad
 from armdyn.cycle.graph import CycleGraph
 from armdyn.cycle.order_bound import order_bound
 from armdyn.models.scene.reaching import poses_reaching
+from armdyn.optimal.bound.effort import Effort
 from problems import paper_arm
 
 START = np.array([0.1, 0.4])
@@ -50,15 +51,15 @@ def least(holes):
 def test_no_order_and_no_branches_are_below_the_bound(holes, least):
     """It chooses branches move by move, which costs some tightness."""
     cycle, _ = holes
-    found = order_bound(CycleGraph.of(cycle), 10.0, lambda: False)
+    found = order_bound(CycleGraph.of(cycle), 10.0, Effort(1000))
     assert 0.85 * least < found <= least * (1 + 1e-9)
 
 
 def test_a_bound_that_is_stopped_or_enough_is_lower(holes, least):
     graph = CycleGraph.of(holes[0])
-    stopped = order_bound(graph, 10.0, lambda: True)
+    stopped = order_bound(graph, 10.0, Effort(1000, lambda: True))
     assert 0 <= stopped <= least  # nothing yet, if no box was looked into
-    assert order_bound(graph, 0.5 * least, lambda: False) == 0.5 * least
+    assert order_bound(graph, 0.5 * least, Effort(1000)) == 0.5 * least
 
 
 def test_a_free_order_of_goal_poses_has_a_gap(holes, least):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,10 +25,12 @@ from armdyn.cli.export import sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.motion.words import missing_words
+from armdyn.cli.options.groups import option
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.cli.parsing.panels import OUTPUT, SOLVER, TASK
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import write_whole
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.trajectory.formats import FORMATS
 from armdyn.trajectory.formats.streams import Stream
 
@@ -41,6 +43,17 @@ _STEPS = "steps.csv"
 _COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
 _NUMBERS = ("step", "time [s]", "share")
 _MOST_COSTS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class CycleSearchOptions(CurveOptions):
+    """Extent of the search, and of the proof."""
+
+    bound_programs: int | None = option(
+        "N",
+        "Linear programs that the lower bound of the whole cycle may take where a stop is a goal pose, 0.02 to 0.1 s "
+        f"each on one core; more may prove a smaller gap. By default {BoundPolicy().chain_programs}.",
+    )
 
 
 def cycle(
@@ -72,7 +85,7 @@ def cycle(
             help="Solve again without each way point, straight segment, speed limit and stop, to say what it costs.",
         ),
     ] = False,
-    search: CurveOptions,
+    search: CycleSearchOptions,
     format: Annotated[  # noqa: A002  # the option's name
         list[str] | None,
         typer.Option(
@@ -119,7 +132,7 @@ def _solve(
     file: str,
     costs: bool,
     most: float | None,
-    search: CurveOptions,
+    search: CycleSearchOptions,
     formats: Sequence[str],
     results: ResultOptions,
     answer: Answer,
@@ -139,7 +152,7 @@ def _solve(
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress, read.telling():
-        solution = solve_cycle(read.cycle, options, progress)
+        solution = solve_cycle(read.cycle, options, progress, search.bound_programs)
         stopped = solution.status is Status.INTERRUPTED
         found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
         summary = cycle_summary(solution, read.cycle, found)

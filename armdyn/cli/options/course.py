@@ -156,8 +156,11 @@ def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obst
 
     found: list[Obstacle] = []
     for text in texts:
-        kind, colon, rest = text.partition(":")
-        found += [_shape(kind, rest, f"{option} {text}")] if colon and kind in SHAPES else load_obstacles(text)
+        kind, _, rest = text.partition(":")
+        if kind in SHAPES or "@" in text:
+            found.append(_shape(kind, rest, f"{option} {text}"))
+        else:
+            found += load_obstacles(text)
     return tuple(found)
 
 
@@ -165,12 +168,17 @@ def _shape(kind: str, text: str, what: str) -> Obstacle:
     """One shape, written SIZES@PLACES."""
     from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 
+    written = {name: f"{name}:{one.option()}" for name, one in SHAPES.items() if one.places}
+    if kind not in written:
+        raise ProblemError(f"{what}: write {' or '.join(written.values())}")
     shape, (sizes, _, places) = SHAPES[kind], text.partition("@")
-    values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
+    try:
+        values, at = numbers(sizes, what), [numbers(place, what) for place in places.split(";")]
+    except ProblemError as error:
+        raise ProblemError(f"{error}; write {written[kind]}") from None
     counts = [metavar.count(",") + 1 for metavar in shape.sizes.values()]
-    if not shape.places or (len(values), len(at)) != (sum(counts), len(shape.places)):
-        said = [f"{name}:{one.option()}" for name, one in SHAPES.items() if one.places]
-        raise ProblemError(f"{what}: write {' or '.join(said)}")
+    if (len(values), len(at)) != (sum(counts), len(shape.places)):
+        raise ProblemError(f"{what}: write {written[kind]}")
     each = [values.pop(0) if count == 1 else [values.pop(0) for _ in range(count)] for count in counts]
     entry = dict(zip((*shape.sizes, *shape.places), (*each, *at), strict=True))
     return obstacle_from({"type": kind, **entry}, what)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import bodies
 from armdyn.trajectory import Trajectory
@@ -75,6 +76,7 @@ def chain_of(robot: Robot, joint: int) -> list[int]:
     return list(robot.model.supports[joint])[1:]
 
 
+@built_once(maxsize=16)
 def reaches(robot: Robot) -> Array:
     """Farthest distance of the bodies on a joint from the axis of one that carries them [m], shape (njoints, nv).
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array
+from armdyn.locks import built_once
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.models.scene.motion_bounds import MotionBounds, chain_of, reaches
 from armdyn.trajectory import Trajectory
@@ -51,6 +52,7 @@ def prove_clearance(model: CollisionModel, motion: Trajectory, asked: ArrayLike)
     return ClearanceProof(*model.prove(motion, (bounds.travel, bounds.acceleration, reach), distances, (PIECES, MOST)))
 
 
+@built_once(maxsize=16)
 def relative_reach(model: CollisionModel) -> Array:
     """Largest relative displacement of points of a pair's bodies per joint travel.
 

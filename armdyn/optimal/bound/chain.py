@@ -8,20 +8,21 @@ duration of a known chain are left out. Stops with one joint position cut the ch
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from armdyn.arguments import number, several, stopper
+from armdyn.arguments import number, several
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import covers
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
 from armdyn.optimal.bound.lattice import Lattice, Region
@@ -34,7 +35,6 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
-Stop = Callable[[], bool]
 Place = Array | GoalPose
 
 
@@ -63,7 +63,7 @@ def chain_bound(
     problems: Sequence[MinimumTimeProblem],
     stops: Sequence[ArrayLike | str | GoalPose],
     upper: float | None = None,
-    stop: Stop | None = None,
+    effort: Effort | None = None,
     policy: BoundPolicy | None = None,
 ) -> ChainBound | None:
     """Prove a lower bound on the sum of the durations of motions, each of which begins where the last one ends.
@@ -80,7 +80,8 @@ def chain_bound(
             the limits that reach it.
         upper: duration of a chain that is known [s]: the bound is no more than that, and improved until it is nearly
             as much. Without, inverse kinematics are sampled for one.
-        stop: asked now and then; once it is true, what is proven so far is returned.
+        effort: that may be spent; once it is, what is proven so far is returned. None: as the policy says, in this
+            process.
         policy: tuned numbers; None: as they are. The bound holds with any.
 
     Returns:
@@ -90,7 +91,7 @@ def chain_bound(
         ProblemError: no problem, another number of stops, or a pose out of reach.
         BridgeError: the dynamics have an operation that is not known in intervals.
     """
-    stopped, numbers = stopper(stop), policy or BoundPolicy()
+    numbers = policy or BoundPolicy()
     given = [expect_problem(problem) for problem in several(problems, "problems")]
     if not given or len(stops) != len(given) + 1:
         raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
@@ -99,7 +100,11 @@ def chain_bound(
     vias = [[_via(problem, widest) for problem in given] for widest in (0.0, numbers.passed)]
     if vias[0] == vias[1]:
         vias.pop()  # there are no regions, or none that could help
-    found = [_bounded(given, via, places, longest, stopped, numbers) for via in vias]
+    effort = Effort(numbers.chain_programs) if effort is None else effort
+    found = []
+    for k, via in enumerate(vias):
+        with effort.shared(len(vias) - k):
+            found.append(_bounded(given, via, places, longest, effort, numbers))
     return max((bound for bound in found if bound is not None), key=lambda bound: bound.duration, default=None)
 
 
@@ -108,15 +113,17 @@ def _bounded(
     via: Sequence[Sequence[int]],
     stops: Sequence[Place],
     longest: float,
-    stop: Stop,
+    effort: Effort,
     policy: BoundPolicy,
 ) -> ChainBound | None:
     """The bound of a chain, given the numbers of the via points that are its places, problem by problem."""
     runs = _runs(problems, via, stops, policy)
     found = [run.least for run in runs]
-    for k in sorted(range(len(runs)), key=lambda k: len(runs[k].legs)):  # points first: they leave others less time
-        others = sum_down([one.duration for j, one in enumerate(found) if j != k])
-        found[k] = runs[k].bounded(longest - others, stop)
+    order = sorted(range(len(runs)), key=lambda k: len(runs[k].legs))  # points first: they leave others less time
+    for done, k in enumerate(order):
+        effort.others = sum_down([one.duration for j, one in enumerate(found) if j != k])
+        with effort.shared(len(runs) - done):
+            found[k] = runs[k].bounded(longest - effort.others, effort)
     return _together(found, np.cumsum([0, *(len(one) + 1 for one in via)]), longest)
 
 
@@ -227,21 +234,21 @@ class _Run:
         nowhere = np.full((count + 1, self.legs[0].dynamics.nv), np.nan)
         return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
 
-    def bounded(self, longest: float, stop: Stop) -> ChainBound:
+    def bounded(self, longest: float, effort: Effort) -> ChainBound:
         """The bound of the run alone, for motions that take no longer than some time [s], infinite if none is known."""
         policy = self.legs[0].policy
         if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
-            longest = min(longest, self._sampled(stop)) if np.isinf(longest) else longest
-        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, stop), self.passages)
+            longest = min(longest, self._sampled(effort)) if np.isinf(longest) else longest
+        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, effort.stop), self.passages)
         boxes, first = tuple(len(layer) for layer in lattice.layers), lattice.path()
-        path = lattice.improve(longest * (1 - policy.near_enough), policy.chain_bounds, stop)
+        path = lattice.improve(longest * (1 - policy.near_enough), effort)
         if first is None or path is None:  # no chain is as fast
             return replace(self.least, duration=longest, boxes=boxes)
         with np.errstate(invalid="ignore"):  # nowhere in particular within boxes without end
             stops = np.array([region.hull.centre for region in path.regions])
         return ChainBound(min(path.duration, longest), min(first.duration, longest), path.legs, stops, boxes)
 
-    def _sampled(self, stop: Stop) -> float:
+    def _sampled(self, effort: Effort) -> float:
         """The bound of a chain through sampled joint positions [s]: that of all chains is no more."""
         layers: list[list[Region]] = []
         points = [np.asarray(place) for place in self.places if not isinstance(place, GoalPose)]
@@ -258,5 +265,7 @@ class _Run:
             return np.inf
         legs = [replace(leg, policy=replace(leg.policy, grids=leg.policy.sampled_grids)) for leg in self.legs]
         alone = Lattice(legs, [[region] for region in path.regions])
-        best = alone.improve(np.inf, len(self.legs), stop)
+        edges = alone.next_edges(np.inf, effort.stop)
+        alone.learn(edges, effort.spent_on(edges))
+        best = alone.path()
         return np.inf if best is None else best.duration

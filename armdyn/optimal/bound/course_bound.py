@@ -73,7 +73,7 @@ def _proven(
     rates = forces[fixed].rate(both, way[fixed][:, :, None], steps[:, :, None])
     made = (lengths * ((rates[:, 0] + rates[:, 1]) * Interval.at(0.5))).sum(0) + _at_ends(leg, w)
     free = forces[elastic].rate(w[:-1][elastic][:, :, None], way[elastic][:, :, None])
-    left = float((Interval.at(_least_ways(ends, by.way)) - made).lower)
+    left = float((Interval.at(_least_ways(ends, by)) - made).lower)
     rate = float(np.max(free.upper))
     if left <= 0:
         return 0.0
@@ -82,14 +82,14 @@ def _proven(
     return float((lengths.sum(0) + Interval.at(down(np.array(left))) / Interval.at(rate)).lower)
 
 
-def _least_ways(ends: Sequence[LegEnd | None], way: Array) -> float:
+def _least_ways(ends: Sequence[LegEnd | None], by: CourseMultipliers) -> float:
     """Least ∫ λᵀ v dt over all positions at the nodes, rounded down."""
-    none, total = np.zeros_like(way[:1]), Interval.at(0.0)
-    jumps = np.concatenate([none, way]) - np.concatenate([way, none])
-    for end, jump in zip(ends, jumps, strict=True):
+    none, total = np.zeros_like(by.way[:1]), Interval.at(0.0)
+    jumps = np.concatenate([none, by.way]) - np.concatenate([by.way, none])
+    for end, jump, combination in zip(ends, jumps, by.combinations, strict=True):
         if end is not None and np.any(jump):
             beside = rounding(2, np.abs(jump) @ end.q.magnitude)
-            total = total + Interval.at(end.least(jump) - beside)
+            total = total + Interval.at(end.least(jump, combination) - beside)
     return float(total.lower)
 
 

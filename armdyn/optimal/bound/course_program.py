@@ -33,10 +33,12 @@ class CourseMultipliers:
         way: λ in every cell [s/rad or s/m], shape (n, nv).
         momentum: w where every cell begins and ends [1/(N m)], shape (n + 1, nv): linear within the fixed cells, the
             same on both sides of an elastic one.
+        combinations: of the equations at each node, as of `LegEnd.least`; None: there are none.
     """
 
     way: Array
     momentum: Array
+    combinations: tuple[Array | None, ...]
 
 
 def relaxed_course(
@@ -91,8 +93,10 @@ def relaxed_course(
     ways = program.rows(np.diff(centres, axis=0) / (speed * scale))
     program.diagonal(ways[segment[fixed]], v, course.lengths[fixed, None] / scale)
     program.diagonal(ways[segment[free]], x, 1.0)
-    for k, end in enumerate(given_ends):
-        _within_end(program, ways, k, end, speed * scale)
+    closing = {
+        node: _within_end(program, ways, k, end, speed * scale)
+        for k, (node, end) in enumerate(zip(known, given_ends, strict=True))
+    }
     # Elastic cells: their ways and impulses lie between their lengths times bounds.
     for inner, ends_ in (
         (x, (course.v.lower / speed, course.v.upper / speed)),
@@ -106,6 +110,9 @@ def relaxed_course(
     return CourseMultipliers(
         way=(marginals[ways] / speed)[segment],
         momentum=_known(leg, -scale * marginals[momentum] / unit)[node],
+        combinations=tuple(
+            None if (rows := closing.get(k)) is None else scale * marginals[rows[0]] / rows[1] for k in range(len(ends))
+        ),
     )
 
 
@@ -117,23 +124,31 @@ def _known(leg: BoundLeg, momentum: Array) -> Array:
     return momentum
 
 
-def _within_end(program: _Program, ways: NDArray[np.intp], k: int, end: LegEnd, scale: Array) -> None:
-    """Where the k-th position that something is known of lies within its box."""
+def _within_end(
+    program: _Program, ways: NDArray[np.intp], k: int, end: LegEnd, scale: Array
+) -> tuple[NDArray[np.intp], Array] | None:
+    """Where the k-th position that something is known of lies within its box.
+
+    Returns:
+        The rows of its equations, and the sizes by which these are divided; None: there are no equations.
+    """
     radius = end.q.radius
     if not np.any(radius):
-        return
+        return None
     place = program.unknown((1, len(radius)), -1.0, 1.0)
     if k > 0:
         program.diagonal(ways[k - 1 : k], place, -radius / scale)
     if k < len(ways):
         program.diagonal(ways[k : k + 1], place, radius / scale)
-    if end.equations is not None:
-        centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
-        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
-        left = program.unknown((1, len(rest)), -rest / size, rest / size)
-        rows = program.rows(-(centre / size)[None])
-        program.blocks(rows, place, (slopes / size[:, None])[None])
-        program.diagonal(rows, left, 1.0)
+    if end.equations is None:
+        return None
+    centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
+    size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+    left = program.unknown((1, len(rest)), -rest / size, rest / size)
+    rows = program.rows(-(centre / size)[None])
+    program.blocks(rows, place, (slopes / size[:, None])[None])
+    program.diagonal(rows, left, 1.0)
+    return rows[0], size
 
 
 @dataclass(eq=False)

@@ -41,6 +41,10 @@ TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
 _NEAR = 1e-9
 """Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
 
+_SEAM = 0.1
+"""Where the circle of a joint is cut open, beside half a turn from the middle [rad]: arms often reach a pose at half a
+turn, which would lie on both sides of the cut."""
+
 _BATCH = 500
 """Boxes that are evaluated at once: arrays of some 10 MB."""
 
@@ -141,7 +145,7 @@ class GoalSet:
         box, ends = self.within.box, self.within.ends
         if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
             return None  # after any number of turns
-        middle = ends[0] if ends else np.zeros(self.dynamics.nv)
+        middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + _SEAM
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None

@@ -1,7 +1,9 @@
 """Shortest path over boxes of joint positions, layer after layer, whose edges are bounds of legs.
 
-An edge has what velocity limits say, until the path needs it: then momentum improves it. Where all of the path's edges
-are improved, its widest region is cut in two. The path's length is a valid bound all along.
+An edge has what velocity limits say, until the path needs it: then momentum improves it, and then what is passed on the
+way. Where nothing improves an edge of the path any more, its widest region is cut in two. The path's length is a valid
+bound all along. Edges of the shortest paths are improved together, in parallel processes: always so many, so that the
+number of processes makes no difference.
 """
 
 from __future__ import annotations
@@ -13,14 +15,17 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array, Flags
+from armdyn.optimal.bound.effort import Edge, Effort
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, sum_down
 from armdyn.optimal.bound.goal_set import TURN, GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.leg_bound import leg_bound
-from armdyn.optimal.bound.passing import Passage, passing_bound
+from armdyn.optimal.bound.passing import Passage
 from armdyn.optimal.bound.rates import least_times
 
 Stop = Callable[[], bool]
+
+NOTHING, PASSAGE, MOMENTUM = range(3)
+"""What may still improve the bound of an edge: nothing, what is passed on the way, momentum and then that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +113,8 @@ class Lattice:
         passages: what each leg passes on its way; None: nothing.
         layers: regions of every stop.
         bounds: of every leg [s], shape (regions of its start, regions of its goal).
-        tried: by momentum, likewise.
+        left: what may still improve them, likewise.
+        under_way: number among the edges that are being improved, or -1, likewise.
     """
 
     def __init__(
@@ -121,62 +127,87 @@ class Lattice:
         self.passages = tuple(passages or [None] * len(self.legs))
         pairs = zip(self.legs, self.layers[:-1], self.layers[1:], strict=True)
         self.bounds = [shortest_times(leg, *ends) for leg, *ends in pairs]
-        # Between any velocities the velocity limits say all there is.
-        free = [leg.start.v is None and leg.goal.v is None for leg in self.legs]
-        self.tried = [np.full(bounds.shape, one) for bounds, one in zip(self.bounds, free, strict=True)]
+        self.left = [np.full(own.shape, _first(leg)) for own, leg in zip(self.bounds, self.legs, strict=True)]
+        self.under_way = [np.full(own.shape, -1) for own in self.bounds]
 
     def path(self) -> Route | None:
         """The shortest path; None: there is none."""
+        return self._path(self.bounds)
+
+    def _path(self, lengths: Sequence[Array]) -> Route | None:
+        """The shortest path by other lengths of its edges [s]; None: none is finite."""
         least, before = np.zeros(len(self.layers[0])), []
-        for bounds in self.bounds:
-            if bounds.size == 0:
+        for each in lengths:
+            if each.size == 0:
                 return None
-            sums = least[:, None] + bounds
+            sums = least[:, None] + each
             before.append(np.argmin(sums, axis=0))
             least = np.min(sums, axis=0)
         at = [int(np.argmin(least))]
+        if np.isinf(least[at[0]]):
+            return None
         for origin in reversed(before):
             at.insert(0, int(origin[at[0]]))
         regions = tuple(layer[k] for layer, k in zip(self.layers, at, strict=True))
         return Route(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
 
-    def improve(self, enough: float, most: int, stop: Stop) -> Route | None:
-        """Improve bounds of the shortest path until it is long enough [s], or so many legs have been bounded."""
-        tries = 0
-        while True:
-            path = self.path()
-            if path is None or path.duration >= enough or tries >= most or stop():
-                return path
-            wide = [region.size for region in path.regions if not region.is_point]
-            if max(wide, default=0.0) > self.legs[0].policy.narrow and self._cut(path, stop):
-                continue
-            untried = [
-                k for k, (tried, ends) in enumerate(zip(self.tried, pairwise(path.at), strict=True)) if not tried[ends]
-            ]
-            if untried:
-                self._bound(min(untried, key=lambda k: path.legs[k]), path, enough, stop)
-                tries += 1
-            elif not self._cut(path, stop):
-                return path
+    def improve(self, enough: float, effort: Effort) -> Route | None:
+        """Improve bounds of the shortest paths until they are long enough [s], as far as the effort goes."""
+        while (path := self.path()) is not None and path.duration < enough and effort:
+            effort.say(path.duration)
+            if not (edges := self.next_edges(enough, effort.stop)):
+                break
+            self.learn(edges, effort.spent_on(edges))
+        return self.path()
 
-    def _bound(self, k: int, path: Route, enough: float, stop: Stop) -> None:
-        """Bound a leg of the path by momentum, as far as the path is then long enough [s]."""
+    def next_edges(self, enough: float, stop: Stop) -> list[Edge]:
+        """Edges of the shortest paths that are to be improved next, until these are long enough [s]; perhaps none."""
+        found: list[Edge] = []
+        numbers = self.legs[0].policy
+        while len(found) < numbers.at_once and not stop():
+            path = self._path(
+                [np.where(busy < 0, own, np.inf) for own, busy in zip(self.bounds, self.under_way, strict=True)]
+            )
+            if path is None or path.duration >= enough:
+                break
+            wide = [region.size for region in path.regions if not region.is_point]
+            if max(wide, default=0.0) > numbers.narrow and self._cut(path, stop):
+                continue
+            left = [int(own[ends]) for own, ends in zip(self.left, pairwise(path.at), strict=True)]
+            for k in (k for k, own in enumerate(left) if own and own == max(left)):
+                found.append(self._edge(k, path, enough, len(found)))
+            if not any(left) and not self._cut(path, stop):
+                break
+        return found
+
+    def _edge(self, k: int, path: Route, enough: float, number: int) -> Edge:
+        """A leg of the path, under way from now on; of use is what makes the path long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
-        self.tried[k][at] = done = True
-        if np.all(np.isfinite((goal.q - start.q).magnitude)):
-            points = all(region.is_point for region in path.regions[k : k + 2])
-            policy = leg.policy if points else leg.policy.between_wide
-            same, turns = self._turned_alike(k, at)
-            position = leg.position + TURN * Interval(-turns, turns)
-            one = replace(leg, start=start, goal=goal, position=position.hull(start.q).hull(goal.q), policy=policy)
-            bound, passage = leg_bound(one, stop, float(self.bounds[k][at]))[0], self.passages[k]
+        points, passage = all(region.is_point for region in path.regions[k : k + 2]), self.passages[k]
+        same, turns = self._turned_alike(k, at)
+        position = (leg.position + TURN * Interval(-turns, turns)).hull(start.q).hull(goal.q)
+        policy = leg.policy if points else leg.policy.between_wide
+        passing = passage if self.left[k][at] == PASSAGE else None
+        self.under_way[k][same] = number
+        self.left[k][same] = PASSAGE if points and passage is not None and passing is None else NOTHING
+        return Edge(
+            leg=k,
+            motion=replace(leg, start=start, goal=goal, position=position, policy=policy),
+            passage=passing,
+            known=float(self.bounds[k][at]),
             # Of all paths along this edge none has shorter others than the shortest path of all.
-            most = enough - path.duration + path.legs[k]
-            if passage is not None and points and bound < most:
-                bound, done = passing_bound(one, passage, bound, most, stop)
-            self.bounds[k][same] = np.maximum(self.bounds[k][same], bound)
-            self.tried[k][same] = done
+            most=enough - path.duration + path.legs[k],
+        )
+
+    def learn(self, edges: Sequence[Edge], bounds: Sequence[tuple[float, bool]]) -> None:
+        """Put in the bounds of edges [s], and whether more tries would gain nothing."""
+        for number, (edge, (bound, done)) in enumerate(zip(edges, bounds, strict=True)):
+            own = self.under_way[edge.leg] == number
+            self.bounds[edge.leg][own] = np.maximum(self.bounds[edge.leg][own], bound)
+            self.under_way[edge.leg][own] = -1
+            if not done:
+                self.left[edge.leg][own] = PASSAGE
 
     def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[Flags, Array]:
         """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).
@@ -211,7 +242,13 @@ class Lattice:
                 ends = (self.layers[leg], halves) if axis else (halves, self.layers[leg + 1])
                 new = np.maximum(inherited, shortest_times(self.legs[leg], *ends))
                 self.bounds[leg] = np.insert(np.delete(self.bounds[leg], at, axis), [at] * count, new, axis)
-                ends_free = self.legs[leg].start.v is None and self.legs[leg].goal.v is None
-                fresh = np.full(new.shape, ends_free)
-                self.tried[leg] = np.insert(np.delete(self.tried[leg], at, axis), [at] * count, fresh, axis)
+                fresh = np.full(new.shape, _first(self.legs[leg]))
+                self.left[leg] = np.insert(np.delete(self.left[leg], at, axis), [at] * count, fresh, axis)
+                busy = np.repeat(np.take(self.under_way[leg], [at], axis), count, axis)
+                self.under_way[leg] = np.insert(np.delete(self.under_way[leg], at, axis), [at] * count, busy, axis)
         return True
+
+
+def _first(leg: BoundLeg) -> int:
+    """What improves a leg first: between any velocities the velocity limits say all there is."""
+    return NOTHING if leg.start.v is None and leg.goal.v is None else MOMENTUM

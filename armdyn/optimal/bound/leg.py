@@ -41,18 +41,22 @@ class LegEnd:
         """Whether the arm rests there."""
         return self.v is not None and not np.any(self.v)
 
-    def least(self, weights: Array) -> float:
+    def least(self, weights: Array, combination: Array | None = None) -> float:
         """The least λᵀ q of all joint positions of the end, rounded down, λ of shape (nv,).
 
         Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
         λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The best w is that of a small linear program; any other would do.
+
+        Args:
+            weights: λ.
+            combination: w, shape (m,); None: the best one.
         """
         least = (Interval.at(weights) * self.q).sum(0).lower
         if self.equations is None or not np.any(weights):
             return float(least)
         centre, slopes, rest = (part[..., 0] for part in self.equations.parts)
         scaled = Interval.at(weights) * Interval.at(self.q.radius)
-        w = _combination(scaled.centre, centre, slopes, rest)
+        w = _combination(scaled.centre, centre, slopes, rest) if combination is None else combination
         left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
         beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
         middle = (Interval.at(weights) * Interval.at(self.q.centre)).sum(0)

@@ -48,7 +48,7 @@ def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float,
     """
     most = min(longest, (1 + leg.policy.passing_ahead) * known)
     found = _within(leg, passage, known, most, stop)
-    return found, found < most or found in (longest, known)
+    return found, found < most or found == known
 
 
 def _within(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:

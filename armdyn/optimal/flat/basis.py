@@ -100,6 +100,17 @@ class Basis:
         lengths = np.diff(self.breaks)[:, None]
         return self.breaks[:-1, None] + lengths * (nodes + 1) / 2, lengths * weights / 2
 
+    def squared(self, order: int, points: int) -> Array:
+        """Integrals over s of products of two B-splines' derivatives, shape (size, size).
+
+        Args:
+            order: of the derivative.
+            points: of Gauss's rule in every interval.
+        """
+        s, weights = (each.ravel() for each in self.gauss(points))
+        values = BSpline(self.knots, np.eye(self.size), DEGREE)(s, order)
+        return np.asarray(values.T @ (weights[:, None] * values))
+
     def interval_of(self, s: Array) -> Index:
         """Index of the interval that contains each s, of the shape of s."""
         return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, self.intervals - 1)

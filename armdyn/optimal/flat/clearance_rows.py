@@ -6,8 +6,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from armdyn.arrays import Array, Index
+from armdyn.locks import cached_property
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.flat.basis import DEGREE, Basis
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import AskedDistances
@@ -38,6 +39,7 @@ class ClearanceRows:
     Attributes:
         model: of the scene.
         asked: distances to be kept [m], shape (pairs,).
+        bases: of the legs.
         places: parts of every leg's duration at which they are asked for, each of shape (poses,).
         within: pairs that are no farther apart than this [m] count,
         most: and so many at every pose at most.
@@ -45,6 +47,7 @@ class ClearanceRows:
 
     model: CollisionModel
     asked: Array
+    bases: tuple[Basis, ...]
     places: tuple[Array, ...]
     within: float
     most: int
@@ -54,20 +57,24 @@ class ClearanceRows:
         """Number of poses of all legs."""
         return sum(len(places) for places in self.places)
 
-    def at(self, curve: Curve, shape: CurveLayout, x: Array) -> Linearised:
+    @cached_property
+    def _weights(self) -> Array:
+        """Of the control points that a pose depends on, shape (poses, DEGREE + 1)."""
+        return np.concatenate([basis.local(s, 0)[:, 0] for basis, s in zip(self.bases, self.places, strict=True)])
+
+    def at(self, shape: CurveLayout, x: Array) -> Linearised:
         """Linearise all distances at the unknowns x, shape (shape.size,)."""
-        index, weights = list[Array](), list[Array]()
-        for k, (leg, places) in enumerate(zip(curve.legs, self.places, strict=True)):
-            weights.append(leg.basis.local(places, derivatives=0)[:, 0])
-            windows = leg.basis.interval_of(places)[:, None] + np.arange(DEGREE + 1)
-            index.append(shape.points(k)[windows])
-        of_pose, basis = np.concatenate(index), np.concatenate(weights)
-        near = self.model.near(np.einsum("pi,pin->pn", basis, x[of_pose]), self.within, self.most)
-        spare, missing = near.distances - self.asked[near.pairs], np.zeros(self.poses)
+        windows = [
+            basis.interval_of(s)[:, None] + np.arange(DEGREE + 1)
+            for basis, s in zip(self.bases, self.places, strict=True)
+        ]
+        of_pose = np.concatenate([shape.points(k)[window] for k, window in enumerate(windows)])
+        near = self.model.near(np.einsum("pi,pin->pn", self._weights, x[of_pose]), self.within, self.most)
+        spare, missing = near.distances - self.asked[near.pairs], np.zeros(len(of_pose))
         np.maximum.at(missing, near.poses, -spare)
-        columns, values = of_pose[near.poses], near.gradients[:, None] * basis[near.poses][..., None]
-        rows = np.repeat(np.arange(spare.size), columns[0].size if spare.size else 0)
-        jacobian = csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(spare.size, shape.size))
+        columns, values = of_pose[near.poses], near.gradients[:, None] * self._weights[near.poses][..., None]
+        starts = np.arange(spare.size + 1) * of_pose[0].size
+        jacobian = csr_matrix((values.ravel(), columns.ravel(), starts), shape=(spare.size, shape.size))
         return Linearised(spare, jacobian, near.poses, missing)
 
 
@@ -86,7 +93,8 @@ def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy
         # Nearer places than a hundredth of a step tell the program nothing new.
         all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
         places.append(all_[(all_ > 0) & (all_ < 1 - 1e-9)])
-    return ClearanceRows(asked.model, least, tuple(places), policy.within, policy.pairs)
+    bases = tuple(leg.basis for leg in guess.legs)
+    return ClearanceRows(asked.model, least, bases, tuple(places), policy.within, policy.pairs)
 
 
 _FINER = 8

@@ -76,18 +76,15 @@ def squared_derivatives(guess: Curve, shape: CurveLayout, order: int, prices: Ar
         prices: of each leg's integral, shape (legs,).
         scales: of the joints, shape (joints,).
     """
-    out = sp.csr_matrix((shape.size, shape.size))
+    rows, columns, values = [], [], []
     for k, leg in enumerate(guess.legs):
-        s, weights = leg.basis.gauss(POINTS)
-        values = leg.basis.local(s.ravel(), derivatives=order)[:, order]
-        window = leg.basis.interval_of(s.ravel())[:, None] + np.arange(values.shape[1])
-        points = shape.points(k)[window]
-        weight = (prices[k] * weights.ravel()[:, None] / scales**2).ravel()
-        rows = np.broadcast_to(np.arange(weight.size).reshape(len(points), 1, -1), points.shape)
-        each = np.broadcast_to(values[:, :, None], points.shape)
-        matrix = sp.csr_matrix((each.ravel(), (rows.ravel(), points.ravel())), (weight.size, shape.size))
-        out = out + matrix.T @ sp.diags(weight) @ matrix
-    return out.tocsr()
+        squares = leg.basis.squared(order, POINTS)
+        i, j = np.nonzero(squares)
+        rows.append(shape.points(k)[i].ravel())
+        columns.append(shape.points(k)[j].ravel())
+        values.append((prices[k] * squares[i, j][:, None] / scales**2).ravel())
+    every = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return sp.csr_matrix(every, (shape.size, shape.size))
 
 
 def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:

@@ -273,9 +273,12 @@ def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
 
 def _slowed(task: Task, curve: Curve) -> Curve:
     """The same path, slowed down until torques and speeds keep their limits; unchanged if no pace does."""
+    exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
     for _ in range(_PACES):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))
         if factor == 1 or not np.isfinite(factor):
             break
         curve = curve.slower(factor)
+        if exact:
+            break
     return curve

@@ -159,7 +159,7 @@ class Sequential:
         x = x.copy()
         x[problem.torques] = torques.tau
         others = problem.other_sides(x, torques.jacobian)
-        near = None if problem.clearance is None else problem.clearance.at(problem.guess, problem.shape, x)
+        near = None if problem.clearance is None else problem.clearance.at(problem.shape, x)
         return _Iterate(x, torques, velocities, others, near, self._penalties(x, velocities, others, near))
 
     def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:

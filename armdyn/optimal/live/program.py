@@ -180,7 +180,7 @@ class StepProgram:
         near = None
         if clear is not None:
             x = np.append(np.append(points.ravel(), duration), np.zeros(self.layout.size - self.size))
-            near = clear.at(self.curve(points, duration), self.layout, x)
+            near = clear.at(self.layout, x)
         return Iterate(points, duration, q, v, tau, by_points, by_duration, near)
 
     def merit(self, at: Iterate, margins: TorqueMargins, price: float) -> float:

@@ -18,6 +18,8 @@ _AT_ENDS = 0.98
 _LEFT = 0.7
 """Part of what a pair has beyond the clearance at a given pose that the program asks of it: the motion need not begin
 along a wall, and where it passes just by the clearance it is kept between the poses, too."""
+_FAR, _FAR_OFF = 2.0, 0.02
+"""Times the clearance, and [m] beyond: pairs that are so far apart at the given poses keep the clearance alone."""
 _NEARER = 1e-4
 """By so much a pair that touches at a given pose may be nearer along the way [m]: the program keeps it at poses."""
 
@@ -75,6 +77,6 @@ class KeepsClear(PathConstraint):
 
 
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:
-    """The scene, and the least distance of every pair at the given poses [m], shape (pairs,)."""
+    """The scene, and the least distance of every pair at the given poses, or one far beyond the clearance [m]."""
     model = problem.collision_model()
-    return model, np.min(model.distances(np.asarray(problem.poses)), axis=0)
+    return model, np.min(model.distances(np.asarray(problem.poses), _FAR * problem.clearance + _FAR_OFF), axis=0)

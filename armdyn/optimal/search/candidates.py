@@ -17,8 +17,9 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.scheme import DynamicsForm
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import in_processes
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +67,29 @@ def find(task: Task) -> Found:
     task.progress(
         f"search: {count} guesses" + (f", and {len(extra_jobs)} on {options.intervals} intervals" if extra_jobs else "")
     )
-    attempts = _searched(task, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
-    fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
-    found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
-    if not found:
-        attempts = _without_search(task, ranked(attempts))
-        found = distinct(attempts, *same)
-    iterations = sum(attempt.iterations for attempt in attempts)
-    if not found:
-        return Found((), failed=tuple(attempts), iterations=iterations)
-    refined, mesh = _refined(task, found), options.intervals
+    prepare_quickly(task, options.intervals, task.fine())  # before the fork, too
+    with task.pooled() as pooled:
+        attempts = _searched(pooled, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
+        fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
+        found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
+        if not found:
+            attempts = _without_search(task, ranked(attempts))
+            found = distinct(attempts, *same)
+        iterations = sum(attempt.iterations for attempt in attempts)
+        if not found:
+            return Found((), failed=tuple(attempts), iterations=iterations)
+        refined, mesh = _refined(pooled, found), options.intervals
     iterations += refined.iterations
     if finer := _too_coarse(task, found, refined):
         mesh, meshes, share = finer
         # Those that meshes err on are heavy: their optima are near the way.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
-        again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
-        found = distinct([*refined.attempts, *again], *same)
-        refined = _refined(task.with_options(intervals=mesh), found)
+        prepare_quickly(task, mesh, task.fine())
+        with near.with_options(intervals=mesh).pooled() as near:
+            again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
+            found = distinct([*refined.attempts, *again], *same)
+            refined = _refined(near, found)
         iterations += refined.iterations + sum(attempt.iterations for attempt in again)
     return Found(tuple(refined.attempts), mesh=mesh, listed=tuple(refined.listed), iterations=iterations)
 
@@ -122,8 +127,12 @@ def _extra_jobs(task: Task) -> list[Job]:
     jobs: list[Job] = []
     for guess in task.options.guesses:
         prepare_quickly(task, intervals, settings)
-        jobs.append(partial(solve_quickly, task, guess, intervals, settings))
+        jobs.append(partial(_on_mesh, guess, intervals, settings))
     return jobs
+
+
+def _on_mesh(guess: Trajectory, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
+    return solve_quickly(task, guess, intervals, settings)
 
 
 def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
@@ -137,16 +146,11 @@ def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
     most = task.policy.search.refinements(options)
     prepare_quickly(task, options.intervals, settings)
 
-    def finer(attempt: Attempt) -> Attempt:
-        if attempt.intervals == options.intervals:
-            return attempt
-        return solve_quickly(task, attempt.trajectory, options.intervals, settings)
-
     task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
     iterations, looked = 0, most * task.policy.search.looked_at
-    jobs = [partial(finer, attempt) for attempt in found]
-    for k, (attempt, fine) in enumerate(zip(found, in_processes(jobs, task.workers), strict=True)):
+    jobs = [partial(_finer, attempt, options.intervals, settings) for attempt in found]
+    for k, (attempt, fine) in enumerate(zip(found, task.results(jobs), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
         # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
         candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.apart)
@@ -156,6 +160,10 @@ def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
             break
     candidates = candidates[:most] or list(found[:1])
     return _RefinedSearch(candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations)
+
+
+def _finer(attempt: Attempt, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
+    return attempt if attempt.intervals == intervals else _on_mesh(attempt.trajectory, intervals, settings, task)
 
 
 def _too_coarse(

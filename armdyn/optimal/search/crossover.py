@@ -17,6 +17,7 @@ from armdyn.optimal.search.starts import SAMPLES
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.task.policy.search import SearchPolicy
+from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -43,13 +44,15 @@ def crossover_guesses(
         parents = [attempt.trajectory for attempt in best]
         task.progress(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
 
-        def job(k: int, parents: list[Trajectory]) -> Attempt:
-            guess = crossover(task.problem, parents, np.random.default_rng([task.options.seed, k]), k, numbers)
-            return solve_quickly(task, guess, *search_settings.of(k), between=False)
-
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
-        born += in_bunches([partial(job, k, parents) for k in several], task)
+        born += in_bunches([partial(_solved, parents, k, search_settings.of(k)) for k in several], task)
     return born
+
+
+def _solved(parents: list[Trajectory], k: int, settings: tuple[int, SolverSettings], task: Task) -> Attempt:
+    random = np.random.default_rng([task.options.seed, k])
+    guess = crossover(task.problem, parents, random, k, task.policy.search)
+    return solve_quickly(task, guess, *settings, between=False)
 
 
 def crossover(

@@ -4,15 +4,16 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+from armdyn.arrays import Array
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
-from armdyn.parallel import in_processes
 
-Job = Callable[[], Attempt]
+Job = Callable[[Task], Attempt]
+"""A solve; it is pickled."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,9 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)
 
-    def job(k: int) -> Attempt:
-        return solve_quickly(task, spline(task.problem, ways[k], numbers.haste), *search_settings.of(k), between=False)
-
     attempts: list[Attempt] = []
-    jobs: list[Job] = [*extra_jobs, *(partial(job, k) for k in range(count))]
+    guesses = [partial(_solved, ways[k], numbers.haste, search_settings.of(k)) for k in range(count)]
+    jobs: list[Job] = [*extra_jobs, *guesses]
     for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = attempts[len(extra_jobs) :]
@@ -74,12 +73,16 @@ def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
     """The jobs' attempts in their order: several go to a worker at once, as one takes hardly longer than its result."""
     size = 1 if task.workers == 1 else task.policy.search.bunch
     bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
-    for attempts in in_processes([partial(_done, bunch) for bunch in bunches], task.workers):
+    for attempts in task.results([partial(_done, bunch) for bunch in bunches]):
         yield from attempts
 
 
-def _done(jobs: Sequence[Job]) -> list[Attempt]:
-    return [job() for job in jobs]
+def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
+    return [job(task) for job in jobs]
+
+
+def _solved(way: list[Array], haste: float, settings: tuple[int, SolverSettings], task: Task) -> Attempt:
+    return solve_quickly(task, spline(task.problem, way, haste), *settings, between=False)
 
 
 def enough(solved: int, optima: int, least: int = 0) -> bool:

@@ -1,8 +1,9 @@
 """The task of a solve: problem, dynamics, scheme, options, policy."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
@@ -12,6 +13,9 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.parallel import SharedPool, shared_pool
+
+Result = TypeVar("Result")
 
 
 def _silently(text: str) -> None:
@@ -35,6 +39,7 @@ class Task:
         stop: asked every few iterations.
         progress: called with a line of text on the current step.
         lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
+        pool: workers of `results`; None: each series of jobs has its own.
     """
 
     problem: MinimumTimeProblem
@@ -45,6 +50,7 @@ class Task:
     stop: Stop = field(default_factory=Stop)
     progress: Callable[[str], None] = _silently
     lower_bound: Callable[[], float | None] = _unknown
+    pool: SharedPool[Any] | None = None
 
     @classmethod
     def of(
@@ -95,6 +101,24 @@ class Task:
     def workers(self) -> int | None:
         """Processes of search and refinement; None: one per core."""
         return self.options.workers if self.policy.search.side_by_side else 1
+
+    @contextmanager
+    def pooled(self) -> Iterator[Self]:
+        """The task with workers for several series of jobs; what jobs need is built before the first."""
+        with shared_pool(self, self.workers) as pool:
+            yield replace(self, pool=pool)
+
+    def results(self, jobs: Sequence[Callable[[Self], Result]]) -> Iterator[Result]:
+        """Results of jobs in their order, on the task's workers.
+
+        Args:
+            jobs: functions of the task as it was when its workers were pooled; they are pickled.
+        """
+        if self.pool is not None:
+            yield from self.pool.results(jobs)
+            return
+        with self.pooled() as task:
+            yield from task.results(jobs)
 
     @property
     def meshes(self) -> tuple[int, ...]:

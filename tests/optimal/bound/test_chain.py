@@ -10,6 +10,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import poses_reaching
 from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 
@@ -94,7 +95,7 @@ def test_no_chain_is_slower_than_all_that_are_known(two_branches):
     problems = motions([robot] * 3, [home, [0.9, 0.5], [1.5, -0.7], home])
     whole = chain_bound(problems, stops)
     assert chain_bound(problems, stops, upper=0.5 * whole.duration).duration == 0.5 * whole.duration
-    stopped = chain_bound(problems, stops, stop=lambda: True)
+    stopped = chain_bound(problems, stops, effort=Effort(1000, lambda: True))
     assert stopped is None or stopped.duration <= whole.duration
 
 
@@ -120,14 +121,14 @@ def test_a_motion_between_two_sets():
     robot = ad.Robot.from_library("ur5")
     goals = [ad.GoalPose(robot.tip, placement(robot, q)) for q in UR5[1:]]
     problem = ad.MinimumTimeProblem(robot, q_start=UR5[1], q_goal=UR5[2])
-    found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_bounds=4)), ad.lower_bound(problem)
+    found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_programs=40)), ad.lower_bound(problem)
     assert min(found.boxes) >= 8
     # One bound by momentum counts for all whole turns of both ends alike: there are 64 of them.
     assert 1.1 * found.kinematic < found.duration <= member.duration
     starts, ends = (poses_reaching(robot, goal, UR5[0], robot.limits, seed=3) for goal in goals)
     assert found.kinematic <= min(problem.variant(q_start=a, q_goal=b).duration_bound() for a in starts for b in ends)
     wide = ad.GoalPose(robot.tip, placement(robot, UR5[0]), tolerance=[0.02] * 3 + [0.1] * 3)
-    passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_bounds=4))
+    passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_programs=40))
     through = ad.lower_bound(problem.variant(via=[UR5[0]]))  # a member of the region
     assert found.duration <= passing.duration <= through.duration
 
@@ -160,7 +161,7 @@ def test_via_regions_add_the_ramps_of_a_retreat():
     tolerance = (5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3)
     problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=over)
     passing = problem.variant(via=[ad.GoalPose(robot.tip, above, tolerance=tolerance)])
-    plain, found = (chain_bound([one], [q, over], policy=BoundPolicy(chain_bounds=12)) for one in (problem, passing))
+    plain, found = (chain_bound([one], [q, over], policy=BoundPolicy(chain_programs=300)) for one in (problem, passing))
     assert plain.duration == pytest.approx(ad.lower_bound(problem).duration, rel=1e-12)
     assert found.duration > plain.duration
     # A joint position that brings the frame into the region is one of those that the bound holds for.
@@ -180,7 +181,7 @@ def test_a_set_of_a_redundant_arm():
     members = poses_reaching(robot, goal, home, robot.limits, seed=5)
     chains = [motions([robot] * 2, [home, q, home]) for q in members[:2]]
     least = min(sum(ad.lower_bound(problem).duration for problem in chain) for chain in chains)
-    few = BoundPolicy(chain_bounds=6)
+    few = BoundPolicy(chain_programs=60)
     found = chain_bound(chains[0], [home, goal, home], upper=1.01 * least, policy=few)
     assert 0.95 * least < found.duration <= 1.001 * least
     assert found.boxes[1] > 1

@@ -44,7 +44,7 @@ def test_slopes_by_the_control_points_against_differences(swing):
     moved = x.copy()
     moved[shape.points(0)] += 1e-3 * change
     every = replace(rows, within=np.inf, most=len(asked.model.pairs))
-    before, after = every.at(curve, shape, x), every.at(curve, shape, moved)
+    before, after = every.at(shape, x), every.at(shape, moved)
     poses = (rows.poses, len(asked.model.pairs))
     expected = np.sort((before.spare + before.jacobian @ (moved - x)).reshape(poses), axis=1)
     found, unmoved = (np.sort(one.spare.reshape(poses), axis=1) for one in (after, before))

@@ -73,8 +73,8 @@ def _source(joints: int, one: StageFunctions) -> str:
     }
     return "".join(
         (
-            "#include <stdlib.h>\n#include <string.h>\n",
             prelude(),
+            "#include <stdlib.h>\n#include <string.h>\n",
             f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n",
             f"static const double HELD = {_HELD!r};\n",
             *(table(name, numbers) for name, numbers in tables.items()),

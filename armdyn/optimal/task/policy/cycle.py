@@ -29,5 +29,4 @@ class CyclePolicy:
         "by which other tours may still be shorter when a quick search ends: bounds know neither straight segments nor "
         "obstacles, so that most tours would have to be solved",
     )
-    bound: float = tuned(5.0, "s", "for the bound of the whole cycle, at least; else as long as the search took")
-    beyond: float = tuned(0.1, "of the time limit", "for the same at most, where the search has used it up")
+    beyond: float = tuned(0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up")

@@ -1,0 +1,97 @@
+"""Work on the bounds of a chain's legs: counted, and in parallel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.bound.passing import Passage, passing_bound
+from armdyn.parallel import in_processes
+
+Stop = Callable[[], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A leg between two regions whose bound is to be improved.
+
+    Attributes:
+        leg: its number.
+        motion: between the regions.
+        passage: what it passes on its way; None: that does not count yet.
+        known: bound so far [s].
+        most: more [s] is of no use.
+    """
+
+    leg: int
+    motion: BoundLeg
+    passage: Passage | None
+    known: float
+    most: float
+
+    def bounded(self, stop: Stop) -> tuple[float, bool, int]:
+        """The bound [s], whether more tries would gain nothing, and the number of linear programs on the way."""
+        counted = _Counted(stop)
+        if not np.all(np.isfinite(self.motion.away.magnitude)):
+            return self.known, True, 1
+        if self.passage is None:
+            return leg_bound(self.motion, counted, self.known)[0], True, counted.programs
+        return *passing_bound(self.motion, self.passage, self.known, self.most, counted), counted.programs
+
+
+@dataclass(eq=False)
+class _Counted:
+    """A stop that counts how often it is polled: once for each linear program."""
+
+    stop: Stop
+    programs: int = 0
+
+    def __call__(self) -> bool:
+        self.programs += 1
+        return self.stop()
+
+
+@dataclass(eq=False)
+class Effort:
+    """Work that may be spent on bounds: a count, so that it is the same on every machine.
+
+    Attributes:
+        left: linear programs, 0.05 to 0.1 s each; edges that are begun are finished.
+        stop: polled now and then; once it is true, what is proven so far is kept.
+        workers: processes at most; None: one per core. They make no difference to the bounds.
+        report: called with a line of text.
+        others: bound of the motions beside those that are worked on [s].
+    """
+
+    left: float
+    stop: Stop = lambda: False
+    workers: int | None = 1
+    report: Callable[[str], object] = lambda text: None
+    others: float = 0.0
+
+    def __bool__(self) -> bool:
+        return self.left > 0 and not self.stop()
+
+    def say(self, bound: float) -> None:
+        """Report the bound so far [s] of the motions that are worked on."""
+        self.report(f"proven: not below {self.others + bound:.4f} s; {max(self.left, 0):.0f} linear programs are left")
+
+    def spent_on(self, edges: Sequence[Edge]) -> list[tuple[float, bool]]:
+        """Bounds of edges [s], and whether more tries would gain nothing."""
+        found = list(in_processes([partial(edge.bounded, self.stop) for edge in edges], self.workers))
+        self.left -= sum(programs for _, _, programs in found)
+        return [(bound, done) for bound, done, _ in found]
+
+    @contextmanager
+    def shared(self, count: int) -> Iterator[Effort]:
+        """Within it there is one of so many equal parts of what is left."""
+        kept = self.left * (1 - 1 / count)
+        self.left -= kept
+        yield self
+        self.left += kept
