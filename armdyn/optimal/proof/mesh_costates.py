@@ -64,7 +64,7 @@ def mesh_costates(
         replay: of it, along which the adjoint equations are integrated.
         policy: lengths of stretches, what counts as near a limit, and how finely is integrated.
     """
-    system = _System.of(problem, motion, replay, policy)
+    system = _StationarityProgram.of(problem, motion, replay, policy)
     return None if system is None else system.solved()
 
 
@@ -120,7 +120,7 @@ class _Stretches:
 
 
 @dataclass(frozen=True, eq=False)
-class _System:
+class _StationarityProgram:
     """Pontryagin's conditions as linear inequalities for costates and multipliers.
 
     Attributes:
@@ -146,7 +146,9 @@ class _System:
     numbers: ShootingPolicy
 
     @classmethod
-    def of(cls, problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy) -> "_System | None":
+    def of(
+        cls, problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
+    ) -> "_StationarityProgram | None":
         robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
         along, size, h, edges = Along.of(robot, replay, policy.adjoint), motion.size, np.diff(motion.t), motion.t
         edges = np.insert(edges, np.arange(1, edges.size), (edges[:-1] + edges[1:]) / 2)
@@ -223,7 +225,7 @@ class _System:
     def _conditions(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows and right-hand sides of H ≤ 0, H ≥ 0 and of the signs of S, and their parts of the duration.
 
-        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; one that is shorter than
+        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; one shorter than
         the numbers' `brief` counts for its part of that.
         """
         G, n, E = len(stretches.carried), self.width.size, len(stretches.source)

@@ -62,7 +62,9 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
             if not (found.settled or fast):
                 found = found.again(own)
                 known += _landed(task, found, attempt, own)
-            if not (_certified(known) or found.why == _IDLE):
+            # Else a finer mesh may show a structure yet.
+            last = own.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+            if (fast or last) and not (_certified(known) or found.why == _IDLE):
                 resolved = mesh_optimum(task, found.mesh, found.why)
                 known += [] if resolved is None else [resolved]
             if fast and resolved is None and not found.settled:
