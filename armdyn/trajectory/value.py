@@ -229,16 +229,16 @@ class Trajectory:
         """
         at: Array = np.clip(numbers(time, "time", "times [s]", error=TrajectoryError), self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, self.t.size - 2)
-        h = (self.t[k + 1] - self.t[k])[..., None]
-        s = (at - self.t[k])[..., None] / h
-        rise = self.q[k + 1] - self.q[k]
+        left, q0, v0, v1, tau0 = self.t[k], self.q[k], self.v[k], self.v[k + 1], self.tau[k]
+        h = (self.t[k + 1] - left)[..., None]
+        s = (at - left)[..., None] / h
+        rise = self.q[k + 1] - q0
         # Cubic Hermite in s: https://en.wikipedia.org/wiki/Cubic_Hermite_spline, in Horner form.
-        c2 = 3 * rise - h * (2 * self.v[k] + self.v[k + 1])
-        c3 = -2 * rise + h * (self.v[k] + self.v[k + 1])
-        q = self.q[k] + s * (h * self.v[k] + s * (c2 + s * c3))
-        v = self.v[k] + s * (2 * c2 + 3 * s * c3) / h
-        tau = self.tau[k] + s * (self.tau_end[k] - self.tau[k])
-        return Sample(q, v, tau)
+        c2 = 3 * rise - h * (2 * v0 + v1)
+        c3 = -2 * rise + h * (v0 + v1)
+        q = q0 + s * (h * v0 + s * (c2 + s * c3))
+        v = v0 + s * (2 * c2 + 3 * s * c3) / h
+        return Sample(q, v, tau0 + s * (self.tau_end[k] - tau0))
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write to an npz file; concurrent readers see the old file or the new one, whole.

@@ -9,20 +9,16 @@ d_e (τ + e). The least Σ d_e is sought.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
-from scipy.sparse import csr_matrix
+from numpy.typing import NDArray
 
 from armdyn.arrays import Array
 from armdyn.optimal.bound.course import Course
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-
-Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
-"""Rows, columns and values of a matrix's entries."""
+from armdyn.optimal.bound.linear_program import LinearProgram
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +57,7 @@ def relaxed_course(
     nv, speed = len(leg.velocity), leg.velocity
     inertia, rate = forces.terms.inertia, forces.rate(np.eye(nv))
     unit = np.abs(inertia.centre[0]) @ speed
-    program = _Program(nv)
+    program = LinearProgram(nv)
     v = program.unknown((len(fixed), nv), course.v.lower[fixed] / speed, course.v.upper[fixed] / speed)
     x, d = program.unknown((len(free), nv)), program.unknown((len(free), 1), 0.0, cost=1.0)
     half = course.lengths[fixed, None] / 2 / unit
@@ -125,7 +121,7 @@ def _known(leg: BoundLeg, momentum: Array) -> Array:
 
 
 def _within_end(
-    program: _Program, ways: NDArray[np.intp], k: int, end: LegEnd, scale: Array
+    program: LinearProgram, ways: NDArray[np.intp], k: int, end: LegEnd, scale: Array
 ) -> tuple[NDArray[np.intp], Array] | None:
     """Where the k-th position that something is known of lies within its box.
 
@@ -149,79 +145,3 @@ def _within_end(
     program.blocks(rows, place, (slopes / size[:, None])[None])
     program.diagonal(rows, left, 1.0)
     return rows[0], size
-
-
-@dataclass(eq=False)
-class _Program:
-    """A linear program that is put together from blocks.
-
-    Attributes:
-        nv: joints.
-        bounds: of the unknowns, in parts.
-        costs: likewise.
-        right: right sides of the equations, in parts.
-        entries: rows, columns and values of the equations' matrix, in parts.
-        limits: the same of inequalities, whose right sides are zero.
-    """
-
-    nv: int
-    bounds: list[Array] = field(default_factory=list)
-    costs: list[Array] = field(default_factory=list)
-    right: list[Array] = field(default_factory=list)
-    entries: list[Entries] = field(default_factory=list)
-    limits: list[Entries] = field(default_factory=list)
-
-    def unknown(
-        self, shape: tuple[int, int], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf, cost: float = 0.0
-    ) -> NDArray[np.intp]:
-        """Numbers of further unknowns between bounds."""
-        first = sum(map(len, self.costs))
-        bounds = [np.broadcast_to(end, shape).ravel() for end in (lower, upper)]
-        self.bounds.append(np.stack(bounds, axis=-1))
-        self.costs.append(np.full(shape[0] * shape[1], cost))
-        return first + np.arange(shape[0] * shape[1]).reshape(shape)
-
-    def rows(self, right: Array) -> NDArray[np.intp]:
-        """Numbers of further equations with these right sides."""
-        first = sum(map(np.size, self.right))
-        self.right.append(right)
-        return first + np.arange(right.size).reshape(right.shape)
-
-    def diagonal(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: ArrayLike) -> None:
-        """One entry for each row."""
-        self.entries.append((rows.ravel(), unknowns.ravel(), np.broadcast_to(values, rows.shape).ravel()))
-
-    def blocks(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: Array) -> None:
-        """A dense block for each group of rows: values of shape (groups, rows, unknowns)."""
-        shape = values.shape
-        places = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(unknowns[:, None, :], shape)
-        self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
-
-    def limit(self, inner: NDArray[np.intp], sign: float, length: NDArray[np.intp], bound: Array) -> None:
-        """Inequalities: sign * inner + bound * length is at most 0."""
-        first = sum(len(part[0]) for part in self.limits) // 2
-        rows = first + np.arange(inner.size)
-        self.limits.append((rows, inner.ravel(), np.full(inner.size, sign)))
-        self.limits.append((rows, np.broadcast_to(length, inner.shape).ravel(), bound.ravel()))
-
-    def solved(self, feasible: float) -> Array | None:
-        """The marginals of the equations; None: the solver found no solution."""
-        costs, right = np.concatenate(self.costs), np.concatenate([part.ravel() for part in self.right])
-        names = ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
-        limits = _matrix(self.limits, len(costs))
-        found = linprog(
-            costs,
-            A_eq=_matrix(self.entries, len(costs)),
-            b_eq=right,
-            A_ub=limits,
-            b_ub=np.zeros(limits.shape[0]),
-            bounds=np.concatenate(self.bounds),
-            method="highs",
-            options=dict.fromkeys(names, feasible),
-        )
-        return np.asarray(found.eqlin.marginals) if found.status == 0 else None
-
-
-def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:
-    rows, places, values = (np.concatenate([part[k] for part in entries]) for k in range(3))
-    return csr_matrix((values, (rows, places)), shape=(int(np.max(rows)) + 1, columns))

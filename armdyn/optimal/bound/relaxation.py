@@ -10,6 +10,8 @@ added within the boxes keeps the equations that hold at every end, to first orde
 beyond what is linear there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not
 linear and a solver rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same
 kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a damping.
+
+Rows stand in the order of time, those of the way last: they make a narrow band and a border.
 """
 
 from __future__ import annotations
@@ -18,13 +20,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.sparse import block_diag, bsr_matrix, csr_matrix, eye, hstack, kron, vstack
 
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.linear_program import LinearProgram
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
@@ -64,17 +65,17 @@ class _Rows:
     """Rows of one kind: how something changes from node to node, each scaled.
 
     Attributes:
-        matrix: of the cells' velocities, as shares of the limits.
-        shift: of momenta that the cells' inertia leaves open, as many columns as outer cells times joints.
-        open: bounds of these, shape (columns, 2).
-        change: least and greatest change at each node, shape (nodes nv, 2).
-        given: what it begins and ends with, shape (nodes nv,).
+        onward: of the outer cells' velocities, as shares of the limits, at their first nodes, shape (cells, nv, nv).
+        back: likewise at their last nodes.
+        cruise: likewise of the middle cell's velocities at its node, shape (nv, nv).
+        change: least and greatest change at each node, shape (2, nodes, nv).
+        given: what it begins and ends with, shape (nodes, nv).
         scale: of a row, shape (nv,).
     """
 
-    matrix: csr_matrix
-    shift: csr_matrix
-    open: Array
+    onward: Array
+    back: Array
+    cruise: Array
     change: Array
     given: Array
     scale: Array
@@ -82,69 +83,62 @@ class _Rows:
 
 def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
     """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
-    nv, nodes = len(leg.velocity), 2 * cells.middle + 1
-    kinds = [_rows(leg, cells, forces.terms.inertia, forces.rate(np.eye(nv)), duration)]
+    nv, nodes, inertia = len(leg.velocity), 2 * cells.middle + 1, forces.terms.inertia
+    kinds = [_rows(leg, cells, inertia, forces.rate(np.eye(nv)), duration)]
     kinds += [_line_rows(leg, cells, forces, line, duration) for line in lines_of(leg.torque.actuators, forces)]
-    shifts, momenta = [vstack([rows.shift for rows in kinds])], len(kinds)
-    most = accelerations(leg, cells)
+    momenta, most = len(kinds), accelerations(leg, cells)
     accelerated = np.all(np.isfinite(most), axis=0)
     if np.any(accelerated):
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
-        shifts.append(kinds[-1].shift)
-    times = np.insert(cells.lengths, cells.middle, max(duration - np.sum(cells.lengths), 0.0))
-    ways = kron(times / duration, eye(nv))
-    away = leg.away.centre / (duration * leg.velocity)
-    slacks = len(kinds) * nodes * nv
-    closing, free = _within_ends(leg, duration)
-    matrix = hstack(
-        [
-            vstack([ways, *(rows.matrix for rows in kinds)]),
-            vstack([csr_matrix((nv, slacks)), -eye(slacks)]),
-            vstack([csr_matrix((nv, len(shifts) * (nodes - 1) * nv)), block_diag(shifts)]),
-            vstack([csr_matrix(np.column_stack([-free, -away])), csr_matrix((slacks, free.shape[1] + 1))]),
-        ]
-    )
-    before = csr_matrix((closing.shape[0], matrix.shape[1] - 1 - free.shape[1]))
-    closed = hstack([before, closing, csr_matrix((closing.shape[0], 1))])
-    speeds = np.stack([cells.v.lower / leg.velocity, cells.v.upper / leg.velocity], axis=-1).reshape(-1, 2)
-    others = (*(rows.change for rows in kinds), *(rows.open for rows in (kinds[0], *kinds[momenta:])))
-    bounds = np.concatenate([speeds, *others, np.tile([-1.0, 1.0], (free.shape[1], 1)), [[-np.inf, np.inf]]])
-    cost = np.zeros(len(bounds))
-    cost[-1] = -1.0
-    given = np.concatenate([np.zeros(nv), *(rows.given for rows in kinds), np.zeros(closing.shape[0])])
-    equal, names = csr_matrix(vstack([matrix, closed])), ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
-    # A presolve costs a Panda a seventh of the time, a UR5 a quarter.
-    options = {**dict.fromkeys(names, leg.policy.feasible), "presolve": False}
-    solved = linprog(cost, A_eq=equal, b_eq=given, bounds=bounds, method="highs-ds", options=options)
-    if solved.status != 0:
+    program, outer = LinearProgram(nv), cells.outer
+    v = program.unknown((nodes, nv), cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
+    rows = program.rows(np.stack([kind.given for kind in kinds], axis=1))
+    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, cells.v.magnitude)[outer] / kinds[0].scale
+    open_ = program.unknown((2 * cells.middle, nv), -beside, beside)
+    for k, kind in enumerate(kinds):
+        program.blocks(rows[:-1, k], v[outer], kind.onward)
+        program.blocks(rows[1:, k], v[outer], kind.back)
+        program.blocks(rows[cells.middle, None, k], v[cells.middle, None], kind.cruise[None])
+        program.diagonal(rows[:, k], program.unknown((nodes, nv), *kind.change), -1.0)
+        if k < momenta:
+            program.diagonal(rows[:-1, k], open_, 1.0)
+            program.diagonal(rows[1:, k], open_, -1.0)
+    ways = _ways(program, leg, cells, v, duration)
+    marginals = program.solved_in_boxes(leg.policy.converged)
+    if marginals is None:
         return None
-    marginals = np.asarray(solved.eqlin.marginals)
-    parts = np.split(-marginals[nv : nv + slacks], len(kinds))
-    found = [part.reshape(nodes, nv) / rows.scale for part, rows in zip(parts, kinds, strict=True)]
+    found = [-marginals[rows[:, k]] / kind.scale for k, kind in enumerate(kinds)]
     whole = np.sum(found[:momenta], axis=0)
     return Multipliers(
-        way=marginals[:nv] / (duration * leg.velocity),
+        way=marginals[ways] / (duration * leg.velocity),
         momentum=_free_at_ends(leg, whole),
         speed=_free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
         shares=shares_of(np.reshape(found[1:momenta], (momenta - 1, nodes, nv)), whole),
     )
 
 
-def _within_ends(leg: BoundLeg, duration: float) -> tuple[csr_matrix, Array]:
-    """Equations of the places within the ends' boxes, and what these add to Δq, with ε of all such boxes as columns."""
-    closing, free = [np.zeros((0, 0))], [np.zeros((len(leg.velocity), 0))]
+def _ways(
+    program: LinearProgram, leg: BoundLeg, cells: Cells, v: NDArray[np.intp], duration: float
+) -> NDArray[np.intp]:
+    """Add the rows Σ Δt v = θ Δq, with the places within the ends' boxes as further unknowns, and the cost of θ."""
+    nv, k, scale = len(leg.velocity), cells.middle, duration * leg.velocity
+    ways, made = program.rows(np.zeros(nv)), program.unknown((1, 1), cost=-1.0)
+    times = np.insert(cells.lengths, k, max(duration - np.sum(cells.lengths), 0.0))
+    program.diagonal(np.broadcast_to(ways, v.shape), v, times[:, None] / duration)
+    program.diagonal(ways, np.repeat(made, nv), -leg.away.centre / scale)
     for end, sign in ((leg.start, -1.0), (leg.goal, 1.0)):
         if end.equations is not None:
-            closing.append(end.equations.slopes[:, :, 0])
-            free.append(sign * np.diag(end.q.radius / (duration * leg.velocity)))
-    return csr_matrix(block_diag(closing)), np.hstack(free)
+            place, slopes = program.unknown((1, nv), -1.0, 1.0), end.equations.slopes[:, :, 0]
+            program.diagonal(ways, place, -sign * end.q.radius / scale)
+            program.blocks(program.rows(np.zeros((1, len(slopes)))), place, slopes[None])
+    return ways
 
 
 def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
     """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
     k, nv, inertia = cells.middle, len(leg.velocity), held.centre
-    half = np.repeat(cells.lengths[:, None] / 2, nv, axis=1)
+    half = cells.lengths[:, None] / 2
     scale = np.abs(inertia[0]) @ leg.velocity
     change = np.zeros((2, 2 * k + 1, nv))
     for bound, end in zip(change, (rate.lower, rate.upper), strict=True):
@@ -158,37 +152,17 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
         else:
             given[node] = sign * inertia[node] @ v
     moved = inertia[cells.outer] * leg.velocity / scale[:, None]
-    blocks = bsr_matrix((moved, np.arange(len(moved)), np.arange(len(moved) + 1))).tocsr()
-    blocks.eliminate_zeros()
-    from_node, shift = _between_nodes(blocks, nv), _between_nodes(eye(blocks.shape[0]), nv)
-    cruise = csr_matrix((from_node.shape[0], nv))
-    beside = leg.policy.caution * (np.einsum("bij,bj->bi", held.radius, cells.v.magnitude) / scale)[cells.outer].ravel()
-    return _Rows(
-        matrix=csr_matrix(hstack([from_node[:, : k * nv], cruise, from_node[:, k * nv :]])),
-        shift=shift,
-        open=np.stack([-beside, beside], axis=-1),
-        change=np.moveaxis(change / scale, 0, -1).reshape(-1, 2),
-        given=(given / scale).ravel(),
-        scale=scale,
-    )
+    return _Rows(moved, -moved, np.zeros((nv, nv)), change / scale, given / scale, scale)
 
 
 def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration: float) -> _Rows:
     """Rows of the momentum M v by one line of the torque-speed curves, whose damping takes s v of it in a second."""
-    k, nv = cells.middle, len(leg.velocity)
+    nv = len(leg.velocity)
     rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(np.eye(nv)), duration)
-    rows.change[~np.tile(line.given, 2 * k + 1)] = -np.inf, np.inf
-    times, first = np.zeros((2 * k + 1, 2 * k + 1)), np.arange(2 * k)  # [s] of every cell that count at a node
-    times[first, cells.outer] = times[first + 1, cells.outer] = cells.lengths / 2
-    times[k, k] = max(duration - np.sum(cells.lengths), 0.0)
-    damped = kron(times, np.diag(line.slope * leg.velocity / rows.scale))
-    return replace(rows, matrix=csr_matrix(rows.matrix + damped))
-
-
-def _between_nodes(blocks: csr_matrix, nv: int) -> csr_matrix:
-    """Flow balance at the nodes: cells add at their first node and subtract at their last."""
-    none = csr_matrix((nv, blocks.shape[1]))
-    return csr_matrix(vstack([blocks, none]) - vstack([none, blocks]))
+    rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]
+    damped = np.diag(line.slope * leg.velocity / rows.scale)
+    half, cruise = cells.lengths[:, None, None] / 2 * damped, max(duration - np.sum(cells.lengths), 0.0) * damped
+    return replace(rows, onward=rows.onward + half, back=rows.back + half, cruise=cruise)
 
 
 def _free_at_ends(leg: BoundLeg, nodes: Array) -> Array:

@@ -84,7 +84,7 @@ class Sequential:
         eager = policy.eager if eager is None else eager
         at = self._point(self.problem.numbers.x)
         merit, step = self._merit(at), None
-        k, last = -1, policy.steps - 1
+        k, last = -1, policy.patience - 1
         while k < last and (most is None or k < most - 1):
             k += 1
             if self.stop:
@@ -104,7 +104,10 @@ class Sequential:
             if taken is not None:
                 before, merit = merit, self._merit(taken)
                 # Where the rows were linear all along the step, it ends in the optimum.
-                off, reached = abs(self._promised(at, step) - merit), self._reached(at, taken)
+                promised, reached = self._promised(at, step), self._reached(at, taken)
+                off = abs(promised - merit)
+                if k == last < policy.steps - 1 and before - promised < policy.near * merit:
+                    last += 1
                 at, settled, word = taken, abs(before - merit) < enough * merit, "converged"
                 ended = settled or (reached and off < policy.predicted * merit)
                 near = off < policy.tightened * merit and (reached or settled)

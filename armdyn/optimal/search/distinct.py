@@ -49,7 +49,7 @@ def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) ->
 
     def one(first: Attempt, item: Attempt) -> bool:
         return alike(first.trajectory.duration, item.trajectory.duration) and (
-            apart == np.inf or float(np.max(np.abs(first.quarters - item.quarters))) <= apart
+            apart == np.inf or float(np.abs(first.quarters - item.quarters).max()) <= apart
         )
 
     groups = grouped((attempt for attempt in ranked(attempts) if attempt.usable), one)

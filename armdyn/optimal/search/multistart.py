@@ -78,7 +78,10 @@ def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
 
 
 def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
-    return [job(task) for job in jobs]
+    attempts = [job(task) for job in jobs]
+    for attempt in attempts:
+        _ = attempt.quarters  # sent along: `distinct` compares them, where all workers wait
+    return attempts
 
 
 def _solved(way: list[Array], haste: float, settings: tuple[int, SolverSettings], task: Task) -> Attempt:

@@ -153,7 +153,7 @@ SOLVES = {
     ),
     "curves that do not converge": lambda: noted(
         ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5),
-        [("sequential", {"free_steps": 1}), ("curves", {"patience": 2})],
+        [("sequential", {"free_patience": 1, "near": 0.0}), ("curves", {"patience": 2})],
     ),
     "three joints": lambda: noted(random_problem(2), starts=3),
     "a contact": lambda: noted(random_problem(5), starts=3),

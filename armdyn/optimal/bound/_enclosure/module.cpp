@@ -1,11 +1,13 @@
 // The boundary: arrays of numbers in and out. Other threads go on meanwhile.
 #include "form.hpp"
+#include "linear_program.hpp"
 #include "program.hpp"
 
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
+#include <algorithm>
 #include <initializer_list>
 #include <optional>
 #include <vector>
@@ -120,6 +122,32 @@ nb::tuple range_of(const Reals& v_lower, const Reals& v_upper, int many, const n
   return nb::make_tuple(lower.release(), upper.release());
 }
 
+using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Places = nb::ndarray<const int, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+nb::tuple solve(const Places& start, const Places& row, const Numbers& value, const Numbers& right, const Numbers& cost,
+                const Numbers& lower, const Numbers& upper, double tolerance, int most) {
+  const std::size_t columns = cost.size();
+  expect(start.size() == columns + 1 && lower.size() == columns && upper.size() == columns &&
+         row.size() == value.size() && start.data()[0] == 0 && start.data()[columns] == static_cast<int>(row.size()));
+  for (std::size_t j = 0; j < columns; ++j) {
+    expect(start.data()[j] <= start.data()[j + 1] && lower.data()[j] <= upper.data()[j]);
+    for (int e = start.data()[j]; e < start.data()[j + 1]; ++e)
+      expect(row.data()[e] < static_cast<int>(right.size()) && row.data()[e] >= 0 &&
+             (e == start.data()[j] || row.data()[e - 1] < row.data()[e]));
+  }
+  armdyn::LinearProgram program{static_cast<int>(right.size()), static_cast<int>(columns), start.data(), row.data(),
+                                value.data(), right.data(), cost.data(), lower.data(), upper.data(), tolerance, most};
+  armdyn::LinearSolution found;
+  {
+    nb::gil_scoped_release others_go_on;
+    found = armdyn::solve(program);
+  }
+  Fresh multipliers({right.size()});
+  std::copy(found.multipliers.begin(), found.multipliers.end(), multipliers.data());
+  return nb::make_tuple(found.found, found.iterations, found.cost, multipliers.release());
+}
+
 }  // namespace
 
 NB_MODULE(_armdyn_enclosure, m) {
@@ -135,4 +163,7 @@ NB_MODULE(_armdyn_enclosure, m) {
   m.def("range_of", &range_of, nb::arg("v_lower"), nb::arg("v_upper"), nb::arg("many"), nb::arg("linear"),
         nb::arg("squares"), nb::arg("turning").none(), nb::arg("weight"), nb::arg("corners"),
         "The range of a form that is quadratic in v over boxes of v; see form.hpp.");
+  m.def("solve", &solve, nb::kw_only(), nb::arg("start"), nb::arg("row"), nb::arg("value"), nb::arg("right"),
+        nb::arg("cost"), nb::arg("lower"), nb::arg("upper"), nb::arg("tolerance"), nb::arg("most"),
+        "A linear program in boxes; see linear_program.hpp. Other threads go on meanwhile.");
 }

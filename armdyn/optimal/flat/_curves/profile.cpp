@@ -6,6 +6,9 @@
 #include <cmath>
 
 namespace armdyn {
+
+using Run = Profile::Run;
+
 namespace {
 
 constexpr double kHuge = 1e64;  // a pivot that leaves its unknown where it is
@@ -17,22 +20,26 @@ inline double dot(const double* a, const double* b, int count) {
   return sum;
 }
 
-// In the end `values` holds L below the diagonal.
-ARMDYN_CLONES void factorised(const int* first, const long* start, int n, double least, double* values,
-                              double* diagonal) {
-  for (int i = 0; i < n; ++i) {
-    double* own = values + start[i];
-    for (int j = first[i]; j < i; ++j) {
-      const int from = std::max(first[i], first[j]);
-      own[j] -= dot(own + from, values + start[j] + from, j - from);
-    }
-    double pivot = own[i];
-    for (int j = first[i]; j < i; ++j) {
-      const double scaled = own[j];
-      own[j] /= diagonal[j];
-      pivot -= scaled * own[j];
-    }
-    diagonal[i] = std::abs(pivot) > least ? pivot : kHuge;
+// Column after column; in the end `values` holds L below the diagonal. Runs of column j: the rows below it that hold it.
+ARMDYN_CLONES void factorised(const long* start, const int* run_start, const Run* runs, int n, double least,
+                              double* values, double* diagonal, double* column) {
+  for (int j = 0; j < n; ++j) {
+    const Run *first = runs + run_start[j], *end = runs + run_start[j + 1];
+    const double pivot = values[start[j] + j], divisor = std::abs(pivot) > least ? pivot : kHuge;
+    diagonal[j] = divisor;
+    for (const Run* run = first; run < end; ++run)
+      for (int k = run->begin; k < run->end; ++k) column[k] = values[start[k] + j];
+    for (const Run* run = first; run < end; ++run)
+      for (int i = run->begin; i < run->end; ++i) {
+        double* own = values + start[i];
+        const double scaled = column[i] / divisor;
+        own[j] = scaled;
+        for (const Run* other = first; other <= run; ++other) {
+          const int last = std::min(other->end, i + 1);
+#pragma omp simd
+          for (int k = other->begin; k < last; ++k) own[k] -= scaled * column[k];
+        }
+      }
   }
 }
 
@@ -56,6 +63,22 @@ Profile::Profile(const std::vector<int>& first) : first_(first), start_(first.si
     size += static_cast<long>(i) - first[i] + 1;
   }
   values_.resize(size);
+  const int n = static_cast<int>(first.size());
+  run_start_.assign(n + 1, 0);
+  std::vector<int> above(n, -1), next(n);  // row above that holds the column; place of the column's next run
+  const auto each = [&](auto&& begin) {
+    std::fill(above.begin(), above.end(), -1);
+    for (int i = 0; i < n; ++i)
+      for (int j = first[i]; j < i; above[j++] = i) begin(j, i, above[j] != i - 1);
+  };
+  each([&](int j, int, bool begins) { run_start_[j + 1] += begins; });
+  for (int j = 0; j < n; ++j) run_start_[j + 1] += next[j] = run_start_[j];
+  runs_.resize(run_start_[n]);
+  each([&](int j, int i, bool begins) {
+    if (begins) runs_[next[j]++].begin = i;
+    runs_[next[j] - 1].end = i + 1;
+  });
+  column_.resize(n);
 }
 
 void Profile::times(const double* x, double* out) const {
@@ -71,7 +94,8 @@ void Profile::times(const double* x, double* out) const {
 }
 
 void Profile::factorise(double least) {
-  factorised(first_.data(), start_.data(), size(), least, values_.data(), diagonal_.data());
+  factorised(start_.data(), run_start_.data(), runs_.data(), size(), least, values_.data(), diagonal_.data(),
+             column_.data());
 }
 
 void Profile::solve(double* b) const {

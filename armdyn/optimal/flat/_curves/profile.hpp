@@ -3,18 +3,24 @@
 // Journal 9(3), 1966. Rows without entries far from the diagonal, and a few full ones at the end, cost what they hold.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 namespace armdyn {
 
 class Profile {
  public:
+  struct Run {
+    int begin, end;  // rows
+  };
+
   // first: column of each row's first entry.
   explicit Profile(const std::vector<int>& first);
 
   int size() const { return static_cast<int>(first_.size()); }
   // out = M x.
   void times(const double* x, double* out) const;
+  void clear() { std::fill(values_.begin(), values_.end(), 0.0); }
   double* row(int i) { return values_.data() + start_[i]; }  // of column 0; valid from first[i] to i
   const double* row(int i) const { return values_.data() + start_[i]; }
 
@@ -26,7 +32,9 @@ class Profile {
  private:
   std::vector<int> first_;
   std::vector<long> start_;
-  std::vector<double> values_, diagonal_;
+  std::vector<int> run_start_;  // of each column
+  std::vector<Run> runs_;       // rows below the diagonal that hold the column
+  std::vector<double> values_, diagonal_, column_;
 };
 
 }  // namespace armdyn

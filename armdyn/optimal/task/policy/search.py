@@ -131,7 +131,12 @@ class SearchPolicy:
     )
     led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
     slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
-    bunch: int = tuned(7, "guesses", "that a worker gets at once: one takes hardly longer than its result", UNRECORDED)
+    bunch: int = tuned(
+        4,
+        "guesses",
+        "that a worker gets at once: one takes hardly longer than its result; of more some of many workers have none",
+        "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
+    )
     asks: int = tuned(24, "times", "that a search asks whether it has seen enough: that takes its time, too")
     brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
 

@@ -6,6 +6,7 @@ from typing import Self
 from armdyn.optimal.task.policy.tuned import tuned
 
 TRAINED = "MotionBenchMaker, Panda, problems 10 to 15 of seven sets"
+SLOW = "UR5, xArm7, UR10 (seeds 1 and 5), and the library's arms, pairs 0 to 2"
 FREE = "Panda and UR5, ten random pairs each (seed 1)"
 
 
@@ -32,7 +33,10 @@ class SequentialPolicy:
     near_bound: float = tuned(1.02, "of the time at the velocity limits", "a way so fast needs no other", TRAINED)
     hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)
-    free_steps: int = tuned(8, "steps", "without obstacles: those that converge fast take 5", FREE)
+    patience: int = tuned(30, "steps", "at most, where the last one does not promise to be near the end", TRAINED)
+    near: float = tuned(1e-3, "of the merit", "gain promised by a step that is near the end", SLOW)
+    free_steps: int = tuned(24, "steps", "without obstacles: those near their end by then take up to 20", SLOW)
+    free_patience: int = tuned(8, "steps", "the same elsewhere: those that converge fast take 5", FREE)
     predicted: float = tuned(
         1e-4, "of the merit", "error of a prediction, or gain of a step, that ends the iteration", TRAINED
     )
@@ -80,4 +84,7 @@ class SequentialPolicy:
     def without_obstacles(self) -> Self:
         """The numbers for curves that keep no distances."""
         enough = self.free_enough
-        return replace(self, steps=self.free_steps, enough=enough, predicted=enough, torque_left=self.free_torque_left)
+        steps, patience = self.free_steps, self.free_patience
+        return replace(
+            self, steps=steps, patience=patience, enough=enough, predicted=enough, torque_left=self.free_torque_left
+        )
