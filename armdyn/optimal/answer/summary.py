@@ -58,8 +58,8 @@ def _checks(certificate: Certificate) -> dict[str, object]:
     """Results of the checks, by name."""
     return _plain(
         certificate, "ok", "replay", "growth", "segment_error", "correction", "correction_share", "goal_error",
-        "goal_velocity_error", "hamiltonian_spread", "switching_violation", "adjoint_error", "transversality", "lands",
-        "keeps_limits", "limit_violation", "singular", "reasons",
+        "goal_velocity_error", "hamiltonian_spread", "switching_violation", "adjoint_error", "saving", "transversality",
+        "lands", "keeps_limits", "limit_violation", "singular", "reasons",
     )  # fmt: skip
 
 

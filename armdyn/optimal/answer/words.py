@@ -48,7 +48,10 @@ def assessment(solution: Solution) -> str:
     said += [f"The arm does not stay there by itself: {words}." for words in problem.unstable_ends]
     if solution.status is Status.TIME_LIMIT:
         said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
-    if certificate.extremal:
+    if certificate.extremal and certificate.saving is not None:
+        saved = percent(certificate.saving)
+        said.append(f"Pontryagin's conditions hold along it: to first order no change saves more than {saved} of it.")
+    elif certificate.extremal:
         said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:
         said.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
@@ -82,6 +85,8 @@ def checks(solution: Solution) -> list[Check]:
 def _extremal(solution: Solution) -> tuple[bool | None, str]:
     """Pontryagin's conditions with their largest errors."""
     certificate = solution.certificate
+    if certificate.saving is not None:
+        return certificate.extremal, f"to first order a change saves at most {percent(certificate.saving)} of the time"
     if not solution.arcs:
         return None, "Pontryagin's conditions are not checked: the switching times are not resolved"
     adjoint = certificate.adjoint_error

@@ -54,7 +54,7 @@ class Segments:
             most: steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
-        tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), _gauss_steps(robot)
+        tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), gauss_steps(robot)
         defect, forced = -np.diff(x, axis=0), np.zeros((h.size, 2 * n, n))
         state_transition = np.tile(np.eye(2 * n), (h.size, 1, 1))
         scale = _AGREES * (1 + np.max(np.abs(x[:-1]), axis=1))
@@ -105,7 +105,7 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     if finer.t.size == motion.t.size:
         return motion
     kept = np.searchsorted(finer.t, motion.t)
-    x, step = np.concatenate([finer.q, finer.v], axis=1), _gauss_steps(robot)
+    x, step = np.concatenate([finer.q, finer.v], axis=1), gauss_steps(robot)
     for part in range(1, int(np.max(np.diff(kept)))):
         at = kept[:-1][np.diff(kept) > part] + part
         x[at] = step(
@@ -114,5 +114,6 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
     return replace(finer, q=x[:, : robot.nv], v=x[:, robot.nv :])
 
 
-def _gauss_steps(robot: Robot) -> Collocation:
+def gauss_steps(robot: Robot) -> Collocation:
+    """Steps of Gauss collocation of order six."""
     return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _STALLED, _MOST_NEWTON)

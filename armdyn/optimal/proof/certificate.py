@@ -35,6 +35,8 @@ SWITCHING_TOLERANCE = 1e-4
 ADJOINT_TOLERANCE = 1e-4
 """Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. Planar arms
 come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
+SAVING_TOLERANCE = 1e-4
+"""Of the duration, that a change of the motion saves to first order at most: a mean of |H| and of wrong signs."""
 SEGMENT_TOLERANCE = 1e-7
 """Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a
 tenth of the goal's tolerance, and ten times what integrators of relative tolerance 1e-10 leave at 50 rad/s."""
@@ -70,6 +72,9 @@ class Certificate:
         adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
             integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
             candidates on the way to an answer, or there are no costates.
+        saving: bound on what a change of the motion saves to first order, as a part of the duration, by costates of
+            the motion itself: see `mesh_costates`. It takes the place of the two before where the arcs are not
+            resolved, and it is known where it is within the tolerance. None: it is not.
         transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal moves
             along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
             the costates are not known. None: the goal is a point.
@@ -102,6 +107,7 @@ class Certificate:
     hamiltonian_spread: float = float("inf")
     switching_violation: float = float("inf")
     adjoint_error: float | None = None
+    saving: float | None = None
     transversality: float | None = None
     singular: bool = False
     idle: tuple[str, ...] = ()
@@ -178,9 +184,9 @@ class Certificate:
             ("a segment ends {:.2g} from the next sample", self.segment_error or 0.0, SEGMENT_TOLERANCE),
             ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
         )
-        if np.isfinite(self.hamiltonian_spread):
+        if self.saving is not None or np.isfinite(self.hamiltonian_spread):
             wrong += self._against_pontryagin
-        elif not (wrong or self.remark):
+        elif not (wrong or self.remark or self.saving is not None):
             wrong = ("no costates: the arcs were not resolved",)
         remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # the gap says more
         return (*((remark,) if remark else ()), *wrong, *self._against_gap)
@@ -204,9 +210,13 @@ class Certificate:
     def _against_pontryagin(self) -> tuple[str, ...]:
         apart = self.transversality or 0.0
         unchecked = ("whether another joint position of the goal is faster is not checked",) if apart == np.inf else ()
-        return unchecked + _beyond(
+        by_arcs = (
             ("the Hamiltonian strays from 0 by {:.2g}", self.hamiltonian_spread, HAMILTONIAN_TOLERANCE),
             ("a switching function has the wrong sign by {:.2g}", self.switching_violation, SWITCHING_TOLERANCE),
+        )
+        by_motion = (("a change may save {:.2g} of the duration", self.saving or 0.0, SAVING_TOLERANCE),)
+        return unchecked + _beyond(
+            *(by_arcs if self.saving is None else by_motion),
             ("the costates stray from the adjoint equations by {:.2g}", self.adjoint_error or 0.0, ADJOINT_TOLERANCE),
             (
                 "another joint position that reaches the goal pose is faster: transversality is missed by {:.2g}",

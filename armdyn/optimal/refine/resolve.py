@@ -17,6 +17,7 @@ from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, land_extremal
+from armdyn.optimal.refine.motion_mesh import mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
@@ -50,31 +51,44 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
-    motion, sharp, known = attempt.trajectory, attempt, list[Optimum]()
-    remark = f"{task.stop.word} before the arcs were read"
+    motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
+    sharp, resolved = attempt, None
     if not task.stop:
         own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
+        fast = _at_speed(task, motion)  # there structures rarely settle, and the mesh's motion does sooner
         if rolled_out:
-            found = _by_switching(task, attempt, own)
+            found = _by_switching(task, shooting_problem(task, motion.duration), attempt, own)
+            known += _landed(task, found, attempt, own)
+            if not (found.settled or fast):
+                found = found.again(own)
+                known += _landed(task, found, attempt, own)
+            # Else a finer mesh may show a structure yet.
+            last = own.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+            if (fast or last) and not (_certified(known) or found.why == _IDLE):
+                resolved = mesh_optimum(task, found.mesh, found.why)
+                known += [] if resolved is None else [resolved]
+            if fast and resolved is None and not found.settled:
+                found = found.again(own)
+                known += _landed(task, found, attempt, own)
             remark, sharp = found.why, found.mesh
-            rest = own if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
-            for extremal in found.extremals[: task.policy.refinement.landed_of]:
-                known.append(land_extremal(task, extremal, attempt.intervals, rest))
-                if not rank(task, known[-1])[0]:
-                    break
+            if resolved is not None:
+                own.spend(own.left)  # what a resolved motion lacks no other mesh has
         # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
-        other = not rolled_out or remark == _IDLE or _at_speed(task, motion, *(one.trajectory for one in known))
-        if other and not (known and known[0].certificate.ok):
+        fast = fast or _at_speed(task, *(one.trajectory for one in known))
+        if (not rolled_out or remark == _IDLE or (fast and resolved is None)) and not _certified(known):
             phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
             if phases is not None:
                 known.append(land(task, phases, remark, attempt.intervals))
                 remark = known[-1].certificate.remark
-    certified = [one for one in known if one.certificate.ok]
-    if certified:
-        return certified[0]
+        if rolled_out and found.why == _IDLE and not _certified(known):
+            resolved = mesh_optimum(task, found.mesh, found.why)
+            known += [] if resolved is None else [resolved]
+    if certified := _certified(known):
+        return min(certified, key=partial(rank, task))
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
-    if known and not rank(task, known[-1])[0] and known[-1].trajectory.duration <= longest:
-        return known[-1]  # usable, and the mesh's own motion is slower
+    best = min(known, key=partial(rank, task)) if resolved else known[-1] if known else None
+    if best is not None and not rank(task, best)[0] and (resolved or best.trajectory.duration <= longest):
+        return best  # usable, and the mesh's own motion is slower
     for mesh in _alike(task, sharp, attempt):
         landed, replay = aimed(task, mesh.trajectory)
         certificate = certify(task.problem, replay, None, remark)
@@ -83,6 +97,21 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
             break
     # Arcs that are not certified are worth having only if their motion is the better one.
     return min(known, key=partial(rank, task))
+
+
+def _certified(optima: list[Optimum]) -> list[Optimum]:
+    return [one for one in optima if one.certificate.ok]
+
+
+def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:
+    """The best extremals, landed, until one is a motion within its limits."""
+    rest = budget if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
+    landed: list[Optimum] = []
+    for extremal in found.extremals[: task.policy.refinement.landed_of]:
+        landed.append(land_extremal(task, extremal, attempt.intervals, rest))
+        if not rank(task, landed[-1])[0]:
+            break
+    return landed
 
 
 def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
@@ -188,51 +217,77 @@ class _Resolved:
     """Where the structures of a mesh's solution have led.
 
     Attributes:
-        extremals: motions within their limits, extremals first, each by duration; none: nothing lands, or time does not
-            determine what some joint does.
-        why: what the first lacks, for people; "": nothing.
-        mesh: the solution refined at its switches, where that was needed; else the one on equal intervals.
-        settled: the first is an extremal.
+        shooting: their shooting problem.
+        tried: what each has led to, with its sort key, best first.
+        first: structures of equal intervals.
+        sharp: structures of a mesh refined at its switches.
+        mesh: that mesh's solution, where it was needed; else the one on equal intervals.
+        reached: where a budget ended the last one; None: it came to an end.
     """
 
-    extremals: tuple[Extremal, ...]
-    why: str
+    shooting: ShootingProblem
+    tried: list[tuple[tuple[bool, float], RefinedExtremal]]
+    first: list[SwitchingStructure]
+    sharp: list[SwitchingStructure]
     mesh: Attempt
-    settled: bool = False
+    reached: SwitchingStructure | None = None
+
+    @property
+    def settled(self) -> bool:
+        """Whether the best is an extremal."""
+        return bool(self.tried) and not self.tried[0][0][0]
+
+    @property
+    def extremals(self) -> tuple[Extremal, ...]:
+        """Motions within their limits, extremals first, each by duration; none: nothing lands, or a joint is idle."""
+        found = tuple(one.extremal for _, one in self.tried if one.extremal is not None)
+        return () if found and leaves_idle(found[0], SWITCHING_TOLERANCE) else found
+
+    @property
+    def why(self) -> str:
+        """What the best lacks, for people; "": nothing."""
+        if not self.tried:
+            return "no structure was read"
+        best = self.tried[0][1]
+        idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
+        return _IDLE if idle else best.why
+
+    def with_tried(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
+        """With what a structure leads to, within a part of a budget."""
+        granted = min(budget.left, most)
+        own = Budget(budget, granted)
+        refined = refine_extremal(replace(self.shooting, budget=own), structure, own)
+        budget.spend(granted - own.left)
+        tried = [*self.tried, (_lack(self.shooting, refined), refined)]
+        return replace(self, tried=sorted(tried, key=lambda one: one[0]), reached=refined.reached)
+
+    def again(self, budget: Budget) -> "_Resolved":
+        """The first structures with all that is left; last the last one of the others goes on where it ended."""
+        found, reached = self, self.reached if self.sharp else None
+        for structure in [*self.first, *([] if reached is None else [reached])]:
+            if not (found.settled or budget):
+                found = found.with_tried(structure, budget)
+        return found
 
 
-def _by_switching(task: Task, attempt: Attempt, budget: Budget) -> _Resolved:
+def _by_switching(task: Task, shooting: ShootingProblem, attempt: Attempt, budget: Budget) -> _Resolved:
     """The extremal that a structure leads to when it is corrected, or the nearest motions.
 
-    Structures of equal intervals come first, then those of a mesh refined at its switches; then the first ones again,
-    with all that is left, and last the last one of the others goes on where the budget ended it.
+    Structures of equal intervals come first, then those of a mesh refined at its switches.
     """
-    numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory.duration)
-    found: list[tuple[tuple[bool, float], RefinedExtremal]] = []
-
-    def extremal(structure: SwitchingStructure, most: float) -> bool:
-        granted = min(budget.left, most)
-        own = Budget(task.stop, granted)
-        refined = refine_extremal(replace(shooting, budget=own), structure, own)
-        budget.spend(granted - own.left)
-        found.append((_lack(task, refined), refined))
-        return not found[-1][0][0]
-
-    mesh, first = attempt, list(_structures(task, shooting, attempt))
-    settled = any(extremal(each, numbers.glance) for each in first if not budget)
-    if not settled and not budget:
+    numbers = task.policy.refinement
+    found = _Resolved(shooting, [], list(_structures(task, shooting, attempt)), [], attempt)
+    for structure in found.first:
+        if not (found.settled or budget):
+            found = found.with_tried(structure, budget, numbers.glance)
+    if not (found.settled or budget):
         mesh = at_switches(task, attempt)
-        sharp = list(_structures(task, shooting, mesh)) if mesh is not attempt else []
-        settled = any(extremal(each, numbers.sharp) for each in sharp if not budget)
-        reached = found[-1][1].reached if sharp else None
-        settled = settled or any(extremal(each, budget.left) for each in first if not budget)
-        if reached is not None and not settled and not budget:
-            settled = extremal(reached, np.inf)
-    found.sort(key=lambda each: each[0])
-    extremals = tuple(each.extremal for _, each in found if each.extremal is not None)
-    if extremals and leaves_idle(extremals[0], SWITCHING_TOLERANCE):
-        return _Resolved((), _IDLE, mesh)
-    return _Resolved(extremals, found[0][1].why if found else budget.word, mesh, settled)
+        sharp = [] if mesh is attempt else list(_structures(task, shooting, mesh))
+        found = replace(found, sharp=sharp, mesh=mesh)
+        for structure in sharp:
+            if not (found.settled or budget):
+                found = found.with_tried(structure, budget, numbers.sharp)
+    return found
 
 
 def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterator[SwitchingStructure]:
@@ -240,13 +295,13 @@ def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterato
     return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
 
 
-def _lack(task: Task, refined: RefinedExtremal) -> tuple[bool, float]:
+def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
     """Sorts: extremals before other motions, each by duration."""
     if refined.extremal is None:
         return True, np.inf
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
-        wrong = pontryagin(task.problem, phases_of(refined.extremal))[2]
+        wrong = pontryagin(shooting.problem, phases_of(refined.extremal))[2]
     return wrong > SWITCHING_TOLERANCE, refined.extremal.structure.duration
 
 

@@ -55,7 +55,7 @@ def has_stagewise(task: Task) -> bool:
     return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
 
 
-def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings) -> Attempt:
+def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:
     """The condensed program on any mesh, within all limits in the middle of the intervals, too.
 
     Args:
@@ -63,8 +63,9 @@ def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: Solver
         guess: where it starts.
         knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
+        tie: see `Scales.weights`.
     """
-    attempt, _ = _condensed(task, guess, knots, settings, bounded=True)
+    attempt, _ = _condensed(task, guess, knots, settings, bounded=True, tie=tie)
     return replace(attempt, knots=knots)
 
 
@@ -94,7 +95,7 @@ def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSetti
 
 
 def _condensed(
-    task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False
+    task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False, tie: float = 0.0
 ) -> tuple[Attempt, bool]:
     """An attempt, and whether it keeps all limits between the knots, too.
 
@@ -104,6 +105,7 @@ def _condensed(
         knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
         bounded: whether it has to, which only `Stagewise` can see to.
+        tie: see `Scales.weights`.
     """
     intervals = knots.size - 1
     if task.stop:
@@ -112,7 +114,7 @@ def _condensed(
     program = solver if isinstance(solver, Stagewise) else solver.program
     scales, layout = Scales.of(problem, guess), program.layout
     full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
-    weights = scales.weights(problem.effort_weight)
+    weights = scales.weights(problem.effort_weight, tie)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]

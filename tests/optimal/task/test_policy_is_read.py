@@ -133,15 +133,27 @@ SOLVES = {
     "velocity limits": lambda: noted(gantry_problem(velocity_limit=0.5), starts=2),
     "two joints, one of which is idle": lambda: noted(gantry_problem(), starts=2),
     "a velocity limit that is reached where a torque jumps": lambda: noted(
-        between("rr", velocity_limit=20.0), [ARCS, ("refinement", {"rounds": 0, "budget": 20_000})], starts=1
+        between("rr", velocity_limit=20.0),
+        [ARCS, ("refinement", {"rounds": 0, "budget": 20_000}), ("motion_mesh", {"rounds": 0})],
+        starts=1,
     ),
     "a velocity limit that slowing down mends": lambda: noted(
         between("rr", velocity_limit=8.0),
-        [ARCS, ("refinement", {"rounds": 0, "budget": 20_000}), ("landing", {"below": -1e-4})],
+        [
+            ARCS,
+            ("refinement", {"rounds": 0, "budget": 20_000}),
+            ("motion_mesh", {"rounds": 0}),
+            ("landing", {"below": -1e-4}),
+        ],
         starts=1,
     ),
     "arcs that are not resolved": lambda: noted(
         between("rr", **INSIDE), [("switching", {"rounds": 0}), ("refinement", {"rounds": 0})], starts=2
+    ),
+    "motions that are not resolved": lambda: noted(
+        between("rr", **INSIDE),
+        [("switching", {"rounds": 0}), ("refinement", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
+        starts=2,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0]), starts=1),
     "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),

@@ -57,3 +57,19 @@ class PathConstraintPolicy:
     slower: float = tuned(
         2e-3, "of the duration", "that slowing down may cost before a program is asked more strictly", "RR, UR5, Panda"
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShootingPolicy:
+    """Tuned numbers of multiple shooting from a mesh's motion, and of its costates."""
+
+    cases: ClassVar = "random arms (RR, seed 1)"
+
+    rounds: int = tuned(12, "rounds", "of Newton's method: most take three, those with torques on limits more")
+    near: float = tuned(1e-5, "of half a torque's range", "a torque of the mesh so near its limit is on it")
+    closed: float = tuned(1e-12, "of a joint's way or speed", "gaps that are the integrator's own")
+    states: float = tuned(1.0, "-", "cost of a change of a state against that of all torques")
+    longer: float = tuned(1.0, "-", "the same of a change of the duration")
+    held: float = tuned(2e-4, "of a limit", "a velocity, or as a part of its way a position, so near may be held by it")
+    brief: float = tuned(1e-3, "of the duration", "a shorter interval counts less where the linear program looks at it")
+    stretch: float = tuned(2e-3, "of the duration", "between costates of the linear program, at least")

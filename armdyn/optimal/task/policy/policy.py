@@ -10,12 +10,13 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.curves import CurvePolicy
-from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy
+from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
 from armdyn.optimal.task.policy.live import LivePolicy
 from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     AdjointPolicy,
     ArcsPolicy,
+    MotionMeshPolicy,
     RefinementPolicy,
     SmoothPolicy,
     SwitchMeshPolicy,
@@ -46,6 +47,7 @@ class Policy:
         same: when two durations are one optimum's.
         refinement: how far an optimum of a mesh is refined.
         switch_mesh: how a mesh is refined at the switches before arcs are read from it.
+        motion_mesh: how a mesh is refined until its motion is the optimum's.
         arcs: how arcs are read, laid and solved.
         switching: how a switching structure is corrected.
         rollout: how finely its arcs are integrated.
@@ -53,6 +55,7 @@ class Policy:
         contacts: which contacts with limits of the state are corrected.
         singular: where torques are free, and what they are at first.
         landing: how a mesh's torques are brought to land.
+        shooting: the same interval by interval, and costates along it.
         adjoint: how finely the adjoint equations are checked.
         smooth: optima of time and energy.
         path_constraints: what is asked along the way.
@@ -70,6 +73,7 @@ class Policy:
     same: SamePolicy = field(default_factory=SamePolicy)
     refinement: RefinementPolicy
     switch_mesh: SwitchMeshPolicy = field(default_factory=SwitchMeshPolicy)
+    motion_mesh: MotionMeshPolicy = field(default_factory=MotionMeshPolicy)
     arcs: ArcsPolicy = field(default_factory=ArcsPolicy)
     switching: SwitchingPolicy = field(default_factory=SwitchingPolicy)
     rollout: RolloutPolicy = field(default_factory=RolloutPolicy)
@@ -77,6 +81,7 @@ class Policy:
     contacts: ContactPolicy = field(default_factory=ContactPolicy)
     singular: SingularPolicy = field(default_factory=SingularPolicy)
     landing: LandingPolicy = field(default_factory=LandingPolicy)
+    shooting: ShootingPolicy = field(default_factory=ShootingPolicy)
     adjoint: AdjointPolicy = field(default_factory=AdjointPolicy)
     smooth: SmoothPolicy
     path_constraints: PathConstraintPolicy = field(default_factory=PathConstraintPolicy)

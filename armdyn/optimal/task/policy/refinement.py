@@ -80,6 +80,33 @@ class SwitchMeshPolicy:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MotionMeshPolicy:
+    """Tuned numbers of mesh refinement until the motion is resolved."""
+
+    cases: ClassVar = "random arms (RR, seed 1)"
+
+    intervals: int = tuned(160, "intervals", "of the first mesh")
+    most: int = tuned(3000, "knots", "more take a second")
+    rounds: int = tuned(5, "meshes", "a switch is then located to 1e-6 of the duration")
+    iterations: int = tuned(200, "iterations", "at most: most take 40 to 90, some 150")
+    parts: int = tuned(4, "parts", "of a divided interval, at most")
+    jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
+    bow: float = tuned(2e-5, "of a velocity limit", "by which a constant torque strays from it within an interval")
+    beyond: float = tuned(1e-6, "rad or m", "the same near a limit of position: it is that of the certificate")
+    gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
+    least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
+    inside: float = tuned(
+        3e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
+    )
+    slower: float = tuned(4e-3, "of the duration", "a solution that is so much slower is another optimum", "RRR, 500 g")
+    tie: float = tuned(
+        3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
+    )
+    margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
+    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
+
+
+@dataclass(frozen=True, kw_only=True)
 class ArcsPolicy:
     """Tuned numbers of arcs: their detection on a mesh, their intervals and their solver."""
 

@@ -1,0 +1,154 @@
+"""Multiple shooting: a mesh's motion, with torques constant in its intervals, that lands exactly.
+
+Every interval is integrated by Gauss collocation of order six from its own first state. Newton's method closes the gaps
+to the next states by the least change of torques, states and duration. Its equations are those of a regulator: with the
+torques and states eliminated they are block tridiagonal in the multipliers, and a banded Cholesky factorization solves
+them.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from armdyn.arrays import Array, Flags
+from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.models.robots.robot import Robot
+from armdyn.optimal.landing.segments import gauss_steps
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.task.policy.landing import ShootingPolicy
+from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Shooting:
+    """A motion on a mesh.
+
+    Attributes:
+        t: knots [s], shape (K + 1,).
+        x: states (q, v) at the knots, shape (K + 1, 2 nv).
+        tau: torques of the intervals [N m or N], shape (K, nv).
+    """
+
+    t: Array
+    x: Array
+    tau: Array
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem, attempt: Attempt, near: float) -> Self:
+        """The motion of a solution on a mesh, from the start to the goal.
+
+        Args:
+            problem: its ends and its torque limits.
+            attempt: a solution with torques that are constant in its intervals.
+            near: part of half a torque's range; a torque so near a limit is on it.
+        """
+        motion, actuators = attempt.trajectory, problem.limits.actuators
+        t = attempt.mesh * motion.duration
+        at, tau = motion(t), motion((t[:-1] + t[1:]) / 2).tau
+        x, level = np.concatenate([at.q, at.v], axis=1), (tau - actuators.center) / actuators.scale
+        x[0] = np.concatenate([problem.q_start, problem.v_start])
+        x[-1] = np.concatenate([problem.q_goal, problem.v_goal])
+        tau = np.where(level > 1 - near, actuators.upper, np.where(level < near - 1, actuators.lower, tau))
+        return cls(t, x, tau)
+
+    @property
+    def size(self) -> Array:
+        """Unit of each state: the joint's way and its largest speed, shape (2 nv,)."""
+        n = self.tau.shape[1]
+        both = np.concatenate([np.ptp(self.x[:, :n], axis=0), np.max(np.abs(self.x[:, n:]), axis=0)])
+        return np.asarray(np.maximum(both, 1e-3 * np.repeat(both.reshape(2, n).max(axis=1), n)))
+
+    def trajectory(self, names: tuple[str, ...]) -> Trajectory:
+        """Samples at both ends of every interval; the torque jumps one ulp before a knot."""
+        n, K = self.tau.shape[1], len(self.tau)
+        t, x = np.empty(2 * K), np.repeat(self.x, 2, axis=0)[1:-1]
+        t[0::2], t[1::2] = self.t[:-1], np.nextafter(self.t[1:], 0)
+        t[-1] = self.t[-1]
+        return Trajectory(t, x[:, :n], x[:, n:], np.repeat(self.tau, 2, axis=0), names, "minimum time")
+
+
+def gaps(robot: Robot, motion: Shooting) -> tuple[Array, Array, Array, Array]:
+    """Integrated ends of the intervals, less the next states, and what they depend on, all in units of `size`.
+
+    Returns:
+        Gaps, shape (K, 2 nv); their derivatives by the interval's first state, shape (K, 2 nv, 2 nv), by its torque,
+        shape (K, 2 nv, nv), and by a stretch of the whole motion's time, shape (K, 2 nv).
+    """
+    h, n, size = np.diff(motion.t), robot.nv, motion.size
+    torques = np.stack([motion.tau, motion.tau], axis=1)
+    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], torques, 2)
+    rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], motion.tau)], axis=1)
+    return (
+        (end - motion.x[1:]) / size,
+        by_state * size / size[:, None],
+        by_torque / size[:, None],
+        rate * h[:, None] / size,
+    )
+
+
+def landed(task: Task, attempt: Attempt) -> Shooting | None:
+    """The motion of a solution on a mesh that lands, within its torque limits; None: there is none near.
+
+    Args:
+        task: the problem and its settings.
+        attempt: a solution with torques that are constant in its intervals.
+    """
+    numbers, actuators = task.policy.shooting, task.problem.limits.actuators
+    motion = Shooting.of(task.problem, attempt, numbers.near)
+    free = (motion.tau > actuators.lower) & (motion.tau < actuators.upper)
+    for _ in range(numbers.rounds):
+        found = gaps(task.problem.robot, motion)
+        if task.stop or not np.all(np.isfinite(found[0])):
+            return None
+        if np.max(np.abs(found[0])) <= numbers.closed:
+            return motion
+        motion, free = _closed(motion, found, free, task, numbers)
+    return None
+
+
+def _closed(
+    motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
+) -> tuple[Shooting, Flags]:
+    """One step of Newton's method, and which torques are still free: one that would exceed a limit stays on it."""
+    gap, by_state, by_torque, by_time = found
+    actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
+    share = np.diff(motion.t)[:, None] / motion.t[-1]
+    moved = by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]  # by a unit of its cost
+    carried = by_state / np.sqrt(numbers.states)
+    carried[0] = 0.0  # the first state is held, and so is the last
+    own = np.full(K, 1 / numbers.states)
+    own[-1] = 0.0
+    diagonal = moved @ moved.swapaxes(1, 2) + carried @ carried.swapaxes(1, 2) + own[:, None, None] * np.eye(2 * n)
+    beyond = -carried[1:].swapaxes(1, 2) / np.sqrt(numbers.states)  # of row k, columns k + 1
+    matrix = _banded(diagonal, beyond)
+    both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
+    stretch = by_time.ravel() @ both[:, 0] / (numbers.longer + by_time.ravel() @ both[:, 1])
+    multipliers = (both[:, 0] - stretch * both[:, 1]).reshape(K, 2 * n)
+    weights = np.where(free, actuators.scale**2, 0.0) / share
+    change = -weights * np.einsum("kan,ka->kn", by_torque, multipliers)
+    states = np.einsum("kab,ka->kb", by_state[1:], multipliers[1:]) - multipliers[:-1]
+    x, tau = motion.x.copy(), np.clip(motion.tau + change, actuators.lower, actuators.upper)
+    x[1:-1] -= states / numbers.states * motion.size
+    free = free & (tau > actuators.lower) & (tau < actuators.upper)
+    return replace(motion, t=motion.t * (1 - stretch), x=x, tau=tau), free
+
+
+def _banded(diagonal: Array, beyond: Array) -> Array:
+    """Lower bands of a symmetric block tridiagonal matrix, as `solveh_banded` takes them.
+
+    Args:
+        diagonal: blocks, shape (K, m, m).
+        beyond: blocks right of these, shape (K - 1, m, m).
+    """
+    K, m, _ = diagonal.shape
+    blocks = np.zeros((K, 2 * m, m))  # a column of blocks: its own, and the one below
+    blocks[:, :m] = diagonal
+    blocks[:-1, m:] = beyond.swapaxes(1, 2)
+    bands = np.zeros((2 * m, K, m))
+    for column in range(m):
+        bands[: 2 * m - column, :, column] = blocks[:, column:, column].T
+    return bands.reshape(2 * m, K * m)

@@ -1,0 +1,298 @@
+"""What a change of a motion saves to first order, at most, whatever its switching structure: by a linear program.
+
+Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that it
+comes near (Bryson and Ho, Applied Optimal Control, section 3.9). Other torques within their limits, and another pace,
+change the duration to first order by ∫ H δσ + Σ S_i δτ_i dt, and every motion within the limits of the state has
+∫ η (change of the state) dt ≤ ∫ η (distance from the limit) dt. With a pace that changes by at most the whole,
+|δσ| ≤ 1, and torques that may go to any limit, no change saves more, as a part of the duration T, than
+
+    1/T ∫ |H| + Σ_i (by how much H falls if torque i goes to a limit) + η · (distance from the limit) dt.
+
+It is zero where Pontryagin's conditions hold, and for no other motion. Any ρ and η ≥ 0 give a bound; a linear program
+finds those of the least. No solver's multipliers enter: a motion by any method is judged.
+
+The program has costates at the ends of stretches of some thousandths of the duration; the integral is measured
+afterwards, over all intervals.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.optimize import linprog
+
+from armdyn.arrays import Array, Index
+from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
+from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.landing.shooting import Shooting
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.adjoint import Along
+from armdyn.optimal.task.policy import Policy
+from armdyn.optimal.task.policy.landing import ShootingPolicy
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class MeshCostates:
+    """Costates at the knots of a motion, and what a change of it saves to first order, at most.
+
+    Attributes:
+        t: knots [s], shape (K + 1,).
+        costate: ρ = ∂(time to go)/∂(q, v) at the knots, shape (K + 1, 2 nv).
+        switching: S = ∂H/∂τ there, shape (K + 1, nv).
+        held: multipliers of limits of (q, v) in the intervals, positive where the upper one holds the motion back
+            [1/rad or 1/(rad/s)], shape (K, 2 nv).
+        saving: bound on what a change of the motion saves to first order, as a part of the duration.
+    """
+
+    t: Array
+    costate: Array
+    switching: Array
+    held: Array
+    saving: float
+
+
+def mesh_costates(
+    problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
+) -> MeshCostates | None:
+    """The costates that come nearest to Pontryagin's conditions; None: some step was not solved.
+
+    Args:
+        problem: whose motion it is; time alone counts.
+        motion: that lands.
+        replay: of it, along which the adjoint equations are integrated.
+        policy: lengths of stretches, what counts as near a limit, and how finely is integrated.
+    """
+    system = _StationarityProgram.of(problem, motion, replay, policy)
+    return None if system is None else system.solved()
+
+
+@dataclass(frozen=True, eq=False)
+class _Limit:
+    """A limit of a state, along a motion.
+
+    Attributes:
+        state: which, from 0 to 2 nv.
+        side: 1 for the upper limit, -1 for the lower one.
+        size: the limit; of a position the joint's way.
+        room: distance from it at the knots, as a part of its size, shape (K + 1,).
+    """
+
+    state: int
+    side: float
+    size: float
+    room: Array
+
+    @classmethod
+    def all(cls, limits: JointLimits, motion: Shooting) -> "list[_Limit]":
+        """Limits of velocity, and then of position, that are finite."""
+        found, n = [], motion.tau.shape[1]
+        for i, x in enumerate(motion.x.T):
+            for side in (1.0, -1.0):
+                bounds = (
+                    (limits.position_upper, limits.position_lower) if i < n else (limits.velocity, -limits.velocity)
+                )
+                bound = float(bounds[int(side < 0)][i % n])
+                size = abs(bound) if i >= n else float(motion.size[i])
+                if np.isfinite(bound):
+                    found.append(cls(i, side, size, np.maximum(side * (bound - x), 0.0) / size))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretches:
+    """A motion in stretches, for costates r = ρ size at their ends.
+
+    Attributes:
+        ends: knots at which they begin and end, shape (G + 1,).
+        carried: what r at their ends makes of it at their starts, shape (G, 2 nv, 2 nv).
+        source_of: stretch, and limit, of each multiplier, shape (2, E).
+        source: what a unit of it adds to r at the stretch's start, shape (E, 2 nv).
+        distance: a unit of it times the distance from the limit, as a part of the duration, shape (E,).
+    """
+
+    ends: Index
+    carried: Array
+    source_of: Index
+    source: Array
+    distance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _StationarityProgram:
+    """Pontryagin's conditions as linear inequalities for costates and multipliers.
+
+    Attributes:
+        motion: whose costates they are.
+        carried: what r at the end of an interval makes of it at its start, shape (K, 2 nv, 2 nv).
+        added: what a multiplier of 1 along the interval adds to r there, a column for each state, (K, 2 nv, 2 nv).
+        rate: of the state at both ends of every interval, shape (2, K, 2 nv).
+        into: S by the velocities' costates, times the torques' ranges, at the knots, shape (K + 1, nv, nv).
+        share: of their ranges that torques are above the lower limit, shape (K, nv).
+        limits: that the motion comes near to.
+        width: of the torques' ranges, shape (nv,).
+        numbers: lengths of stretches, and what is near.
+    """
+
+    motion: Shooting
+    carried: Array
+    added: Array
+    rate: Array
+    into: Array
+    share: Array
+    limits: list[_Limit]
+    width: Array
+    numbers: ShootingPolicy
+
+    @classmethod
+    def of(
+        cls, problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
+    ) -> "_StationarityProgram | None":
+        robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
+        along, size, h, edges = Along.of(robot, replay, policy.adjoint), motion.size, np.diff(motion.t), motion.t
+        edges = np.insert(edges, np.arange(1, edges.size), (edges[:-1] + edges[1:]) / 2)
+        steps = along.carried(edges, policy.adjoint.precise)
+        if steps is None:
+            return None
+        steps = steps * size[:, None] / size
+        first, carried, own = steps[0::2], steps[0::2] @ steps[1::2], np.eye(2 * n)
+        rates = []
+        for x in (motion.x[:-1], motion.x[1:]):
+            a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
+            rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
+        inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
+        return cls(
+            motion=motion,
+            carried=carried,
+            added=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
+            rate=np.array(rates),
+            into=inverse * actuators.width[:, None] / size[n:],
+            share=(motion.tau - actuators.lower) / actuators.width,
+            limits=[one for one in _Limit.all(problem.limits, motion) if np.min(one.room) <= numbers.held],
+            width=actuators.width,
+            numbers=numbers,
+        )
+
+    def solved(self) -> MeshCostates | None:
+        """Solve the linear program, and integrate the adjoint equations with its multipliers."""
+        stretches = self._stretches()
+        G, n = len(stretches.carried), self.width.size
+        columns, E = 2 * n * (G + 1), len(stretches.source)
+        rows, right, weights = self._conditions(stretches)
+        equal, R = _adjoint(stretches), right.size
+        cost = np.concatenate([np.zeros(columns), stretches.distance, weights])
+        least = np.concatenate([np.full(columns, -np.inf), np.zeros(E + R)])
+        bounds = np.column_stack([least, np.full(cost.size, np.inf)])
+        rows, equal = sp.hstack([rows, -sp.eye(R)]), sp.hstack([equal, sp.csr_matrix((equal.shape[0], R))])
+        found = linprog(cost, rows, right, equal, np.zeros(equal.shape[0]), bounds, method="highs-ipm")
+        if found.x is None:
+            return None
+        return self._measured(stretches, found.x[columns - 2 * n : columns], found.x[columns : columns + E])
+
+    def _stretches(self) -> _Stretches:
+        """Intervals together until they are as long as a stretch."""
+        (K, n), h = self.share.shape, np.diff(self.motion.t) / self.motion.t[-1]
+        ends, length = [0], 0.0
+        for k in range(K):
+            length += h[k]
+            if length >= self.numbers.stretch or k == K - 1:
+                ends.append(k + 1)
+                length = 0.0
+        flows, places, sources, distances = [], [], [], []
+        for g, (first, last) in enumerate(pairwise(ends)):
+            flow = np.eye(2 * n)
+            held = [self._held(one)[first:last] for one in self.limits]
+            added = np.zeros((len(self.limits), 2 * n))
+            for k in range(last - 1, first - 1, -1):
+                flow = self.carried[k] @ flow
+                added = added @ self.carried[k].T
+                for j, one in enumerate(self.limits):
+                    if held[j][k - first]:
+                        added[j] += one.side / one.size * self.added[k, :, one.state]
+            flows.append(flow)
+            for j, one in enumerate(self.limits):
+                if np.any(held[j]):
+                    room = (one.room[first:last] + one.room[first + 1 : last + 1]) / 2
+                    places.append((g, j))
+                    sources.append(added[j])
+                    distances.append((h[first:last] * held[j]) @ room)
+        return _Stretches(
+            np.array(ends), np.array(flows), np.array(places, int).reshape(-1, 2).T,
+            np.array(sources).reshape(-1, 2 * n), np.array(distances),
+        )  # fmt: skip
+
+    def _conditions(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
+        """Rows and right-hand sides of H ≤ 0, H ≥ 0 and of the signs of S, and their parts of the duration.
+
+        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; one shorter than
+        the numbers' `brief` counts for its part of that.
+        """
+        G, n, E = len(stretches.carried), self.width.size, len(stretches.source)
+        t, ends = self.motion.t / self.motion.t[-1], stretches.ends
+        counts = np.minimum(np.diff(t)[:, None] / self.numbers.brief, 1.0)
+        m, width, blocks, right, weights = 2 * n, 2 * n * (G + 1) + E, [], [], []
+        rate, into, lengths = self.rate[0][ends[:-1]], self.into[ends], np.diff(t[ends])
+        beside = (np.append(lengths, 0.0) + np.append(0.0, lengths)) / 2
+        for side in (1.0, -1.0):
+            places = (np.repeat(np.arange(G), m), np.arange(G * m))
+            blocks.append(sp.csr_matrix(((side * rate).ravel(), places), shape=(G, width)))
+            right.append(np.full(G, -side))
+            weights.append(lengths)
+            asked = counts * (self.share if side > 0 else 1 - self.share)
+            most = np.maximum(np.vstack([asked, asked[-1:]]), np.vstack([asked[:1], asked]))[ends]
+            end, joint = np.nonzero(most > 0)
+            values = side * most[end, joint, None] * into[end, joint]
+            places = (np.repeat(np.arange(end.size), n), (m * end[:, None] + n + np.arange(n)).ravel())
+            blocks.append(sp.csr_matrix((values.ravel(), places), shape=(end.size, width)))
+            right.append(np.zeros(end.size))
+            weights.append(beside[end])
+        return sp.vstack(blocks, format="csr"), np.concatenate(right), np.concatenate(weights)
+
+    def _measured(self, stretches: _Stretches, last: Array, multipliers: Array) -> MeshCostates:
+        """The costates from the last one, and what is missed at the worse end of every interval."""
+        (K, n), motion = self.share.shape, self.motion
+        scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
+        of_interval = np.searchsorted(stretches.ends, np.arange(K), side="right") - 1
+        size = np.zeros((len(stretches.carried), len(self.limits)))
+        size[tuple(stretches.source_of)] = multipliers
+        added = np.zeros((K, 2 * n))
+        for j, one in enumerate(self.limits):
+            near = np.flatnonzero(self._held(one) & (size[of_interval, j] > 0))
+            for k in near.tolist():
+                added[k] += size[of_interval[k], j] * one.side / one.size * self.added[k, :, one.state]
+            held[near, one.state] += one.side / one.size * size[of_interval[near], j]
+        scaled[K] = last
+        for m in range(K - 1, -1, -1):
+            scaled[m] = self.carried[m] @ scaled[m + 1] + added[m]
+        switching = np.einsum("kij,kj->ki", self.into, scaled[:, n:])
+        both = np.stack([switching[:-1], switching[1:]])
+        falls = np.max(np.maximum(both * self.share, both * (self.share - 1)), axis=0)
+        hamiltonian = 1 + np.sum(self.rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
+        missed, part = np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0), np.diff(motion.t) / motion.t[-1]
+        return MeshCostates(
+            t=motion.t,
+            costate=scaled / motion.size,
+            switching=switching / self.width,
+            held=held,
+            saving=float(part @ missed + multipliers @ stretches.distance),
+        )
+
+    def _held(self, limit: _Limit) -> Array:
+        """Intervals along which a limit may act, shape (K,)."""
+        near = limit.room <= self.numbers.held
+        return np.asarray(near[:-1] & near[1:])
+
+
+def _adjoint(stretches: _Stretches) -> sp.csr_matrix:
+    """Rows r_g = A_gᵀ r_{g+1} + sources, of all stretches."""
+    G, E, n = len(stretches.carried), len(stretches.source), stretches.carried.shape[1] // 2
+    m, g, own = 2 * n, np.arange(G), np.arange(2 * n * G)
+    down = m * g[:, None, None] + np.arange(m)[None, :, None] + np.zeros((1, 1, m), int)
+    across = m * (g[:, None, None] + 1) + np.arange(m)[None, None, :] + np.zeros((1, m, 1), int)
+    of_sources = m * stretches.source_of[0][:, None] + np.arange(m)
+    columns = np.broadcast_to(m * (G + 1) + np.arange(E)[:, None], of_sources.shape)
+    values = [np.ones(G * m), -stretches.carried.ravel(), -stretches.source.ravel()]
+    places = [[own, down.ravel(), of_sources.ravel()], [own, across.ravel(), columns.ravel()]]
+    shape = (G * m, m * (G + 1) + E)
+    return sp.csr_matrix((np.concatenate(values), tuple(map(np.concatenate, places))), shape=shape)

@@ -1,0 +1,93 @@
+"""What a change of a motion saves, against closed forms, slower motions and another integrator."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.integrate import solve_ivp
+
+import armdyn as ad
+from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.shooting import landed
+from armdyn.optimal.proof.mesh_costates import mesh_costates
+from armdyn.optimal.refine.motion_mesh import mesh_optimum, resolved_motion
+from armdyn.optimal.search.candidates import find
+from armdyn.optimal.task.task import Task
+from problems import cart, gantry_problem, paper_arm
+
+FAST = ad.MinimumTimeProblem(
+    paper_arm("rr", 0.05), q_start=[-2.5, -1.5], q_goal=[2.0, 1.0], velocity_limit=[12.0, 15.0]
+)
+"""Both velocity limits are met."""
+
+
+def of(problem, **mesh):
+    """A task, its first optimum's motion and its costates."""
+    task = Task.of(problem, ad.MinimumTimeOptions(starts=4, workers=1))
+    task = replace(task, policy=task.policy.changed("motion_mesh", **mesh))
+    motion = landed(task, resolved_motion(task, find(task).attempts[0]))
+    replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
+    return task, motion, replay, mesh_costates(problem, motion, replay, task.policy)
+
+
+def test_a_cart_with_a_velocity_limit_has_the_costates_of_the_closed_form():
+    # 1 kg, 1 N, 1 m/s, 3 m: it speeds up for 1 s, cruises for 2 s, brakes for 1 s.
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0], q_goal=[3], velocity_limit=1.0, effort_limit=1.0)
+    *_, replay, costates = of(problem)
+    assert replay.duration == pytest.approx(4.0, rel=1e-5)  # the mesh keeps 3e-6 of the velocity limit
+    assert costates.saving < 2e-5
+    t = costates.t / costates.t[-1] * 4
+    # H = 1 + ρ_q v + ρ_v τ = 0: while it cruises ρ_v = 0, so that ρ_q = -1 / (1 m/s), always.
+    assert np.max(np.abs(costates.costate[:, 0] + 1)) < 1e-3
+    expected = np.where(t < 1, t - 1, np.where(t > 3, t - 3, 0))
+    assert np.max(np.abs(costates.costate[:, 1] - expected)) < 2e-3  # a stretch of the linear program
+    middle = (t[:-1] + t[1:]) / 2
+    cruises = (middle > 1.1) & (middle < 2.9)
+    part = np.diff(t)[cruises]
+    assert part @ costates.held[cruises, 1] / part.sum() == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_motion_that_is_slower_has_a_saving_of_no_less():
+    best = of(FAST)
+    assert best[3].saving < 1e-4
+    for mesh in ({"rounds": 3}, {"rounds": 2}, {"rounds": 1}, {"inside": 1e-4}):
+        *_, replay, costates = of(FAST, **mesh)
+        slower = replay.duration / best[2].duration - 1
+        assert 0 < slower < costates.saving
+
+
+def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
+    task, motion, replay, costates = of(FAST)
+    robot, n = FAST.robot, 2
+    data = robot.model.createData()
+    assert np.any(costates.held)
+
+    def down(t, rho, tau, held):
+        at = replay(min(t, replay.duration))
+        pin.computeABADerivatives(robot.model, data, at.q, at.v, tau)
+        return -np.concatenate([data.ddq_dq.T @ rho[n:], rho[:n] + data.ddq_dv.T @ rho[n:]]) - held
+
+    rho = costates.costate[-1]
+    for k in range(len(motion.tau) - 1, -1, -1):
+        span = costates.t[k + 1], costates.t[k]
+        rho = solve_ivp(down, span, rho, "RK45", args=(motion.tau[k], costates.held[k]), rtol=1e-8, atol=1e-12).y[:, -1]
+    size = np.concatenate([np.max(np.abs(replay.v), axis=0), np.max(np.abs(replay.v), axis=0) / replay.duration * 10])
+    assert np.max(np.abs((rho - costates.costate[0]) * size)) < 1e-4  # of H, whose cost of time is 1
+    assert task.problem is FAST
+
+
+def test_what_time_leaves_idle_does_not_count():
+    task = Task.of(gantry_problem(), ad.MinimumTimeOptions(starts=4, workers=1))
+    optimum = mesh_optimum(task, find(task).attempts[0], "")
+    assert optimum.certificate.ok
+    assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)
+
+
+def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
+    task = Task.of(FAST, ad.MinimumTimeOptions(starts=4, workers=1))
+    coarse = replace(task, policy=task.policy.changed("motion_mesh", inside=1e-3))
+    optimum = mesh_optimum(coarse, find(coarse).attempts[0], "its arcs are not resolved")
+    assert optimum.certificate.usable
+    assert not optimum.certificate.ok
+    assert "its arcs are not resolved" in optimum.certificate.reasons
