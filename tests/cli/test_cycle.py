@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.task.policy.bound import BoundPolicy
 from cli.command import run_here, run_json
 from cycles import BOLT
 
@@ -35,6 +36,11 @@ def test_json_says_each_step_with_its_share_and_remedy(solved):
     assert (release["decided_by"], release["would_help"]) == ("", "")
     assert "step 2 (grasp bolt) without its rest: 200 ms less" in [cost["said"] for cost in facts["costs"]]
     assert [(part["begin"], part["end"]) for part in facts["parts"]] == [(grasp["begin"], release["begin"])]
+
+
+def test_help_names_the_number_of_programs_that_is_the_default():
+    words = " ".join(run_here("cycle", "--help").stdout.replace("│", " ").split())
+    assert f"By default {BoundPolicy().chain_programs}." in words
 
 
 def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved):

@@ -30,7 +30,6 @@ from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.cli.parsing.panels import OUTPUT, SOLVER, TASK
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import write_whole
-from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.trajectory.formats import FORMATS
 from armdyn.trajectory.formats.streams import Stream
 
@@ -52,7 +51,7 @@ class CycleSearchOptions(CurveOptions):
     bound_programs: int | None = option(
         "N",
         "Linear programs that the lower bound of the whole cycle may take where a stop is a goal pose, 0.02 to 0.1 s "
-        f"each on one core; more may prove a smaller gap. By default {BoundPolicy().chain_programs}.",
+        "each on one core; more may prove a smaller gap. By default 600.",
     )
 
 

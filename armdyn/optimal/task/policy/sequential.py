@@ -26,7 +26,7 @@ class SequentialPolicy:
     within: float = tuned(0.1, "m", "pairs farther apart than this are not in a step's reach", TRAINED)
     pairs: int = tuned(16, "pairs", "the nearest, at every pose", TRAINED)
     passing: float = tuned(0.02, "m", "pairs that pass each other so near are asked when they are nearest", TRAINED)
-    beside: float = tuned(0.33, "steps between poses", "and so long before and after", TRAINED)
+    beside: float = tuned(1 / 3, "steps between poses", "and so long before and after", TRAINED)
     spare: float = tuned(5e-4, "m", "asked beyond the clearance, so that it is kept between the poses", TRAINED)
     ways: int = tuned(3, "ways", "compared on the coarse mesh, the shortest first", TRAINED)
     ways_in_regions: int = tuned(2, "ways", "the same between regions: three differed by 0.2 %", "Panda, bins and wall")
