@@ -50,7 +50,7 @@ def assessment(solution: Solution) -> str:
         said.append("The time limit ended the search: with more time a faster motion may be found, or this one proven.")
     if certificate.extremal and certificate.saving is not None:
         saved = percent(certificate.saving)
-        said.append(f"Pontryagin's conditions hold along it: to first order no change saves more than {saved} of it.")
+        said.append(f"Pontryagin's conditions nearly hold along it: to first order no change saves more than {saved}.")
     elif certificate.extremal:
         said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:

@@ -154,6 +154,7 @@ class Certificate:
     def extremal(self) -> bool:
         """Whether the costates are known and keep Pontryagin's conditions, and the motion ends on the goal.
 
+        Where arcs are not resolved, they count as kept if `saving` is at most `SAVING_TOLERANCE`.
         Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
         reach the pose may be faster: they are motions of their own.
         Of a candidate the adjoint equations are not asked: see `adjoint_error`.
