@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any
 
 from armdyn.arguments import number, one_of, shown, whole
@@ -265,8 +266,10 @@ def _value(value: object) -> str:
     """A value in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(value)  # "inf" and "nan" are TOML's words, too
+    if isinstance(value, Integral):  # numpy's, too
+        return repr(int(value))
+    if isinstance(value, Real):
+        return repr(float(value))  # "inf" and "nan" are TOML's words, too
     if isinstance(value, str):
         if "\n" in value and "'''" not in value and not re.search(r"[\x00-\x08\x0b-\x1f\x7f]", value):
             return f"'''\n{value}'''"

@@ -1,11 +1,14 @@
 """TOML from strangers."""
 
+import tomllib
+
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from armdyn.errors import FileError, ProblemError
-from armdyn.parsing.toml import MAX_BYTES, read_toml
+from armdyn.parsing.toml import MAX_BYTES, read_toml, to_toml
 
 
 @pytest.fixture
@@ -97,3 +100,8 @@ def test_any_text_is_a_table_or_an_error_of_one_line(tmp_path, text):
         assert str(error).startswith(str(path)) and len(str(error).splitlines()) == 1
     else:
         assert all(0 < line <= len(text.splitlines()) for line in table.lines.values())
+
+
+def test_numbers_of_numpy_are_written_as_numbers():
+    values = {"a": np.float64(0.1), "b": np.int64(3), "c": [np.float64(np.inf)], "d": True, "e": 1e300}
+    assert tomllib.loads(to_toml({"all": values})) == {"all": {"a": 0.1, "b": 3, "c": [np.inf], "d": True, "e": 1e300}}
