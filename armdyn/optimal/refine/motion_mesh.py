@@ -16,10 +16,12 @@ from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import mesh_costates
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
 def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
@@ -35,18 +37,13 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
     inside = task.problem.variant(velocity_limit=(1 - numbers.inside) * task.problem.limits.velocity)
     within = replace(task, problem=inside)
     settings = replace(task.sharp(), max_iterations=numbers.iterations)
-    knots, near, best = mesh(numbers.intervals), attempt, None
-    for _ in range(numbers.rounds):
-        found = solve_on_knots(within, near.trajectory, knots, settings, numbers.tie)
-        slower = found.trajectory.duration > (1 + numbers.slower) * near.trajectory.duration
-        if not found.usable or slower or task.stop:
-            break
-        near = best = found
-        finer = _finer(within, found, numbers)
-        if finer.size == knots.size or finer.size > numbers.most:
-            break
-        knots = finer
-    return best
+
+    def solve(guess: Trajectory, knots: Array) -> Attempt:
+        return solve_on_knots(within, guess, knots, settings, numbers.tie)
+
+    knots = mesh(numbers.intervals)
+    found = list(on_finer_meshes(task, attempt, knots, numbers, solve, lambda one: _finer(within, one, numbers)))
+    return found[-1] if found else None
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:

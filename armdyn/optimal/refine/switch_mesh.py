@@ -6,6 +6,7 @@ put about that time, a tenth of the interval apart, and the program is solved ag
 arc or a contact begins or ends, the torque beside the interval is continued into it by a line.
 """
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,9 @@ from armdyn.optimal.arcs.arc import stretches
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
-from armdyn.optimal.task.policy.refinement import SwitchMeshPolicy
+from armdyn.optimal.task.policy.refinement import MotionMeshPolicy, SwitchMeshPolicy
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
 def at_switches(task: Task, attempt: Attempt) -> Attempt:
@@ -29,18 +31,45 @@ def at_switches(task: Task, attempt: Attempt) -> Attempt:
     numbers = task.policy.switch_mesh
     if not has_stagewise(task):
         return attempt
-    knots, best = mesh(max(attempt.intervals, numbers.intervals)), attempt
-    for _ in range(numbers.rounds):
-        found = solve_on_knots(task, best.trajectory, knots, task.sharp())
-        slower = found.trajectory.duration > (1 + numbers.slower) * best.trajectory.duration
-        if not found.usable or slower or task.stop:
-            break
+
+    def solve(guess: Trajectory, knots: Array) -> Attempt:
+        return solve_on_knots(task, guess, knots, task.sharp())
+
+    best, knots = attempt, mesh(max(attempt.intervals, numbers.intervals))
+    for found in on_finer_meshes(task, attempt, knots, numbers, solve, lambda one: _finer(task, one, numbers)):
         best = replace(found, iterations=best.iterations + found.iterations)
-        finer = _finer(task, best, numbers)
-        if finer.size == knots.size or finer.size > numbers.most:
-            break
-        knots = finer
     return best
+
+
+def on_finer_meshes(
+    task: Task,
+    attempt: Attempt,
+    knots: Array,
+    numbers: SwitchMeshPolicy | MotionMeshPolicy,
+    solve: Callable[[Trajectory, Array], Attempt],
+    finer: Callable[[Attempt], Array],
+) -> Iterator[Attempt]:
+    """Solutions of one optimum on finer and finer meshes, until one is not usable or none is finer.
+
+    Args:
+        task: of the solutions; once it is to stop, the last one does not count.
+        attempt: a solution near the first.
+        knots: of the first mesh as parts of the duration, shape (N + 1,).
+        numbers: how many meshes, how many knots, and what is another optimum.
+        solve: from a guess and knots to a solution.
+        finer: from a solution to its knots, and more.
+    """
+    near = attempt
+    for _ in range(numbers.rounds):
+        found = solve(near.trajectory, knots)
+        slower = found.trajectory.duration > (1 + numbers.slower) * near.trajectory.duration
+        if not found.usable or slower or task.stop:
+            return
+        yield found
+        near, more = found, finer(found)
+        if more.size == knots.size or more.size > numbers.most:
+            return
+        knots = more
 
 
 def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
