@@ -156,8 +156,8 @@ def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obst
 
     found: list[Obstacle] = []
     for text in texts:
-        kind, _, rest = text.partition(":")
-        if kind in SHAPES or "@" in text:
+        kind, colon, rest = text.partition(":")
+        if colon and (kind in SHAPES or "@" in rest):
             found.append(_shape(kind, rest, f"{option} {text}"))
         else:
             found += load_obstacles(text)
