@@ -130,11 +130,11 @@ def studio(
         folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
         with working(f"reading {task.robot.robot}"):
             problem, options = task.problem()
-            basis = SessionSetup.of(problem, search.over(options).options())
-            kept = None if fresh else _kept_state(basis, folder)
-            state = StudioState.of(problem, basis.options.calm) if kept is None else kept
+            setup = SessionSetup.of(problem, search.over(options).options())
+            kept = None if fresh else _kept_state(setup, folder)
+            state = StudioState.of(problem, setup.options.calm) if kept is None else kept
             free = free_port(host, port)
-        with Session(basis, folder, state) as session:
+        with Session(setup, folder, state) as session:
             from armdyn.show.studio.page import serve
 
             interrupts.at("the studio")
@@ -146,12 +146,12 @@ def _expect_viser() -> None:
         raise MissingPackageError("viser", "armdyn studio")
 
 
-def _kept_state(basis: SessionSetup, folder: Path) -> StudioState | None:
+def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
     """The state of the last session in a folder; None: there was none, or it is of no use, and a warning says so."""
     from armdyn.show.studio.session import restored
 
     try:
-        return restored(basis, folder)
+        return restored(setup, folder)
     except FileError as error:
         warnings.warn(f"{error}; the studio begins anew, and the next change replaces it", ArmdynWarning, stacklevel=2)
         return None

@@ -155,7 +155,7 @@ class Page:
         if poses:
             chosen = gui.add_dropdown("pose", (_NONE, *poses), hint="Named poses of the robot")
             self._hear(chosen, lambda name: session.change(**{end: poses.get(name, getattr(session.state, end))}))
-        lower, upper = slider_limits(session.basis.problem)
+        lower, upper = slider_limits(session.setup.problem)
         sliders = []
         for i, name in enumerate(short_names(robot.joint_names)):
             unit = "m" if robot.slides[i] else "rad"
@@ -192,9 +192,9 @@ class Page:
             "calm", float(state.calm), min=0.0, max=0.5, step=1e-3, hint="Part of the time given for calm joints"
         )
         self._limits: dict[str, Any] = {"payload": payload, "reserve": reserve, "calm": calm}
-        if session.basis.presets:
+        if session.setup.presets:
             self._limits["preset"] = gui.add_dropdown(
-                "preset", (_NONE, *session.basis.presets), initial_value=state.preset or _NONE,
+                "preset", (_NONE, *session.setup.presets), initial_value=state.preset or _NONE,
                 hint="Conditions of the robot's controller",
             )  # fmt: skip
         self._limits["self_collision"] = gui.add_checkbox(

@@ -78,7 +78,7 @@ class Session:
     One thread calls all methods; only `save_problem`, `save_motion` and `save_report` may be called from others.
 
     Attributes:
-        basis: problem, options and presets.
+        setup: problem, options and presets.
         folder: of the files.
         robot: that carries the state's payload.
         state: what is changed by hand.
@@ -92,10 +92,10 @@ class Session:
         unsaved: why the state could not be saved; empty: it was.
     """
 
-    def __init__(self, basis: SessionSetup, folder: Path, state: StudioState):
-        self.basis, self.folder = basis, folder
+    def __init__(self, setup: SessionSetup, folder: Path, state: StudioState):
+        self.setup, self.folder = setup, folder
         self.state = self._kept = state
-        self.robot = carrying(basis.problem.robot, state.payload)
+        self.robot = carrying(setup.problem.robot, state.payload)
         self.problem: MinimumTimeProblem | None = None
         self.refused, self.failed, self.unsaved = "", "", ""
         self.touching, self.warnings = frozenset[End](), tuple[str, ...]()
@@ -105,7 +105,7 @@ class Session:
         self._due = 0.0
         self._stack = ExitStack()
         self._pose()
-        self._solver = NewestFirst[StudioState, Solution | str](basis.solve, state)
+        self._solver = NewestFirst[StudioState, Solution | str](setup.solve, state)
 
     def __enter__(self) -> Self:
         self._stack.enter_context(self._solver)
@@ -135,7 +135,7 @@ class Session:
         Raises:
             ArmdynError: a value is none of the field; the state stays as it is.
         """
-        lower, upper = slider_limits(self.basis.problem)
+        lower, upper = slider_limits(self.setup.problem)
         for end in ("start", "goal"):
             if end in changes:
                 changes[end] = tuple(np.clip(changes[end], lower, upper).tolist())
@@ -143,7 +143,7 @@ class Session:
         if state == self.state and said == self._said:
             return
         if state.payload != self.state.payload:
-            self.robot = carrying(self.basis.problem.robot, state.payload)
+            self.robot = carrying(self.setup.problem.robot, state.payload)
         self.state, self._said = state, said
         self._pose()
         if not (self.refused or self.current):
@@ -165,7 +165,7 @@ class Session:
         """
         robot = self.robot
         goal = GoalPose(robot.tip, to.homogeneous if robot.nv >= 6 else to.translation)
-        q, error = approached(robot, goal, np.array(getattr(self.state, end)), self.basis.problem.limits)
+        q, error = approached(robot, goal, np.array(getattr(self.state, end)), self.setup.problem.limits)
         far, turned = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
         said: tuple[str, ...] = ()
         if max(far, turned) > _OUT_OF_REACH:
@@ -241,7 +241,7 @@ class Session:
     def _pose(self) -> None:
         self.problem, self.refused, self.touching, told = None, "", frozenset(), tuple[str, ...]()
         try:
-            self.problem, told = posed(self.basis.problem, self.robot, self.state, self.basis.presets)
+            self.problem, told = posed(self.setup.problem, self.robot, self.state, self.setup.presets)
         except ContactError as error:
             self.refused = str(error)
             self.touching = frozenset(end for end in END_NAMES if np.array_equal(error.q, getattr(self.state, end)))
@@ -255,25 +255,25 @@ class Session:
             return
         self._due = time.monotonic() + _SAVED
         try:
-            save_state(self.basis, self.folder, self.state)
+            save_state(self.setup, self.folder, self.state)
         except (ArmdynError, OSError) as error:
             self.unsaved = f"the state is not saved: {error}"
         else:
             self._kept, self.unsaved = self.state, ""
 
 
-def save_state(basis: SessionSetup, folder: Path, state: StudioState) -> Path:
+def save_state(setup: SessionSetup, folder: Path, state: StudioState) -> Path:
     """Write a state, whole or not at all.
 
     Raises:
         ArmdynError, OSError: it cannot be written.
     """
-    content = {"format": _FORMAT, **_robot_of(basis), "state": state.entry()}
+    content = {"format": _FORMAT, **_robot_of(setup), "state": state.entry()}
     folder.mkdir(parents=True, exist_ok=True)
     return write_whole(folder / STATE_FILE, (json.dumps(content, indent=1) + "\n").encode())
 
 
-def restored(basis: SessionSetup, folder: Path) -> StudioState | None:
+def restored(setup: SessionSetup, folder: Path) -> StudioState | None:
     """The state that a session left in a folder; None: none did.
 
     Raises:
@@ -285,18 +285,18 @@ def restored(basis: SessionSetup, folder: Path) -> StudioState | None:
     content = read_json(path, _MAX_BYTES)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise FileError(path, f"no state of a studio ({_FORMAT})")
-    for key, own in _robot_of(basis).items():
+    for key, own in _robot_of(setup).items():
         if content.get(key) != own:
             raise FileError(path, f"of another robot: its {key} is {shown(content.get(key))}, not {shown(own)}")
     try:
-        state = StudioState.from_entry(content.get("state"), basis.problem.robot.nv)
+        state = StudioState.from_entry(content.get("state"), setup.problem.robot.nv)
     except ArmdynError as error:
         raise FileError(path, str(error)) from None
-    lower, upper = slider_limits(basis.problem)
+    lower, upper = slider_limits(setup.problem)
     start, goal = (tuple(np.clip(end, lower, upper).tolist()) for end in (state.start, state.goal))
     return replace(state, start=start, goal=goal)
 
 
-def _robot_of(basis: SessionSetup) -> dict[str, Any]:
-    robot = basis.problem.robot
+def _robot_of(setup: SessionSetup) -> dict[str, Any]:
+    robot = setup.problem.robot
     return {"robot": robot.name, "joints": list(robot.joint_names)}

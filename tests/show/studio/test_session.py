@@ -18,12 +18,12 @@ from problems import paper_problem
 QUICK = ad.MinimumTimeOptions(search="quick")
 
 
-def basis_of(arm="rr", **arguments):
+def setup_of(arm="rr", **arguments):
     return SessionSetup.of(paper_problem(arm, **arguments), QUICK)
 
 
-def session_of(basis, folder):
-    return Session(basis, folder, StudioState.of(basis.problem, 1e-3))
+def session_of(setup, folder):
+    return Session(setup, folder, StudioState.of(setup.problem, 1e-3))
 
 
 def settle(session, seconds=120.0):
@@ -36,24 +36,24 @@ def settle(session, seconds=120.0):
 
 
 def test_the_motion_of_the_newest_state_is_that_of_a_plain_solve(tmp_path):
-    basis = basis_of()
-    with session_of(basis, tmp_path) as session:
+    setup = setup_of()
+    with session_of(setup, tmp_path) as session:
         settle(session)
         assert session.solution.duration == pytest.approx(
-            ad.solve_minimum_time(basis.problem, QUICK).duration, rel=1e-9
+            ad.solve_minimum_time(setup.problem, QUICK).duration, rel=1e-9
         )
         session.change(goal=(0.5, 0.2))
         session.change(goal=(0.4, -0.3), payload=0.2)
         assert "computing" in answer_html(session)
         settle(session)
         arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.2))
-        plain = ad.MinimumTimeProblem(arm, q_start=basis.problem.q_start, q_goal=[0.4, -0.3])
+        plain = ad.MinimumTimeProblem(arm, q_start=setup.problem.q_start, q_goal=[0.4, -0.3])
         assert session.solution.duration == pytest.approx(ad.solve_minimum_time(plain, QUICK).duration, rel=1e-9)
         assert f"{session.solution.duration:.4f} s" in answer_html(session)
 
 
 def test_files_are_read_again(tmp_path):
-    with session_of(basis_of(), tmp_path) as session:
+    with session_of(setup_of(), tmp_path) as session:
         with pytest.raises(ProblemError, match="no motion yet"):
             session.save_motion()
         session.change(goal=(0.3, 0.1), reserve=0.1, obstacles=(ad.Sphere((0.34, 0, -0.12), 0.02),))
@@ -69,19 +69,19 @@ def test_files_are_read_again(tmp_path):
 
 
 def test_dragging_brings_the_tip_where_it_is_dragged(tmp_path):
-    basis = SessionSetup.of(
+    setup = SessionSetup.of(
         ad.MinimumTimeProblem(
             ad.Robot.from_library("panda"), q_start="ready", q_goal=[1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
         ),
         QUICK,
     )
-    session = session_of(basis, tmp_path)
+    session = session_of(setup, tmp_path)
     to = session.pose_of("goal") * pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, -0.1), np.array([0.03, -0.05, 0.02]))
     session.drag("goal", to)
     there = frame_placement(session.robot, session.robot.tip, np.array(session.state.goal))
     assert np.linalg.norm(pin.log6(there.actInv(to)).vector) < 1e-8  # as `reaching.REACHED`, with room
     assert not session.warnings
-    limits = basis.problem.limits
+    limits = setup.problem.limits
     for x in (0.5, 5.0):  # beyond the arm's reach
         far = pin.SE3(to.rotation, to.translation + np.array([x, 0, 0]))
         session.drag("goal", far)
@@ -91,15 +91,15 @@ def test_dragging_brings_the_tip_where_it_is_dragged(tmp_path):
 
 
 def test_a_planar_arm_follows_a_position(tmp_path):
-    session = session_of(basis_of(), tmp_path)
+    session = session_of(setup_of(), tmp_path)
     to = session.pose_of("goal")
     session.drag("goal", pin.SE3(np.eye(3), to.translation + np.array([-0.05, 0, 0.02])))
     np.testing.assert_allclose(session.pose_of("goal").translation - to.translation, [-0.05, 0, 0.02], atol=1e-8)
 
 
 def test_what_is_wrong_is_said_in_words(tmp_path):
-    basis = basis_of(position_limit=(-2.0, 2.0))
-    with session_of(basis, tmp_path) as session:
+    setup = setup_of(position_limit=(-2.0, 2.0))
+    with session_of(setup, tmp_path) as session:
         settle(session)
         tip = session.pose_of("goal").translation
         session.change(obstacles=(ad.Sphere(tip, 0.05, name="ball"),))
@@ -120,7 +120,7 @@ def test_what_is_wrong_is_said_in_words(tmp_path):
 
 
 def test_names_of_a_stranger_are_no_markup(tmp_path):
-    session = session_of(basis_of(), tmp_path)
+    session = session_of(setup_of(), tmp_path)
     tip = session.pose_of("goal").translation
     session.change(obstacles=(ad.Sphere(tip, 0.05, name="<img src=x onerror=alert(1)>"),))
     assert "&lt;img" in answer_html(session)
@@ -128,37 +128,37 @@ def test_names_of_a_stranger_are_no_markup(tmp_path):
 
 
 def test_the_state_is_taken_up_again(tmp_path):
-    basis = basis_of()
-    assert restored(basis, tmp_path) is None
-    with session_of(basis, tmp_path) as session:
+    setup = setup_of()
+    assert restored(setup, tmp_path) is None
+    with session_of(setup, tmp_path) as session:
         session.change(goal=(0.3, 0.1), obstacles=(ad.Box((0.1, 0.1, 0.1), (1, 1, 1)),))
         end = time.monotonic() + 10
         while not (tmp_path / "studio.json").exists():  # saved while it runs: it may be killed
             assert time.monotonic() < end
             session.tick()
             time.sleep(0.01)
-        assert restored(basis, tmp_path) == session.state
+        assert restored(setup, tmp_path) == session.state
         session.change(payload=0.3)
         last = session.state
-    assert restored(basis, tmp_path) == last
+    assert restored(setup, tmp_path) == last
     with pytest.raises(FileError, match="another robot"):
-        restored(basis_of("rrr"), tmp_path)
+        restored(setup_of("rrr"), tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "armdyn-studio-1"}', "x" * 2**21, '{"format": NaN}'])
 def test_a_file_that_is_none_of_a_session_is_refused(tmp_path, text):
     (tmp_path / "studio.json").write_text(text)
     with pytest.raises(FileError):
-        restored(basis_of(), tmp_path)
+        restored(setup_of(), tmp_path)
 
 
 def test_positions_beyond_other_limits_are_clipped(tmp_path):
-    with session_of(basis_of(), tmp_path) as session:
+    with session_of(setup_of(), tmp_path) as session:
         session.change(goal=(1.5, 0.1))
     content = json.loads((tmp_path / "studio.json").read_text())
     content["state"]["goal"] = [1e3, 0.1]
     (tmp_path / "studio.json").write_text(json.dumps(content))
-    state = restored(basis_of(), tmp_path)
+    state = restored(setup_of(), tmp_path)
     assert state.goal[0] <= 2 * np.pi
 
 
@@ -170,13 +170,13 @@ def test_a_payload_keeps_its_place_through_zero(tmp_path):
     assert session.robot.payload is None
     session.change(payload=0.3)
     assert (session.robot.payload.mass, session.robot.payload.frame) == (0.3, "link1")
-    again = Session(session.basis, tmp_path, session.state)  # a session that takes up this state
+    again = Session(session.setup, tmp_path, session.state)  # a session that takes up this state
     assert again.robot.payload == session.robot.payload
 
 
 def test_a_folder_that_cannot_be_written_is_no_end(tmp_path):
     (tmp_path / "file").write_text("")
-    with session_of(basis_of(), tmp_path / "file") as session:
+    with session_of(setup_of(), tmp_path / "file") as session:
         session.change(goal=(0.3, 0.1))
         session.tick()
         assert any("not saved" in one for one in warnings_of(session))
