@@ -1,7 +1,6 @@
 """Run jobs in parallel in forked processes, which end with the process that forked them."""
 
 import ctypes
-import gc
 import multiprocessing
 import os
 import signal
@@ -303,7 +302,6 @@ def _interrupt(workers: Collection[ForkProcess]) -> None:
 
 def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
     try:
-        gc.freeze()  # what was built before the fork stays: to look through it copies its pages
         _end_with(owner)
         signal.set_wakeup_fd(-1)  # an event loop's, of the owner
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # by inheritance: it stays so

@@ -51,7 +51,7 @@ def solve_cycle(
         options: of every move's solve; the time limit is that of the whole cycle.
         progress: called with a line of text on what is being tried.
         bound_programs: linear programs that the lower bound of the whole cycle may take where a stop is a goal pose,
-            0.03 to 0.1 s each on one core; None: as many as `BoundPolicy` says. More may prove a smaller gap.
+            0.02 to 0.1 s each on one core; None: as many as `BoundPolicy` says. More may prove a smaller gap.
 
     Returns:
         A `CycleSolution`; look at `usable` and `gap`. Ctrl-C returns what there is, with status "interrupted".
@@ -60,9 +60,9 @@ def solve_cycle(
         CycleError: a step cannot be done, with its number and name.
         ProblemError: cycle, options, progress or bound_programs is something else.
     """
-    numbers = BoundPolicy()
+    programs = BoundPolicy().chain_programs
     if bound_programs is not None:
-        numbers = replace(numbers, chain_programs=whole(bound_programs, "bound_programs", least=1))
+        programs = whole(bound_programs, "bound_programs", least=1)
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
@@ -72,7 +72,7 @@ def solve_cycle(
         answer = _answer(graph, tour, stop)
         if options.bound:
             stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().beyond * options.time_limit)
-            effort = Effort(numbers.chain_programs, stop.__bool__, options.workers, report)
+            effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))
     return replace(answer, solve_time=time.perf_counter() - started)
 

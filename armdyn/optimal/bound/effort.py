@@ -62,7 +62,7 @@ class Effort:
     """Work that may be spent on bounds: a count, so that it is the same on every machine.
 
     Attributes:
-        left: linear programs, 0.05 to 0.1 s each; edges that are begun are finished.
+        left: linear programs, 0.02 to 0.1 s each; edges that are begun are finished.
         stop: polled now and then; once it is true, what is proven so far is kept.
         workers: processes at most; None: one per core. They make no difference to the bounds.
         report: called with a line of text.

@@ -187,7 +187,7 @@ class Certificate:
         )
         if self.saving is not None or np.isfinite(self.hamiltonian_spread):
             wrong += self._against_pontryagin
-        elif not (wrong or self.remark or self.saving is not None):
+        elif not (wrong or self.remark):
             wrong = ("no costates: the arcs were not resolved",)
         remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # the gap says more
         return (*((remark,) if remark else ()), *wrong, *self._against_gap)
