@@ -122,9 +122,9 @@ def mintime(
     forward dynamics with two independent integrators. Beyond three joints, and where velocity limits decide, the motion
     is a smooth curve with a proven lower bound on the duration.
 
-    Certified: Pontryagin's conditions hold along the motion (where its switches are not resolved, to first order no
-    change saves 0.01 % of its time), or it is proven to be at most 0.1 % slower than the fastest possible. With
-    obstacles, via points or path limits Pontryagin's conditions are not checked.
+    Certified: Pontryagin's conditions hold along the motion, or it is proven to be at most 0.1 % slower than the
+    fastest possible. Where the switches are not resolved, the conditions count as kept if to first order no change of
+    the motion saves 0.01 % of its time. With obstacles, via points or path limits they are not checked.
 
     With --preset the conditions of the robot's controller are limits, too. The motion is checked as the controller sees
     it, and solved again without each necessary condition that it meets, to say what that condition costs.
