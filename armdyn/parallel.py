@@ -1,4 +1,4 @@
-"""Run jobs in parallel in forked processes, which end with the process that forked them."""
+"""Run jobs in parallel: in forked processes, which end with the process that forked them, or in threads."""
 
 import ctypes
 import multiprocessing
@@ -22,6 +22,7 @@ from armdyn.locks import one_at_a_time
 Result = TypeVar("Result")
 Job = TypeVar("Job")
 Context = TypeVar("Context")
+Context_co = TypeVar("Context_co", covariant=True)
 
 _GRACE = 0.75
 """Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
@@ -61,10 +62,10 @@ def _in_order(pool: "ForkPool[Result]", jobs: Sequence[Job], here: Callable[[Job
         yield here(job) if found is None else found[0]
 
 
-class SharedPool(Protocol[Context]):
+class SharedPool(Protocol[Context_co]):
     """Pool of workers that share an object, for series of jobs one after the other; see `shared_pool`."""
 
-    def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
+    def results(self, jobs: Sequence[Callable[[Context_co], Result]]) -> Generator[Result]:
         """Results of jobs in their order, as by `in_processes`.
 
         Args:
