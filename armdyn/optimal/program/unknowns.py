@@ -32,11 +32,19 @@ class Scales:
     @classmethod
     def of(cls, problem: MinimumTimeProblem, guess: Trajectory) -> Self:
         """Scales from the limits and the size of a guess."""
-        length = float(max(np.max(np.ptp(guess.q, axis=0)), 0.1))
+        return cls.sized(guess.duration, float(np.max(np.ptp(guess.q, axis=0))), cls.efforts(problem))
+
+    @classmethod
+    def sized(cls, duration: float, way: float, effort: Array) -> Self:
+        """Scales from a guess's duration [s], its longest way [rad or m] and the scales of torques."""
+        length = float(max(way, 0.1))
+        return cls(float(duration), length, float(length / duration), effort)
+
+    @staticmethod
+    def efforts(problem: MinimumTimeProblem) -> Array:
+        """Scales of torques [N m or N], shape (nv,)."""
         limits = problem.limits
-        most = limits.actuators.strongest
-        effort = np.where(limits.passive, limits.actuators.scale, most)
-        return cls(guess.duration, length, length / guess.duration, effort)
+        return np.where(limits.passive, limits.actuators.scale, limits.actuators.strongest)
 
     def parameters(self, fractions: Array, weights: Array, last_body: Array) -> Array:
         """Scales as the program's parameter vector.

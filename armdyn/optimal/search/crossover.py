@@ -6,18 +6,17 @@ motion of all joints a little, leads one joint another way, or takes the motions
 """
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.guesses import Guesses
 from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.search.multistart import SearchSettings, in_bunches
 from armdyn.optimal.search.starts import SAMPLES
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.solve.condensed import guess_jobs
 from armdyn.optimal.task.policy.search import SearchPolicy
-from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -45,14 +44,10 @@ def crossover_guesses(
         task.progress(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
-        born += in_bunches([partial(_solved, parents, k, search_settings.of(k)) for k in several], task)
+        seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
+        guesses = Guesses.of([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
+        born += in_bunches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
     return born
-
-
-def _solved(parents: list[Trajectory], k: int, settings: tuple[int, SolverSettings], task: Task) -> Attempt:
-    random = np.random.default_rng([task.options.seed, k])
-    guess = crossover(task.problem, parents, random, k, task.policy.search)
-    return solve_quickly(task, guess, *settings, between=False)
 
 
 def crossover(

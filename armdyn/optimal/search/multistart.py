@@ -4,11 +4,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from armdyn.arrays import Array
 from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.starts import spline, via_guesses
+from armdyn.optimal.search.starts import splines, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.solve.condensed import guess_jobs, prepare_quickly
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 
@@ -51,8 +50,8 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
             prepare_quickly(task, intervals, setting)
 
     attempts: list[Attempt] = []
-    guesses = [partial(_solved, ways[k], numbers.haste, search_settings.of(k)) for k in range(count)]
-    jobs: list[Job] = [*extra_jobs, *guesses]
+    guesses = splines(task.problem, ways, numbers.haste)
+    jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.of(k) for k in range(count)])]
     for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = attempts[len(extra_jobs) :]
@@ -82,10 +81,6 @@ def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
     for attempt in attempts:
         _ = attempt.quarters  # sent along: `distinct` compares them, where all workers wait
     return attempts
-
-
-def _solved(way: list[Array], haste: float, settings: tuple[int, SolverSettings], task: Task) -> Attempt:
-    return solve_quickly(task, spline(task.problem, way, haste), *settings, between=False)
 
 
 def enough(solved: int, optima: int, least: int = 0) -> bool:

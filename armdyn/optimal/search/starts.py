@@ -1,18 +1,19 @@
 """Guesses from which a solve may start: a `Trajectory`, as a coarse solution is, or a `Curve`."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-import pinocchio as pin
 from scipy.interpolate import BPoly
 
 from armdyn.arrays import Array
-from armdyn.models.reading.urdf_arm import configurations
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.path_constraints.constraint import Path
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.guesses import Guesses
 from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
@@ -100,22 +101,29 @@ def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) ->
             problem's own.
         haste: the guess takes so many times the duration at which its torques fit.
     """
-    path = _path(problem, via or list(problem.poses[1:-1]), SAMPLES)
-    q, dq, ddq = path.q, path.dq, path.ddq
+    return splines(problem, [via], haste).motion(0, problem.robot.joint_names)
+
+
+def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: float = 1.0) -> Guesses:
+    """`spline` through the poses of each way."""
+    paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in ways]
+    q, dq, ddq = (np.stack([getattr(path, part) for path in paths]) for part in ("q", "dq", "ddq"))
     # Torque along a path is static + inertial / T² + friction.
-    friction, rest = problem.robot.friction, np.zeros_like(q)
-    static = _torques(problem, q, rest, rest)
-    inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
-    duration = _fitting_duration(problem, path, inertial)
-    if len(via) != 1:  # through one random pose nothing swings
-        duration = max(duration, swinging_time(problem, static, inertial))
-    v = dq / duration
-    tau = static + inertial / duration**2 + friction.torque(v)
+    friction, rest, torques = problem.robot.friction, np.zeros_like(q), inverse_dynamics(problem.robot)
+    static = torques(q, rest, rest)
+    inertial = torques(q, dq, ddq) - friction.torque(dq) - static
+    durations = _fitting_durations(problem, paths, dq, inertial)
+    for k, via in enumerate(ways):
+        if len(via) != 1:  # through one random pose nothing swings
+            durations[k] = max(durations[k], swinging_time(problem, static[k], inertial[k]))
+    T = durations[:, None, None]
+    v = dq / T
+    tau = static + inertial / T**2 + friction.torque(v)
     tau = problem.limits.actuators.clip(tau, q, v)
-    v[0], v[-1] = problem.v_start, problem.v_goal
-    haste = max(haste, problem.duration_bound() / duration)
-    v[1:-1] /= haste
-    return Trajectory(np.linspace(0, haste * duration, SAMPLES), q, v, tau, problem.robot.joint_names, "start")
+    v[:, 0], v[:, -1] = problem.v_start, problem.v_goal
+    shares = np.maximum(haste, problem.duration_bound() / durations)
+    v[:, 1:-1] /= shares[:, None, None]
+    return Guesses(shares * durations, q, v, tau)
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:
@@ -136,27 +144,23 @@ def straight_curve(task: Task, intervals: int) -> Curve:
     return Curve.straight(problem, basis, durations)
 
 
-def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
-    """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
-    robot, model = problem.robot, problem.robot.model
-    data, at = model.createData(), configurations(model)
-    torques = [pin.rnea(model, data, at(x), y, z) for x, y, z in zip(q, v, a, strict=True)]
-    return np.array(torques) + robot.friction.torque(v)
-
-
-def _fitting_duration(problem: MinimumTimeProblem, path: Path, inertial: Array) -> float:
-    """The time [s] in which the path's inertial torques reach, and its speeds and conditions keep, their limits.
+def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: Array, inertial: Array) -> Array:
+    """Times [s] in which paths' inertial torques reach, and their speeds and conditions keep, their limits.
 
     Torque along a path is I/T² + F/T, inertial and viscous, but for gravity, which a dynamic motion may
     outrun, and dry friction: only what scales is asked to fit.
     """
-    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * path.dq, 0)
+    viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.actuators.upper, -limits.actuators.lower)
     bound = np.maximum(bound, 2e-3 * limits.actuators.scale)
-    bound[:, limits.passive] = np.inf  # which no torque can make keep to the path
+    bound[..., limits.passive] = np.inf  # which no torque can make keep to the path
     half = viscous / (2 * bound)
-    by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound))
-    by_speed = np.max(np.abs(path.dq) / limits.velocity)
-    asked = (constraint.least_duration(problem, path) for constraint in path_constraints_of(problem))
-    return float(max(by_torque, by_speed, *asked, problem.duration_bound(), 1e-6))
+    by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound), axis=(1, 2))
+    by_speed = np.max(np.abs(dq) / limits.velocity, axis=(1, 2))
+    least = max(problem.duration_bound(), 1e-6)
+    asked = [
+        max([constraint.least_duration(problem, path) for constraint in path_constraints_of(problem)], default=least)
+        for path in paths
+    ]
+    return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(asked), np.full(len(paths), least)]))

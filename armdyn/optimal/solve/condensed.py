@@ -1,12 +1,16 @@
 """One guess on one mesh with few unknowns where that will do, as in the search; else with all."""
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
+from armdyn.optimal.program.guesses import CondensedStarts, Guesses
+from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import prepare, solve_on_mesh
@@ -48,6 +52,52 @@ def solve_quickly(
         return attempt
     again = _within(task, attempt.trajectory, intervals, settings)
     return replace(again, iterations=attempt.iterations + again.iterations)
+
+
+def guess_jobs(
+    task: Task, guesses: Guesses, settings: Sequence[tuple[int, SolverSettings]]
+) -> list[Callable[[Task], Attempt]]:
+    """Solves of guesses, which need not keep limits between the knots, as functions of the task.
+
+    Args:
+        task: the problem and its settings.
+        guesses: where solves start.
+        settings: intervals of each guess's mesh, and settings of its solver.
+    """
+    names = task.problem.robot.joint_names
+    if not has_stagewise(task):
+        return [
+            partial(_alone, guesses.motion(k, names), intervals, one) for k, (intervals, one) in enumerate(settings)
+        ]
+    jobs = dict[int, Callable[[Task], Attempt]]()
+    for intervals in {intervals for intervals, _ in settings}:
+        which = [k for k, (own, _) in enumerate(settings) if own == intervals]
+        for k, program in zip(which, _programs(task, guesses.chosen(which), intervals), strict=True):
+            jobs[k] = partial(_begun, guesses, k, program, settings[k][1])
+    return [jobs[k] for k in range(len(settings))]
+
+
+def _alone(guess: Trajectory, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
+    return solve_quickly(task, guess, intervals, settings, between=False)
+
+
+def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettings, task: Task) -> Attempt:
+    intervals = program.fractions.size
+    if task.stop:
+        return Attempt.unbegun(task.stop, guesses.motion(k, task.problem.robot.joint_names), intervals)
+    return _solved(task, _solver(task, intervals, settings), program)[0]
+
+
+def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
+    """Condensed programs on one mesh."""
+    layout, weight = CondensedLayout(Layout(task.problem.robot.nv, task.scheme)), task.problem.effort_weight
+    starts, fractions = CondensedStarts.of(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
+    return [
+        _Program(
+            x, one.parameters(fractions, one.weights(weight), task.dynamics.last_body), (low, high), one, fractions
+        )
+        for x, low, high, one in zip(starts.x, starts.lower, starts.upper, starts.scales, strict=True)
+    ]
 
 
 def has_stagewise(task: Task) -> bool:
@@ -104,36 +154,71 @@ def _condensed(
         guess: where it starts.
         knots: of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
-        bounded: whether it has to, which only `Stagewise` can see to.
+        bounded: whether it has to; only of `Stagewise`.
         tie: see `Scales.weights`.
     """
     intervals = knots.size - 1
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals), False
     problem, solver = task.problem, _solver(task, intervals, settings)
-    program = solver if isinstance(solver, Stagewise) else solver.program
-    scales, layout = Scales.of(problem, guess), program.layout
+    scales, layout = Scales.of(problem, guess), _layout(solver)
     full, kept, fractions = layout.full, layout.kept(intervals), np.diff(knots)
-    weights = scales.weights(problem.effort_weight, tie)
-    parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
+    parameters = scales.parameters(fractions, scales.weights(problem.effort_weight, tie), task.dynamics.last_body)
     lower, upper = bounds(problem, full, intervals, scales)
     start = np.clip(to_unknowns(guess, full, fractions, scales), lower, upper)[kept]
+    inner = full.inner_states(intervals)
+    middles = (lower[inner[:, 0]].T, upper[inner[:, 0]].T) if bounded else None
+    program = _Program(start, parameters, (lower[kept], upper[kept]), scales, fractions)
+    attempt, x = _solved(task, solver, program, middles)
+    beyond = np.maximum(lower - x, x - upper)[inner]
+    return attempt, bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))
+
+
+@dataclass(frozen=True, eq=False)
+class _Program:
+    """A condensed program in numbers: unknowns to start from, parameters, bounds; scales, and parts of the duration."""
+
+    x: Array
+    p: Array
+    bounds: tuple[Array, Array]
+    scales: Scales
+    fractions: Array
+
+
+def _solved(
+    task: Task,
+    solver: Stagewise | Solver[CondensedNlp],
+    program: _Program,
+    middles: tuple[Array, Array] | None = None,
+) -> tuple[Attempt, Array]:
+    """An attempt, and the unknowns of the full layout.
+
+    Args:
+        task: the problem and its settings.
+        solver: for the program.
+        program: to be solved.
+        middles: see `Stagewise.solve`; None: the middles have no bounds.
+    """
+    problem, layout, fractions, scales = task.problem, _layout(solver), program.fractions, program.scales
+    full, intervals = layout.full, fractions.size
     equal = np.zeros(2 * full.nv * intervals)
-    data = NlpData(start, parameters, (lower[kept], upper[kept]), (equal, equal))
-    if bounded and isinstance(solver, Stagewise):
-        inner = full.inner_states(intervals)[:, 0]
-        result = solver.solve(data, task.stop, (lower[inner].T, upper[inner].T))
+    data = NlpData(program.x, program.p, program.bounds, (equal, equal))
+    if isinstance(solver, Stagewise):
+        result = solver.solve(data, task.stop, middles)
+        x = layout.expanded(result.x, solver.middles(result.x, program.p))
     else:
         result = solver.solve(data, task.stop)
-    x = layout.expanded(result.x, np.array(program.middles(result.x, parameters)))
+        x = layout.expanded(result.x, np.array(solver.program.middles(result.x, program.p)))
     violation = None
     if result.status is not Status.SOLVED:
-        defects = solver.equations(result.x, parameters).reshape(intervals, -1)
+        defects = solver.equations(result.x, program.p).reshape(intervals, -1)
         violation = worst_defect(problem, full, x, defects, fractions, scales)
     motion = to_trajectory(x, full, fractions, scales, problem.robot.joint_names)
-    beyond = np.maximum(lower - x, x - upper)[full.inner_states(intervals)]
-    within = bool(np.max(beyond) <= max(settings.tolerance, _RELAXED))
-    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), within
+    return Attempt(result.status, result.message, motion, intervals, result.iterations, violation), x
+
+
+def _layout(solver: Stagewise | Solver[CondensedNlp]) -> CondensedLayout:
+    return solver.layout if isinstance(solver, Stagewise) else solver.program.layout
 
 
 def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Solver[CondensedNlp]:

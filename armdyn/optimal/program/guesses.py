@@ -1,0 +1,114 @@
+"""Many guesses at once, and the unknowns of their condensed programs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from armdyn.arrays import Array, Index
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.program.layout import CondensedLayout
+from armdyn.optimal.program.unknowns import Scales, bounds, mesh
+from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Guesses:
+    """Motions from which solves may start, each sampled at equal parts of its duration.
+
+    Attributes:
+        durations: [s], shape (k,).
+        q: joint positions [rad or m], shape (k, samples, nv).
+        v: joint velocities [rad/s or m/s], likewise.
+        tau: joint torques [N m or N], likewise.
+    """
+
+    durations: Array
+    q: Array
+    v: Array
+    tau: Array
+
+    @classmethod
+    def of(cls, motions: Sequence[Trajectory]) -> Self:
+        """Guesses of motions that have as many samples, at equal parts of their durations."""
+        q, v, tau = (np.stack([getattr(motion, part) for motion in motions]) for part in ("q", "v", "tau"))
+        return cls(np.array([motion.duration for motion in motions]), q, v, tau)
+
+    def chosen(self, which: Sequence[int]) -> "Guesses":
+        """Some of the guesses, by their numbers."""
+        at: Index = np.array(which)
+        return Guesses(self.durations[at], self.q[at], self.v[at], self.tau[at])
+
+    def motion(self, k: int, joint_names: tuple[str, ...]) -> Trajectory:
+        """One guess as a motion."""
+        t = np.linspace(0, self.durations[k], self.q.shape[1])
+        return Trajectory(t, self.q[k], self.v[k], self.tau[k], joint_names, "start")
+
+    def at(self, parts: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and torques at parts of the durations, each of shape (k, parts, nv).
+
+        As of `Trajectory`: positions are cubics between samples, torques lines.
+        """
+        steps = self.q.shape[1] - 1
+        k = np.clip((parts * steps).astype(int), 0, steps - 1)
+        s, h = (parts * steps - k)[:, None], (self.durations / steps)[:, None, None]
+        q0, v0, v1, tau0 = self.q[:, k], self.v[:, k], self.v[:, k + 1], self.tau[:, k]
+        rise = self.q[:, k + 1] - q0
+        c2, c3 = 3 * rise - h * (2 * v0 + v1), -2 * rise + h * (v0 + v1)
+        v = v0 + s * (2 * c2 + 3 * s * c3) / h
+        return q0 + s * (h * v0 + s * (c2 + s * c3)), v, tau0 + s * (self.tau[:, k + 1] - tau0)
+
+    def scales(self, problem: MinimumTimeProblem) -> list[Scales]:
+        """Scales of each guess's program."""
+        ways = np.ptp(self.q, axis=1).max(axis=1)
+        effort = Scales.efforts(problem)
+        return [Scales.sized(time, way, effort) for time, way in zip(self.durations, ways, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedStarts:
+    """Unknowns of the condensed programs of guesses on a mesh of equal intervals, scaled.
+
+    Attributes:
+        x: to start from, shape (k, unknowns).
+        lower: least ones, likewise.
+        upper: largest ones, likewise.
+        scales: of each guess.
+    """
+
+    x: Array
+    lower: Array
+    upper: Array
+    scales: list[Scales]
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem, layout: CondensedLayout, guesses: Guesses, intervals: int) -> Self:
+        """The unknowns of guesses.
+
+        Args:
+            problem: the minimum-time problem.
+            layout: whose torque is constant in every interval.
+            guesses: any number.
+            intervals: of the mesh, N.
+        """
+        n, N, scales = problem.robot.nv, intervals, guesses.scales(problem)
+        length, speed, time = (np.array([getattr(one, unit) for one in scales]) for unit in ("length", "speed", "time"))
+        unit = np.empty((len(scales), 3 * n * N + 2 * n + 1))  # of x_0, u_0, x_1, …, x_N, T
+        at = unit[:, : 3 * n * N].reshape(len(scales), N, 3 * n)
+        at[..., :n], at[..., n : 2 * n], at[..., 2 * n :] = length[:, None, None], speed[:, None, None], 1.0
+        unit[:, -2 * n - 1 : -n - 1], unit[:, -n - 1 : -1], unit[:, -1] = length[:, None], speed[:, None], 1.0
+
+        knots = mesh(N)
+        q, v, _ = guesses.at(knots)
+        tau = guesses.at((knots[:-1] + knots[1:]) / 2)[2] / Scales.efforts(problem)
+        x = np.ones_like(unit)
+        x[:, :-1] = np.concatenate(
+            [np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1), q[:, -1], v[:, -1]], axis=1
+        )
+        x /= unit
+        # Bounds in units of 1 rad, 1 rad/s and the torque's scale.
+        sides = bounds(problem, layout.full, N, Scales(1.0, 1.0, 1.0, Scales.efforts(problem)))
+        lower, upper = (side[layout.kept(N)] / unit for side in sides)
+        lower[:, -1] = np.maximum(problem.duration_bound() / time, 1e-3)
+        return cls(np.clip(x, lower, upper), lower, upper, scales)
