@@ -30,10 +30,17 @@ class Guesses:
     tau: Array
 
     @classmethod
-    def of(cls, motions: Sequence[Trajectory]) -> Self:
-        """Guesses of motions that have as many samples, at equal parts of their durations."""
-        q, v, tau = (np.stack([getattr(motion, part) for motion in motions]) for part in ("q", "v", "tau"))
-        return cls(np.array([motion.duration for motion in motions]), q, v, tau)
+    def sampled(cls, motions: Sequence[Trajectory], samples: int) -> Self:
+        """Motions at so many equal parts of their durations."""
+        s, durations = np.linspace(0, 1, samples), np.array([motion.duration for motion in motions])
+        at = [motion(motion.t[0] + s * motion.duration) for motion in motions]
+        return cls(durations, *(np.stack(parts) for parts in zip(*at, strict=True)))
+
+    @classmethod
+    def joined(cls, several: Sequence["Guesses"]) -> Self:
+        """One after the other; all have as many samples."""
+        parts = zip(*((one.durations, one.q, one.v, one.tau) for one in several), strict=True)
+        return cls(*(np.concatenate(part) for part in parts))
 
     def chosen(self, which: Sequence[int]) -> "Guesses":
         """Some of the guesses, by their numbers."""

@@ -18,7 +18,6 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import guess_jobs
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
-from armdyn.trajectory import Trajectory
 
 
 def crossover_guesses(
@@ -40,23 +39,24 @@ def crossover_guesses(
         best = distinct([*attempts, *born], same.coarse, same.apart)[: numbers.parents]
         if not best:
             break
-        parents = [attempt.trajectory for attempt in best]
-        task.progress(f"search: change {len(born)} of {count} of the best optima, about {parents[0].duration:.4f} s")
+        parents = Guesses.sampled([attempt.trajectory for attempt in best], SAMPLES)
+        about = best[0].trajectory.duration
+        task.progress(f"search: change {len(born)} of {count} of the best optima, about {about:.4f} s")
 
         several = range(first + len(born), first + min(count, len(born) + numbers.round))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
-        guesses = Guesses.of([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
+        guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
         born += in_bunches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
     return born
 
 
 def crossover(
     problem: MinimumTimeProblem,
-    parents: list[Trajectory],
+    parents: Guesses,
     random: np.random.Generator,
     number: int,
     policy: SearchPolicy,
-) -> Trajectory:
+) -> Guesses:
     """A change of one of some motions, most often of one of the first, in a little more time.
 
     Args:
@@ -66,25 +66,24 @@ def crossover(
         number: of the child: kinds of change take turns.
         policy: how far changes go.
     """
-    s = np.linspace(0, 1, SAMPLES)
-    chosen, other = random.exponential(policy.favoured, 2).astype(int) % len(parents)
-    duration = parents[chosen].duration
-    q, v, tau = (np.array(part) for part in parents[chosen](parents[chosen].t[0] + s * duration))
+    many = parents.durations.size
+    chosen, other = random.exponential(policy.favoured, 2).astype(int) % many
+    duration = parents.durations[chosen]
+    q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
     bent = np.zeros(q.shape[1])
     if number % 3 == 0:
         way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
         bent = policy.bend * random.normal(size=bent.size) * np.maximum(way, policy.bow)
-    elif number % 3 == 1 and len(parents) > 1 and bent.size > 1:
-        mate = parents[other if other != chosen else (chosen + 1) % len(parents)]
+    elif number % 3 == 1 and many > 1 and bent.size > 1:
+        mate = other if other != chosen else (chosen + 1) % many
         taken = random.permutation(bent.size) < random.integers(1, bent.size)
-        at = mate(mate.t[0] + s * mate.duration)
-        q[:, taken], tau[:, taken] = at.q[:, taken], at.tau[:, taken]
-        v[:, taken] = at.v[:, taken] * mate.duration / duration
+        q[:, taken], tau[:, taken] = parents.q[mate][:, taken], parents.tau[mate][:, taken]
+        v[:, taken] = parents.v[mate][:, taken] * parents.durations[mate] / duration
     else:
         bent[random.integers(bent.size)] = policy.led * random.uniform(-1, 1)
+    s = np.linspace(0, 1, len(q))
     bow = 4 * s * (1 - s)
     q += (bow**3)[:, None] * bent
     v += (12 * bow**2 * (1 - 2 * s))[:, None] * bent / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
-    duration, v = policy.slack * duration, v / policy.slack
-    return Trajectory(s * duration, q, v, tau, parents[chosen].joint_names, "start")
+    return Guesses(np.array([policy.slack * duration]), q[None], v[None] / policy.slack, tau[None])

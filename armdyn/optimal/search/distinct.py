@@ -45,12 +45,20 @@ def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) ->
         same: largest relative difference of durations that are one optimum's.
         apart: largest distance of motions that are one optimum's, at the same part of their durations [rad or m].
     """
-    alike = within(same)
-
-    def one(first: Attempt, item: Attempt) -> bool:
-        return alike(first.trajectory.duration, item.trajectory.duration) and (
-            apart == np.inf or float(np.abs(first.quarters - item.quarters).max()) <= apart
-        )
-
-    groups = grouped((attempt for attempt in ranked(attempts) if attempt.usable), one)
+    groups, first = list[list[Attempt]](), 0
+    for attempt in ranked(attempts):
+        if not attempt.usable:
+            break
+        duration = attempt.trajectory.duration
+        while first < len(groups) and duration > groups[first][0].trajectory.duration * (1 + same):
+            first += 1  # later attempts are slower still
+        own = next((group for group in groups[first:] if _near(group[0], attempt, apart)), None)
+        if own is None:
+            groups.append([attempt])
+        else:
+            own.append(attempt)
     return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
+
+
+def _near(one: Attempt, other: Attempt, apart: float) -> bool:
+    return apart == np.inf or float(np.abs(one.quarters - other.quarters).max()) <= apart

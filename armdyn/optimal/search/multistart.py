@@ -1,5 +1,6 @@
 """Global search: many guesses solved coarsely, on all cores."""
 
+from bisect import insort
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -49,20 +50,22 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)
 
-    attempts: list[Attempt] = []
+    attempts, solved = list[Attempt](), list[float]()
     guesses = splines(task.problem, ways, numbers.haste)
     jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.of(k) for k in range(count)])]
     for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
-        own = attempts[len(extra_jobs) :]
-        if not own:
+        own = len(attempts) - len(extra_jobs)
+        if own <= 0:
             continue
-        solved = [a.trajectory.duration for a in own if a.usable]
-        best = f", best {min(solved):.4f} s" if solved else ""
-        task.progress(f"search: guess {len(own)} of {count}{best}")
+        if attempt.usable:
+            insort(solved, attempt.trajectory.duration)
+        best = f", best {solved[0]:.4f} s" if solved else ""
+        task.progress(f"search: guess {own} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        asked = task.options.search != "thorough" and len(own) % max(1, count // numbers.asks) == 0
-        optima = len(grouped(sorted(solved), within(task.policy.same.coarse))) if asked else 0
+        asked = task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
+        asked = asked and len(solved) >= numbers.least
+        optima = len(grouped(solved, within(task.policy.same.coarse))) if asked else 0
         if task.stop or (asked and enough(len(solved), optima, numbers.least)):
             break
     return attempts

@@ -109,7 +109,7 @@ class Task:
         Args:
             threads: see `shared_pool`.
         """
-        with shared_pool(self, self.workers, threads) as pool:
+        with shared_pool(self, self.options.workers if threads else self.workers, threads) as pool:
             yield replace(self, pool=pool)
 
     def results(self, jobs: Sequence[Callable[[Self], Result]]) -> Iterator[Result]:

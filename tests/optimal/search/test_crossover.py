@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from armdyn.optimal.program.guesses import Guesses
 from armdyn.optimal.search.crossover import crossover, crossover_guesses
 from armdyn.optimal.search.multistart import SearchSettings, search
-from armdyn.optimal.search.starts import spline
+from armdyn.optimal.search.starts import SAMPLES, spline
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.task import Task
@@ -20,14 +21,20 @@ POLICY = Policy.of(PROBLEM).search
 PARENTS = [spline(PROBLEM, [np.array(via)]) for via in ([0.5, -1.0, 1.0], [-1.0, 2.0, 3.0], [2.0, 0.0, -2.0])]
 
 
+def child(problem, parents, seed, number, policy=POLICY):
+    """A change of some motions."""
+    guesses = crossover(problem, Guesses.sampled(parents, SAMPLES), np.random.default_rng(seed), number, policy)
+    return guesses.motion(0, problem.robot.joint_names)
+
+
 @given(number=st.integers(0, 50), seed=st.integers(0, 2**16), many=st.integers(1, 3))
 def test_a_child_goes_from_start_to_goal_within_its_limits(number, seed, many):
-    guess = crossover(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number, POLICY)
+    guess = child(PROBLEM, PARENTS[:many], seed, number)
     np.testing.assert_allclose(guess.q[[0, -1]], [PROBLEM.q_start, PROBLEM.q_goal], atol=1e-12)
     limits = PROBLEM.limits
     assert np.all(limits.position_lower <= guess.q) and np.all(guess.q <= limits.position_upper)
     assert np.all(limits.effort_lower <= guess.tau) and np.all(guess.tau <= limits.effort_upper)
-    again = crossover(PROBLEM, PARENTS[:many], np.random.default_rng(seed), number, POLICY)
+    again = child(PROBLEM, PARENTS[:many], seed, number)
     np.testing.assert_array_equal(guess.q, again.q)
 
 
@@ -35,8 +42,8 @@ def test_a_child_goes_from_start_to_goal_within_its_limits(number, seed, many):
 def test_kinds_of_change_take_turns(seed):
     """All joints bent; some of the mate's; one led elsewhere. The only parent's other joints are its own."""
     alone = paper_problem("rrr", position_limit=(-np.inf, np.inf))
-    bent, led = (crossover(alone, PARENTS[:1], np.random.default_rng(seed), number, POLICY) for number in (0, 2))
-    crossed = crossover(alone, PARENTS[:2], np.random.default_rng(seed), 1, POLICY)
+    bent, led = (child(alone, PARENTS[:1], seed, number) for number in (0, 2))
+    crossed = child(alone, PARENTS[:2], seed, 1)
 
     def own(guess, parent):
         s = np.linspace(0, 1, len(guess.t))
@@ -51,7 +58,7 @@ def test_kinds_of_change_take_turns(seed):
 @given(number=st.sampled_from([0, 2]), seed=st.integers(0, 2**16))
 def test_a_childs_velocities_are_those_of_its_way(number, seed):
     free = paper_problem("rrr", position_limit=(-np.inf, np.inf))
-    guess = crossover(free, PARENTS[:1], np.random.default_rng(seed), number, POLICY)
+    guess = child(free, PARENTS[:1], seed, number)
     slopes = np.gradient(guess.q, guess.t, axis=0)[2:-2]
     # Central differences of a way whose third derivative is at most some 1e3 of its size, over a fiftieth of it.
     assert np.max(np.abs(guess.v[2:-2] - slopes)) <= 0.05 * np.max(np.abs(guess.v))
@@ -99,7 +106,7 @@ def test_the_policys_numbers_make_the_changes(field, number):
     other = replace(POLICY, **{field: 1.5 * getattr(POLICY, field)})
 
     def guesses(policy):
-        return [crossover(still, PARENTS, np.random.default_rng(seed), number, policy) for seed in range(20)]
+        return [child(still, PARENTS, seed, number, policy) for seed in range(20)]
 
     assert any(
         a.q.tobytes() + a.t.tobytes() != b.q.tobytes() + b.t.tobytes()
