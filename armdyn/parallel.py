@@ -33,7 +33,9 @@ _own_ends: set[Connection] = set()
 """Our ends of all lines to workers. A worker must not keep those of others: they would never hear that we ended."""
 
 
-def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> Generator[Result]:
+def in_processes(
+    jobs: Sequence[Callable[[], Result]], workers: int | None, first_here: bool = False
+) -> Generator[Result]:
     """Results of jobs in parallel processes, in the order of the jobs.
 
     Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
@@ -44,14 +46,23 @@ def in_processes(jobs: Sequence[Callable[[], Result]], workers: int | None) -> G
         jobs: to be done. A job whose worker dies or raises is done again here.
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
+        first_here: the first job is done in this process meanwhile: often it is the only one whose result is read.
     """
     with job_pool(jobs, workers) as pool:
-        yield from _in_order(pool, range(len(jobs)), lambda k: jobs[k]())
+        yield from _in_order(pool, range(len(jobs)), lambda k: jobs[k](), first_here)
 
 
-def _in_order(pool: "ForkPool[Result]", jobs: Sequence[Job], here: Callable[[Job], Result]) -> Generator[Result]:
+def _in_order(
+    pool: "ForkPool[Result]", jobs: Sequence[Job], here: Callable[[Job], Result], first_here: bool = False
+) -> Generator[Result]:
     """Results of a pool in the order of the jobs; a job that no worker has done is done here."""
     waiting, known = deque(range(len(jobs))), dict[int, tuple[Result] | None]()
+    if first_here and pool.count:
+        first = waiting.popleft()
+        while pool.idle > 1 and waiting:
+            number = waiting.popleft()
+            pool.submit(number, jobs[number])
+        known[first] = (here(jobs[first]),)
     for k, job in enumerate(jobs):
         while pool.count and k not in known:
             while pool.idle and waiting:

@@ -33,6 +33,12 @@ def test_every_job_is_done_once(workers, together):
     assert len({pid for _, pid in results} - {HERE}) == (0 if processes == 1 else processes)
 
 
+def test_the_first_job_may_be_done_here():
+    results = list(in_processes([partial(square, k) for k in range(10)], 2, first_here=True))
+    assert [result for result, _ in results] == [k * k for k in range(10)]
+    assert results[0][1] == HERE and HERE not in {pid for _, pid in results[1:]}
+
+
 def test_no_jobs_no_results():
     assert list(in_processes([], 2)) == list(as_completed([], 2)) == []
 

@@ -1,6 +1,7 @@
 """The motion that a multi-phase solution stands for, as a trajectory."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -32,16 +33,16 @@ def motion_of(
         tau: torques at the stages [N m or N], shape (K, stages, nv).
         numbers: samples of an interval of constant torques, and of all others together, 4 to 16 on each.
     """
-    nodes, limits = np.append(0.0, TABLEAU.c), problem.limits
+    limits = problem.limits
     varying = sum(any(mode not in HELD for mode in arcs[a].modes) for a in arc_of)
     samples = int(np.clip(numbers.samples // max(varying, 1), 4, 16))
     rows_t, rows_x, rows_tau = [], [], []
     for k, a in enumerate(arc_of):
         constant = all(mode in HELD for mode in arcs[a].modes)
-        s = np.linspace(0, 1, (numbers.on_interval if constant else samples) + 1)
-        values = lagrange(TABLEAU.c, s) @ tau[k]
+        s, at_stages, at_nodes, curvature = _weights(numbers.on_interval if constant else samples)
+        values = at_stages @ tau[k]
         if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
-            values -= _curvature(TABLEAU.c, s) @ tau[k] / (12 * samples**2)
+            values -= curvature @ tau[k] / (12 * samples**2)
         values = np.clip(values, limits.actuators.lower, limits.actuators.upper)
         for i, mode in enumerate(arcs[a].modes):
             if mode in HELD:
@@ -50,12 +51,19 @@ def motion_of(
         times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
         rows_t.append(times)
         rows_tau.append(values)
-        rows_x.append(np.einsum("sj,jxi->sxi", lagrange(nodes, s), states[k]))
+        rows_x.append(np.einsum("sj,jxi->sxi", at_nodes, states[k]))
     times, values, x = (np.concatenate(rows) for rows in (rows_t, rows_tau, rows_x))
     # Where the torque does not jump the sample one ulp before a knot says nothing new.
     jump = np.append(np.any(np.abs(np.diff(values, axis=0)) > 0, axis=1) | (np.diff(times) > 1e-13), True)
     names = problem.robot.joint_names
     return Trajectory(times[jump], x[jump, 0], x[jump, 1], values[jump], names, "minimum time")
+
+
+@cache
+def _weights(steps: int) -> tuple[Array, Array, Array, Array]:
+    """Parts of an interval, and there the weights of the stages, of its start and the stages, and of the curvature."""
+    s = np.linspace(0, 1, steps + 1)
+    return s, lagrange(TABLEAU.c, s), lagrange(np.append(0.0, TABLEAU.c), s), _curvature(TABLEAU.c, s)
 
 
 def lagrange(nodes: Array, s: Array | float) -> Array:

@@ -55,7 +55,8 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     optima: list[Optimum] = []
     beaten = np.inf
     task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    for k, reached in enumerate(in_processes([partial(climbed, k) for k in range(len(attempts))], task.workers)):
+    climbs = [partial(climbed, k) for k in range(len(attempts))]
+    for k, reached in enumerate(in_processes(climbs, task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
         if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
