@@ -15,56 +15,63 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Guesses:
-    """Motions from which solves may start, each sampled at equal parts of its duration.
+    """Motions from which solves may start, all with as many samples.
 
     Attributes:
-        durations: [s], shape (k,).
+        t: times [s], the first 0, shape (k, samples).
         q: joint positions [rad or m], shape (k, samples, nv).
         v: joint velocities [rad/s or m/s], likewise.
         tau: joint torques [N m or N], likewise.
     """
 
-    durations: Array
+    t: Array
     q: Array
     v: Array
     tau: Array
 
+    @property
+    def durations(self) -> Array:
+        """Duration of each [s], shape (k,)."""
+        return np.asarray(self.t[:, -1])
+
     @classmethod
     def sampled(cls, motions: Sequence[Trajectory], samples: int) -> Self:
         """Motions at so many equal parts of their durations."""
-        s, durations = np.linspace(0, 1, samples), np.array([motion.duration for motion in motions])
-        at = [motion(motion.t[0] + s * motion.duration) for motion in motions]
-        return cls(durations, *(np.stack(parts) for parts in zip(*at, strict=True)))
+        t = [np.linspace(0, 1, samples) * motion.duration for motion in motions]
+        at = [motion(motion.t[0] + times) for motion, times in zip(motions, t, strict=True)]
+        return cls(np.stack(t), *(np.stack(parts) for parts in zip(*at, strict=True)))
 
     @classmethod
     def joined(cls, several: Sequence["Guesses"]) -> Self:
         """One after the other; all have as many samples."""
-        parts = zip(*((one.durations, one.q, one.v, one.tau) for one in several), strict=True)
+        parts = zip(*((one.t, one.q, one.v, one.tau) for one in several), strict=True)
         return cls(*(np.concatenate(part) for part in parts))
 
     def chosen(self, which: Sequence[int]) -> "Guesses":
         """Some of the guesses, by their numbers."""
         at: Index = np.array(which)
-        return Guesses(self.durations[at], self.q[at], self.v[at], self.tau[at])
+        return Guesses(self.t[at], self.q[at], self.v[at], self.tau[at])
 
     def motion(self, k: int, joint_names: tuple[str, ...]) -> Trajectory:
         """One guess as a motion."""
-        t = np.linspace(0, self.durations[k], self.q.shape[1])
-        return Trajectory(t, self.q[k], self.v[k], self.tau[k], joint_names, "start")
+        return Trajectory(self.t[k], self.q[k], self.v[k], self.tau[k], joint_names, "start")
 
-    def at(self, parts: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and torques at parts of the durations, each of shape (k, parts, nv).
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and torques at times of each guess, shape (k, n), each of shape (k, n, nv).
 
-        As of `Trajectory`: positions are cubics between samples, torques lines.
+        The same numbers as of `Trajectory`: their last bits decide between optima that lie close together.
         """
-        steps = self.q.shape[1] - 1
-        k = np.clip((parts * steps).astype(int), 0, steps - 1)
-        s, h = (parts * steps - k)[:, None], (self.durations / steps)[:, None, None]
-        q0, v0, v1, tau0 = self.q[:, k], self.v[:, k], self.v[:, k + 1], self.tau[:, k]
-        rise = self.q[:, k + 1] - q0
+        t, at = self.t, np.minimum(times, self.t[:, -1:])
+        found = [np.searchsorted(own, some, side="right") - 1 for own, some in zip(t, at, strict=True)]
+        k = np.clip(found, 0, self.q.shape[1] - 2)
+        each = np.arange(len(k))[:, None]
+        left, h = t[each, k], (t[each, k + 1] - t[each, k])[..., None]
+        s = (at - left)[..., None] / h
+        q0, v0, v1, tau0 = self.q[each, k], self.v[each, k], self.v[each, k + 1], self.tau[each, k]
+        rise = self.q[each, k + 1] - q0
         c2, c3 = 3 * rise - h * (2 * v0 + v1), -2 * rise + h * (v0 + v1)
         v = v0 + s * (2 * c2 + 3 * s * c3) / h
-        return q0 + s * (h * v0 + s * (c2 + s * c3)), v, tau0 + s * (self.tau[:, k + 1] - tau0)
+        return q0 + s * (h * v0 + s * (c2 + s * c3)), v, tau0 + s * (self.tau[each, k + 1] - tau0)
 
     def scales(self, problem: MinimumTimeProblem) -> list[Scales]:
         """Scales of each guess's program."""
@@ -106,9 +113,9 @@ class CondensedStarts:
         at[..., :n], at[..., n : 2 * n], at[..., 2 * n :] = length[:, None, None], speed[:, None, None], 1.0
         unit[:, -2 * n - 1 : -n - 1], unit[:, -n - 1 : -1], unit[:, -1] = length[:, None], speed[:, None], 1.0
 
-        knots = mesh(N)
+        knots = guesses.durations[:, None] * np.concatenate([[0.0], np.cumsum(np.diff(mesh(N)))])
         q, v, _ = guesses.at(knots)
-        tau = guesses.at((knots[:-1] + knots[1:]) / 2)[2] / Scales.efforts(problem)
+        tau = guesses.at((knots[:, :-1] + knots[:, 1:]) / 2)[2] / Scales.efforts(problem)
         x = np.ones_like(unit)
         x[:, :-1] = np.concatenate(
             [np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1), q[:, -1], v[:, -1]], axis=1

@@ -66,7 +66,7 @@ def crossover(
         number: of the child: kinds of change take turns.
         policy: how far changes go.
     """
-    many = parents.durations.size
+    many = len(parents.t)
     chosen, other = random.exponential(policy.favoured, 2).astype(int) % many
     duration = parents.durations[chosen]
     q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
@@ -86,4 +86,4 @@ def crossover(
     q += (bow**3)[:, None] * bent
     v += (12 * bow**2 * (1 - 2 * s))[:, None] * bent / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
-    return Guesses(np.array([policy.slack * duration]), q[None], v[None] / policy.slack, tau[None])
+    return Guesses(s[None] * (policy.slack * duration), q[None], v[None] / policy.slack, tau[None])

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+import pinocchio as pin
 from scipy.interpolate import BPoly
 
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.reading.urdf_arm import configurations
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.path_constraints.constraint import Path
@@ -109,9 +110,9 @@ def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: flo
     paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in ways]
     q, dq, ddq = (np.stack([getattr(path, part) for path in paths]) for part in ("q", "dq", "ddq"))
     # Torque along a path is static + inertial / T² + friction.
-    friction, rest, torques = problem.robot.friction, np.zeros_like(q), inverse_dynamics(problem.robot)
-    static = torques(q, rest, rest)
-    inertial = torques(q, dq, ddq) - friction.torque(dq) - static
+    friction, rest = problem.robot.friction, np.zeros_like(q)
+    static = _torques(problem, q, rest, rest)
+    inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
     durations = _fitting_durations(problem, paths, dq, inertial)
     for k, via in enumerate(ways):
         if len(via) != 1:  # through one random pose nothing swings
@@ -123,7 +124,7 @@ def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: flo
     v[:, 0], v[:, -1] = problem.v_start, problem.v_goal
     shares = np.maximum(haste, problem.duration_bound() / durations)
     v[:, 1:-1] /= shares[:, None, None]
-    return Guesses(shares * durations, q, v, tau)
+    return Guesses(np.linspace(0, shares * durations, SAMPLES, axis=1), q, v, tau)
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:
@@ -142,6 +143,15 @@ def straight_curve(task: Task, intervals: int) -> Curve:
         ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
         durations = spline(problem, []).duration * ways / ways.sum()
     return Curve.straight(problem, basis, durations)
+
+
+def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
+    """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
+    robot, model = problem.robot, problem.robot.model
+    data, at, n = model.createData(), configurations(model), robot.nv
+    rows = zip(*(part.reshape(-1, n) for part in (q, v, a)), strict=True)
+    torques = np.array([pin.rnea(model, data, at(x), y, z) for x, y, z in rows])
+    return torques.reshape(q.shape) + robot.friction.torque(v)
 
 
 def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: Array, inertial: Array) -> Array:

@@ -18,8 +18,8 @@ from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
 
-_ASKED = 20
-"""Iterations between two questions whether to stop: a millisecond; a thread may have to wait for another one to ask."""
+_ASKED = 10
+"""Iterations between two questions whether to stop: half a millisecond; a thread may have to wait for another one."""
 _ENDED = (
     "Solve_Succeeded",
     "Solved_To_Acceptable_Level",

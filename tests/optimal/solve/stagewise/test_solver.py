@@ -148,7 +148,7 @@ def test_asked_every_few_iterations_whether_to_stop():
     start, p, sides = program(task)
     found = solver(task).solve(data(start, p, sides), Impatient())
     assert found.status is ad.Status.TIME_LIMIT and found.message == "time limit reached"
-    assert found.iterations == 10
+    assert found.iterations == 20
     stop = Stop(interrupted=True)
     assert solver(task).solve(data(start, p, sides), stop).status is ad.Status.INTERRUPTED
     with pytest.raises(KeyboardInterrupt):
