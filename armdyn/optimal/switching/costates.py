@@ -144,7 +144,7 @@ class _Grid:
             own = np.flatnonzero(rollout.arc == arc)
             if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
                 continue
-            parts = own.size if curved[own[0]] else max(1, round(own.size / rollout.shooting.policy.rollout.together))
+            parts = own.size if curved[own[0]] else rollout.shooting.policy.rollout.groups(own.size)
             for steps in np.array_split(own, parts):
                 first.append(int(steps[0]))
                 count.append(steps.size)

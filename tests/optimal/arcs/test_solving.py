@@ -8,9 +8,8 @@ import pytest
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.solve.registry import _built
 from armdyn.optimal.task.task import Task
 from problems import solved
 
@@ -55,17 +54,6 @@ def test_what_does_not_converge_is_of_another_type(solution):
     assert isinstance(found, Unresolved)
     assert found.message == "time limit reached" and isinstance(found.last, Phases)
     assert found.last.iterations == found.iterations
-
-
-def test_prepared_programs_are_those_that_are_solved(solution):
-    task = Task.of(solution.problem)
-    prepare_phases(task, 26)
-    before = _built.__wrapped__.cache_info().misses
-    solve_phases(task, solution.phases.arcs, solution.phases.torques, 26)
-    assert _built.__wrapped__.cache_info().misses == before
-    other = replace(task, scheme=replace(task.scheme, dynamics="inverse"))
-    prepare_phases(other, 26)
-    assert _built.__wrapped__.cache_info().misses == before + 1
 
 
 def test_more_conditions_than_unknowns_are_not_solved(solution, capfd):
