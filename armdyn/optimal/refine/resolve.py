@@ -51,7 +51,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         fast = _at_speed(task, motion)  # there structures rarely settle, and the mesh's motion does sooner
         found = _by_switching(task, shooting_problem(task, motion), attempt, own)
         known += _landed(task, found, attempt, own)
-        if not (found.settled or fast):
+        if not (found.settled or found.idle or fast):
             found = found.again(own)
             known += _landed(task, found, attempt, own)
         # Else a finer mesh may show a structure yet.
@@ -162,7 +162,7 @@ class _Resolved:
 
     @property
     def settled(self) -> bool:
-        """Whether the best is an extremal."""
+        """Whether the best is an extremal that leaves no joint idle."""
         return bool(self.tried) and not self.tried[0][0][0]
 
     @property
@@ -228,9 +228,11 @@ def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterato
 
 
 def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
-    """Sorts: extremals before other motions, each by duration."""
+    """Sorts: extremals before other motions and before those that leave a joint idle, each by duration."""
     if refined.extremal is None:
         return True, np.inf
+    if leaves_idle(refined.extremal, SWITCHING_TOLERANCE):
+        return True, refined.extremal.structure.duration
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
         wrong = pontryagin(shooting.problem, phases_of(refined.extremal))[2]
