@@ -14,7 +14,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance, CollisionModel
-from armdyn.optimal.path_constraints.rows import Rows, RowValues
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -160,7 +160,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         """Distances between bodies, if it asks for just these: curves keep them without rows of the program."""
         return None
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows that the constraint adds to the program."""
         return ()
 

@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -28,7 +28,7 @@ class AccelerationLimit(PartialLimit):
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         return 2, self.part * np.asarray(problem.acceleration_limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of accelerations at the stages of every interval, over the limits."""
         return (StageRows(_accelerations, numbers=problem.robot.nv),)
 

@@ -15,7 +15,7 @@ from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -72,7 +72,7 @@ class FrameSpeedLimit(PartialLimit):
                 )
         return replace(self, frame=frame)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Squares at the stages of every interval, as parts of the limit's."""
         fixed = problem.robot.frame(str(self.frame))
         return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)

@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -29,7 +29,7 @@ class JerkLimit(PartialLimit):
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         return 3, self.part * np.asarray(problem.jerk_limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Differences between the stages as parts of the limits; the accelerations at both ends."""
         return (
             StageRows(_jerks, numbers=problem.robot.nv),

@@ -16,7 +16,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.parsing.numbers import number as parsed
@@ -77,7 +77,7 @@ class RmsTorque(PartialLimit):
             raise ProblemError(f"RmsTorque has a dwell of {self.dwell:g} s at the goal, where the arm is in flight")
         return replace(self, limit=limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """∫ ((τ/limit)² - part²) dt [s] of every joint."""
         return (StageRows(_surplus, numbers=problem.robot.nv + 1, where="sum"),)
 

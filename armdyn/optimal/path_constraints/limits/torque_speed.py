@@ -11,7 +11,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -27,7 +27,7 @@ class TorqueSpeedLimit(PartialLimit):
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         return cls() if problem.limits.actuators.lines[0].size else None
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the torque-speed lines at the stages of every interval, over c; torques are continuous at knots."""
         slopes, _ = problem.limits.actuators.lines
         count, numbers = len(slopes), 2 * slopes.size

@@ -12,7 +12,7 @@ from armdyn.arrays import Array
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -31,7 +31,7 @@ class VelocityTaperLimit(PartialLimit):
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         return None if problem.preset is None or problem.preset.taper is None else cls()
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
         return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
 
