@@ -95,6 +95,7 @@ def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there
     assert np.all(np.abs(inside.tau[:, 0]) < 7.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("links", "payload", "limits", "way", "jumps"),
     [

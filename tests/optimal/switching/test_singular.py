@@ -137,6 +137,7 @@ def test_a_course_that_meets_a_limit_on_its_way_settles():
     assert end.extremal.structure.duration == pytest.approx(0.270189425, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_singular_torque_jumps_where_another_joint_switches():
     problem = random_problem(27)
     end = settled_from(

@@ -322,6 +322,7 @@ def read():
     return frozenset(READ)
 
 
+@pytest.mark.slow
 def test_every_number_is_read_from_the_task_s_policy(read):
     every = {name for name, *_ in Policy.of(between("rr")).rows()}
     assert sorted(every ^ read) == []
@@ -371,6 +372,7 @@ def facts(task):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGED)
 def test_another_number_gives_another_answer(name):
     task = SOLVES[name]()

@@ -41,6 +41,7 @@ def test_the_double_integrator_turns_round_half_way():
     assert found.structure.times == pytest.approx([np.sqrt(2)], rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_an_optimum_is_found_again_from_beside_it(arm):
     solution = solved(arm)
@@ -55,6 +56,7 @@ def test_an_optimum_is_found_again_from_beside_it(arm):
     np.testing.assert_allclose(start, solution.phases.costate[0], rtol=1e-3, atol=1e-3 * np.max(np.abs(start)))
 
 
+@pytest.mark.slow
 def test_the_model_is_what_motions_beside_it_do():
     solution = random_solution(15)  # of nine arcs, so that its times are not all determined by the goal
     own = shooting(solution.problem, solution.trajectory)
