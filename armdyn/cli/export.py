@@ -6,15 +6,13 @@ import warnings
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from armdyn.arguments import one_of
 from armdyn.cli.console import NOT_USABLE, answering, console, escape
 from armdyn.cli.motion.check import show_check
 from armdyn.cli.motion.controller import check_samples, preset_of
-from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
@@ -27,7 +25,8 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.trajectory import Samples, Trajectory
 
-
+_KINDS = "|".join(FORMATS)
+_ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
 _DEFAULT_RATE = 1000.0
 """Rows per second of a table or message [Hz]."""
 _MODEL_RATE = 4000.0
@@ -123,28 +122,16 @@ class ModelOptions:
 
 
 def export(
-    file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A trajectory.npz that mintime or pid wrote.")],
     *,
-    format: Annotated[  # noqa: A002  # the option's name
-        str,
-        typer.Option(
-            metavar="|".join(FORMATS), help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
-        ),
-    ] = "csv",
-    rate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HZ|own",
-            help="Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and "
-            "ur-rtde, 4000 with --model, and 1000 otherwise.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
-    ] = None,
-    piece: Annotated[
-        int | None, typer.Option(metavar="N", help="Of a motion of several pieces only this one, from 1 on.")
-    ] = None,
+    file: Path = argument("FILE.npz", "A trajectory.npz that mintime or pid wrote."),
+    format: str = option(_KINDS, _ABOUT_KINDS, default="csv"),  # noqa: A002  # the option's name
+    rate: str | None = option(
+        "HZ|own",
+        "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "
+        "4000 with --model, and 1000 otherwise.",
+    ),
+    out: Path | None = option("DIR", "Folder for the written file. By default that of FILE."),
+    piece: int | None = option("N", "Of a motion of several pieces only this one, from 1 on."),
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,

@@ -6,14 +6,11 @@ import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
-
-import typer
+from typing import TYPE_CHECKING, Self
 
 import armdyn as ad
 from armdyn.arguments import shown
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.parsing.panels import LIMITS
 
 if TYPE_CHECKING:
     from armdyn.studies.preset_costs import ConditionCost
@@ -53,16 +50,6 @@ def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: 
     return preset.check(
         ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
     )
-
-
-NoCosts = Annotated[
-    bool,
-    typer.Option(
-        "--no-costs",
-        rich_help_panel=LIMITS,
-        help="With --preset: do not solve again without each necessary condition to see what it costs.",
-    ),
-]
 
 
 @dataclass(frozen=True)

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.motion.controller import ControllerVerdict, NoCosts
-from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
+from armdyn.cli.motion.controller import ControllerVerdict
+from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions, likely_arms
-from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
@@ -113,8 +112,11 @@ def mintime(
     task: ProblemOptions,
     search: SearchOptions,
     results: ResultOptions,
-    require: Require = None,
-    no_costs: NoCosts = False,
+    require: list[str] | None = REQUIRE,
+    no_costs: bool = flag(
+        "With --preset: do not solve again without each necessary condition to see what it costs.",
+        rich_help_panel=LIMITS,
+    ),
 ) -> None:
     """Fastest motion between two poses that the actuators allow.
 

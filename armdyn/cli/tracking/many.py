@@ -8,16 +8,10 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
-from armdyn.cli.console import (
-    answering,
-    console,
-    facts_table,
-    working,
-)
-from armdyn.cli.options.groups import option
+from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.task import FastArmOptions, likely_arms
-from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
