@@ -14,7 +14,7 @@ from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import Setup, expect_own_payload
+from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ResultError
 from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot, expect_robot

@@ -227,7 +227,7 @@ def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> lis
     """The curve's figure, reserve.png; none without a row."""
     if curve is None or not curve.rows:
         return []
-    from armdyn.show.figures.reserve_curve import plot_reserves
+    from armdyn.show.figures.loops import plot_reserves
     from armdyn.show.plots import save_figure
 
     return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]

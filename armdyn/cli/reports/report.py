@@ -59,8 +59,7 @@ class ShownOptions:
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.moves import read_moves
-        from armdyn.cli.reports.subject import SubjectSpec
+        from armdyn.cli.reports.subject import SubjectSpec, read_moves
 
         return read_moves(results, SubjectSpec(robot=self.robot, part=part, payload=payload.carried()))
 

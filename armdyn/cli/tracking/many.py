@@ -140,7 +140,7 @@ def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
     """Write the reference, the figure and result.json next to the rows."""
-    from armdyn.show.figures.envelopes import plot_envelope
+    from armdyn.show.figures.loops import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_results
     from armdyn.studies.rows import read_rows

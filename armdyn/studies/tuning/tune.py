@@ -12,7 +12,7 @@ from armdyn.arguments import expect, listener, number, one_of, path, whole
 from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.tracking.setup import Setup, expect_own_payload
+from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
