@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import Sign, number
+from armdyn.arguments import Sign, check_fields, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
@@ -145,21 +145,18 @@ class Lqr:
     position: PerJoint = 0.03
     velocity: PerJoint = 0.008
     integral: PerJoint = 0.5
-    position_on_the_way: float = 0.07
-    velocity_on_the_way: float = 0.4
-    phase: float = 1.0
+    position_on_the_way: float = checked(number, 0.07, sign="not negative")
+    velocity_on_the_way: float = checked(number, 0.4, sign="not negative")
+    phase: float = checked(number, 1.0, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
-        set_own = object.__setattr__
-        for name in ("position_on_the_way", "velocity_on_the_way"):
-            set_own(self, name, number(getattr(self, name), name, sign="not negative"))
-        set_own(self, "phase", number(self.phase, "phase", unit="rad", sign="positive"))
+        check_fields(self)
         counts = set()
         for name in _WEIGHTS:
             value = getattr(self, name)
             sign: Sign = "positive" if name == "position" else "not negative"
             array = per_joint(value, None, name, error=ProblemError, sign=sign)
-            set_own(self, name, float(array) if array.ndim == 0 else tuple(map(float, array)))
+            object.__setattr__(self, name, float(array) if array.ndim == 0 else tuple(map(float, array)))
             counts |= {array.size} if array.ndim else set()
         if len(counts) > 1:
             raise ProblemError(f"weights are for {' and '.join(map(str, sorted(counts)))} joints at once")
