@@ -15,9 +15,8 @@ from armdyn.identification.log import Signals
 from armdyn.identification.model import rigid_torques
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts
 from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory

@@ -12,7 +12,7 @@ from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_step
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.per_joint import per_joint

@@ -15,7 +15,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import sampled_stability
 from armdyn.control.tracking.loads import ChangingLoad, Loaded
 from armdyn.control.tracking.run import Run, run_of

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator
 
 from armdyn.control.stability.region import GainPlane
-from armdyn.control.tracking.envelope import Envelope
+from armdyn.control.tracking.run import Envelope
 from armdyn.errors import ProblemError
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal, one_panel
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from armdyn.arguments import number, several
@@ -139,7 +139,7 @@ def start_tolerance(value: object) -> float:
 
 def program(name: str) -> str:
     """A file of `programs/`: the parts of programs that no motion changes."""
-    return files("armdyn.trajectory.formats").joinpath("programs", f"{name}.txt").read_text("utf-8")
+    return Path(__file__).with_name("programs").joinpath(f"{name}.txt").read_text("utf-8")
 
 
 def python_program(

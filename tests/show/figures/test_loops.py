@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armdyn.control.tracking.envelope import Envelope
+from armdyn.control.tracking.run import Envelope
 from armdyn.errors import ProblemError
 from armdyn.show.figures.loops import plot_envelope
 from armdyn.show.plots import save_figure
