@@ -8,10 +8,10 @@ from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.arguments import one_of
+import armdyn as ad
+from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, answering, console, escape
 from armdyn.cli.motion.check import show_check
-from armdyn.cli.motion.controller import check_samples, preset_of
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import Json
@@ -203,6 +203,41 @@ def export(
             console.print(
                 f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
             )
+
+
+def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
+    """The preset of the options, or else the built-in one under which the motion of a file was planned."""
+    chosen, result = given.read(), file.parent / "result.json"
+    if chosen is not None or file.name != "trajectory.npz" or not result.is_file():
+        return chosen
+    from armdyn.show.results import load_result
+
+    planned = load_result(result).get("controller")
+    name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
+    if name and name not in ad.ControllerPreset.names():
+        note = f"the motion was planned under a preset of your own, {shown(name)}: not checked; give --preset its file"
+        warnings.warn(note, ad.ArmdynWarning, stacklevel=2)
+    return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
+
+
+def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
+    """Check samples that are exported.
+
+    Args:
+        preset: preset of the controller.
+        samples: the exported rows.
+        accelerations: whether the controller receives accelerations, too, and interpolates by quintics.
+
+    Raises:
+        ArmdynError: see `ControllerPreset.check`.
+    """
+    from armdyn.trajectory.planned import Planned
+
+    if accelerations:
+        return preset.check(Planned(samples.t, samples.q, samples.v, samples.a, samples.tau), samples.joint_names)
+    return preset.check(
+        ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
+    )
 
 
 def _piece(motion: Trajectory, number: int | None) -> Trajectory:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.motion.controller import ControllerVerdict
 from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
@@ -22,6 +21,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
 if TYPE_CHECKING:
+    from armdyn.studies.preset_costs import ConditionCost
     from armdyn.studies.reserve import ReserveCurve, Settling
 
 _WATCHED = 1.0
@@ -106,6 +106,54 @@ class SearchOptions(CurveOptions):
         if curve.best is None:
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
+
+
+@dataclass(frozen=True)
+class ControllerVerdict:
+    """Check of a solution by its preset, and cost of the preset's conditions.
+
+    Attributes:
+        found: check of the motion; None: the problem has no preset, or there is no motion.
+        costs: costs of the necessary conditions.
+    """
+
+    found: ad.ControllerCheck | None = None
+    costs: tuple[ConditionCost, ...] = ()
+
+    @classmethod
+    def of(cls, solution: ad.Solution, progress: Callable[[str], None], costs: bool) -> Self:
+        """Check a solution; with `costs` solve it without each necessary condition, too."""
+        preset = solution.problem.preset
+        if preset is None or not solution.moves:
+            return cls()
+        from armdyn.studies.preset_costs import condition_costs
+
+        solved = solution.usable and solution.status is not ad.Status.INTERRUPTED
+        return cls(
+            preset.check(solution.trajectory), condition_costs(solution, None, progress) if costs and solved else ()
+        )
+
+    @property
+    def refused(self) -> bool:
+        """Whether the controller would stop the motion."""
+        return self.found is not None and not self.found.ok
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """The verdict for JSON; empty without a preset."""
+        if self.found is None:
+            return {}
+        return {"controller": self.found.facts() | {"costs": [asdict(cost) for cost in self.costs]}}
+
+    @property
+    def words(self) -> dict[str, str]:
+        """The verdict as `facts_table` shows it; empty without a preset."""
+        if self.found is None:
+            return {}
+        ignored = [row for row in self.found.offences if not row.necessary]
+        lines = [str(self.found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
+        words = {"controller": "\n".join(lines)}
+        return words | ({"its conditions cost": "\n".join(map(str, self.costs))} if self.costs else {})
 
 
 def mintime(
