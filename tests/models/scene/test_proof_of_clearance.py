@@ -57,6 +57,7 @@ def test_a_thin_wall_that_is_crossed_is_never_proven_clear(thick):
     assert crossed > 10
 
 
+@pytest.mark.slow
 def test_points_of_the_arm_stay_within_the_bounds_on_their_motion():
     robot = robot_named("panda")
     random, data = np.random.default_rng(0), robot.model.createData()
