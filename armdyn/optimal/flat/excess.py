@@ -162,5 +162,5 @@ class Tightening:
         return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 
     def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
-        """What torques exceed their limits by at the unknowns that were looked at last; None: those were others."""
+        """Margins of the torques beyond their limits at unknowns, if those were evaluated last; else None."""
         return self._last[1] if np.array_equal(self._last[0], x) else None
