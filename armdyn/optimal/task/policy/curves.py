@@ -80,6 +80,12 @@ class CurvePolicy:
     spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
     little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
     rough: float = tuned(3e-3, "of half the range", "excess that is left where time is then given for calm joints")
+    beside: float = tuned(
+        0.03,
+        "of half the range",
+        "by which a point may be within its bound where torques beside it are not",
+        "Baxter 1",
+    )
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
     off: float = tuned(
         1e-5,
