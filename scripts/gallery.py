@@ -70,11 +70,14 @@ class Shot:
             SystemExit: the page has an error.
         """
         sys.path.insert(0, str(ROOT / "tests"))
-        from show.browser import open_page, screenshot
+        from show.browser import launched, open_page, screenshot
 
         report = page_file.name == "report.html"
         ready = "window.armdyn !== undefined" if report else "document.readyState === 'complete'"
-        with open_page(page_file, *self.size, ready=ready, drawn=True) as (page, _, errors):
+        with (
+            launched() as chromium,
+            open_page(chromium, page_file, *self.size, ready=ready, drawn=True) as (page, _, errors),
+        ):
             page.emulate_media(color_scheme="dark" if self.dark else "light")
             page.wait_for_timeout(300)  # pages redraw themselves in the other scheme
             if report:

@@ -29,10 +29,8 @@ UP = 0.2  # [m]
 
 def look(url: str) -> None:
     """Open the page, take a picture, drag the goal, take another, and one of a second browser on a phone."""
-    from playwright.sync_api import sync_playwright
-
     sys.path.insert(0, str(ROOT / "tests"))
-    from show.browser import FLAGS, drag, find_chromium, pixel_of
+    from show.browser import drag, launched, pixel_of
 
     def opened(size):
         page = chromium.new_page(viewport=size)
@@ -54,8 +52,7 @@ def look(url: str) -> None:
     eye, target = np.array([0.85, -0.75, 0.6]) * reach, np.array([0, 0, 0.22 * reach])
     arrow = tip.translation + 0.14 * reach * tip.rotation[:, 2]  # of the gizmo: it points down, as the tool does
     begin, end = (pixel_of(arrow + np.array([0, 0, z]), eye, target, DESKTOP) for z in (0, UP))
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+    with launched() as chromium:
         page = opened(DESKTOP)
         picture(page, "studio.png", 0.42)
         drag(page, begin, end, first=5_000, each=1_000)
@@ -64,7 +61,6 @@ def look(url: str) -> None:
         page.close()
         page = opened(PHONE)
         picture(page, "studio_phone.png", 0.35)
-        chromium.close()
 
 
 if __name__ == "__main__":

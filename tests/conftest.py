@@ -63,6 +63,15 @@ def write_problem(tmp_path, monkeypatch):
     return put
 
 
+@pytest.fixture(scope="module")
+def chromium():
+    """A browser for the tests of a file; each page has a profile of its own."""
+    from show.browser import launched
+
+    with launched() as browser:
+        yield browser
+
+
 @pytest.fixture
 def tiny_disk(tmp_path):
     """A file system of 64 KiB, for whoever may mount one."""

@@ -17,12 +17,14 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.attached import PAYLOAD_KEYS, payload_from
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
+from armdyn.optimal import problem_files
 from armdyn.optimal.problem.robot_tables import robot_from
-from armdyn.optimal.problem_files import OPTIONS, conditions_from, goal_pose_from
+from armdyn.optimal.problem_files import conditions_from, goal_pose_from
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
 TABLES = ("robot", "cycle", "parts", "steps", "options")
+OPTIONS = (*problem_files.OPTIONS, "bound_programs")
 _KINDS = ("move", "grasp", "release", "wait")
 _STRAIGHT = ("length", "axis", "frame", "deviation", "angle")
 _CONDITIONS = ("obstacles", "path_constraints")

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import expect, listener, whole
+from armdyn.arguments import expect, listener
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.order_bound import order_bound
@@ -37,7 +37,6 @@ def solve_cycle(
     cycle: Cycle,
     options: MinimumTimeOptions | None = None,
     progress: Callable[[str], None] | None = None,
-    bound_programs: int | None = None,
 ) -> CycleSolution:
     """The fastest cycle, over all branches of the inverse kinematics at its stops, and over the orders that it allows.
 
@@ -50,19 +49,14 @@ def solve_cycle(
         cycle: what is to be done.
         options: of every move's solve; the time limit is that of the whole cycle.
         progress: called with a line of text on what is being tried.
-        bound_programs: linear programs that the lower bound of the whole cycle may take where a stop is a goal pose,
-            0.02 to 0.1 s each on one core; None: as many as `BoundPolicy` says. More may prove a smaller gap.
 
     Returns:
         A `CycleSolution`; look at `usable` and `gap`. Ctrl-C returns what there is, with status "interrupted".
 
     Raises:
         CycleError: a step cannot be done, with its number and name.
-        ProblemError: cycle, options, progress or bound_programs is something else.
+        ProblemError: cycle, options or progress is something else.
     """
-    programs = BoundPolicy().chain_programs
-    if bound_programs is not None:
-        programs = whole(bound_programs, "bound_programs", least=1)
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     started, report = time.perf_counter(), listener(progress)
@@ -72,6 +66,7 @@ def solve_cycle(
         answer = _answer(graph, tour, stop)
         if options.bound:
             stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().beyond * options.time_limit)
+            programs = options.bound_programs or BoundPolicy().chain_programs
             effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))
     return replace(answer, solve_time=time.perf_counter() - started)

@@ -41,31 +41,41 @@ def find_chromium():
 
 
 @contextlib.contextmanager
-def open_page(path, width=1280, height=800, ready="window.armdyn !== undefined", drawn=False):
-    """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's.
-
-    The arm moves in the scene, but only where pictures are compared (`drawn`) is the scene rendered.
-    """
+def launched():
+    """Chromium without a window. To start it takes a second of a processor: the tests of a file share one."""
     from playwright.sync_api import sync_playwright
 
-    requests, errors = [], []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
         try:
-            context = browser.new_context(viewport={"width": width, "height": height}, offline=True)
-            if not drawn:
-                context.add_init_script(UNDRAWN)
-            page = context.new_page()
-            session = context.new_cdp_session(page)
-            session.send("Network.enable")
-            session.on("Network.requestWillBeSent", lambda event: requests.append(event["request"]["url"]))
-            page.on("pageerror", lambda error: errors.append(str(error)))
-            page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
-            page.goto(Path(path).resolve().as_uri())
-            wait_until(page, ready)
-            yield page, requests, errors
+            yield chromium
         finally:
-            browser.close()
+            chromium.close()
+
+
+@contextlib.contextmanager
+def open_page(chromium, path, width=1280, height=800, ready="window.armdyn !== undefined", drawn=False):
+    """A page, once its scripts say that it is ready, its requests (URLs) and its errors; by default a replay's.
+
+    It has a profile of its own, without a network. The arm moves in the scene, but only where pictures are compared
+    (`drawn`) is the scene rendered.
+    """
+    requests, errors = [], []
+    context = chromium.new_context(viewport={"width": width, "height": height}, offline=True)
+    try:
+        if not drawn:
+            context.add_init_script(UNDRAWN)
+        page = context.new_page()
+        session = context.new_cdp_session(page)
+        session.send("Network.enable")
+        session.on("Network.requestWillBeSent", lambda event: requests.append(event["request"]["url"]))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+        page.goto(Path(path).resolve().as_uri())
+        wait_until(page, ready)
+        yield page, requests, errors
+    finally:
+        context.close()
 
 
 def wait_until(page, expression, seconds=60.0):
@@ -115,5 +125,5 @@ def screenshot(page, moment, path=None):
 
 
 if __name__ == "__main__":
-    with open_page(sys.argv[1], drawn=True) as (page, _, _):
+    with launched() as chromium, open_page(chromium, sys.argv[1], drawn=True) as (page, _, _):
         screenshot(page, float(sys.argv[3]) if len(sys.argv) > 3 else 0.0, sys.argv[2])

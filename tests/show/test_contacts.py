@@ -32,13 +32,13 @@ def test_the_error_says_where_and_what():
     np.testing.assert_allclose(error.q, [0.2, 0.0])
 
 
-def test_what_touches_is_red_and_said(tmp_path):
+def test_what_touches_is_red_and_said(chromium, tmp_path):
     error = refused()
     report = contacts_report(error)
     assert report.verdict.level == "bad" and "'link2' is" in report.verdict.said
     assert len(report.verdict.checks) == 2
     page = write_contacts(error, tmp_path / "contacts.html")
-    with open_page(page) as (_, requests, errors):
+    with open_page(chromium, page) as (_, requests, errors):
         assert not errors and all(url.startswith("file:") for url in requests)
 
 

@@ -25,6 +25,9 @@ from show.browser import left_the_page, open_page, screenshot
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import FACTS
 
+DRAWN = {"width": 400, "height": 300, "drawn": True}
+"""A small picture: each of its pixels is computed without a graphics card."""
+
 MESH_ARM = """
 <robot name="stranger">
   <link name="base"/>
@@ -64,10 +67,10 @@ def tip_of(robot, q):
 
 
 @pytest.mark.slow
-def test_the_arm_moves_in_a_browser_without_a_network(tmp_path):
+def test_the_arm_moves_in_a_browser_without_a_network(chromium, tmp_path):
     robot, run = motion()
     path = replay.write_html(robot, [run], tmp_path / "rr.html")
-    with open_page(path, drawn=True) as (page, requests, errors):
+    with open_page(chromium, path, **DRAWN) as (page, requests, errors):
         assert page.evaluate("armdyn.duration") == pytest.approx(run.duration)
         pictures = set()
         for time in (0.0, 0.2, run.duration):
@@ -84,11 +87,11 @@ def test_the_arm_moves_in_a_browser_without_a_network(tmp_path):
 
 
 @pytest.mark.slow
-def test_several_trajectories_move_apart(tmp_path):
+def test_several_trajectories_move_apart(chromium, tmp_path):
     robot, fast = motion("rrr", 0.35)
     slow = quintic(robot, HANGING["rrr"], [0.5, 0.6, 0.7], 2.0, "PID")
     path = replay.write_html(robot, [fast, slow], tmp_path / "race.html", slow_motion=5)
-    with open_page(path) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         screenshot(page, 1.0)
         first, second = (np.array(page.evaluate(f"armdyn.linkPosition('tip', {k})")) for k in (0, 1))
         np.testing.assert_allclose(first[[0, 2]], tip_of(robot, fast(0.35).q)[[0, 2]], atol=1e-4)
@@ -111,20 +114,20 @@ def test_it_gives_the_verdict_on_each_motion():
 
 
 @pytest.mark.slow
-def test_the_verdict_is_seen(tmp_path):
+def test_the_verdict_is_seen(chromium, tmp_path):
     robot, run = motion()
     facts = Facts({"arrival_rule": "<b>", "arrival_time": 0.3, "message": "<b>late</b>"})
     path = replay.write_html(robot, [ShownMotion("saved", run, facts), run], tmp_path / "rr.html")
-    with open_page(path) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         assert page.locator(".run small").all_inner_texts() == [verdict_of(facts).headline]
         assert "<b>late</b>" in page.locator(".verdict").inner_text()
         assert not errors
 
 
 @pytest.mark.slow
-def test_curves_are_a_click_away(tmp_path):
+def test_curves_are_a_click_away(chromium, tmp_path):
     robot, run = motion()
-    with open_page(replay.write_html(robot, [run], tmp_path / "rr.html")) as (page, _, errors):
+    with open_page(chromium, replay.write_html(robot, [run], tmp_path / "rr.html")) as (page, _, errors):
         assert not page.locator("#plots").is_visible()
         wide = page.locator("#pane").bounding_box()["width"]
         page.locator("#view").click()
@@ -136,14 +139,14 @@ def test_curves_are_a_click_away(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_panda_is_drawn_by_its_meshes(tmp_path):
+def test_a_panda_is_drawn_by_its_meshes(chromium, tmp_path):
     robot = ad.Robot.from_library("panda")
     home = np.array([0, -0.3, 0, -2.2, 0, 2, 0.8])
     run = quintic(robot, home, home + 0.4, 0.8)
     path = replay.write_html(robot, [run], tmp_path / "panda.html")
     assert len(scene_of(path)["commands"]) > 30
     assert path.stat().st_size < 30e6
-    with open_page(path, drawn=True) as (page, requests, errors):
+    with open_page(chromium, path, **DRAWN) as (page, requests, errors):
         before, after = (screenshot(page, time) for time in (0.0, 0.8))
         assert before != after
         np.testing.assert_allclose(
@@ -163,12 +166,12 @@ def test_the_page_holds_no_links_and_the_same_input_gives_the_same_bytes(tmp_pat
 
 
 @pytest.mark.slow
-def test_names_from_strangers_stay_text(tmp_path):
+def test_names_from_strangers_stay_text(chromium, tmp_path):
     robot, run = motion()
     evil = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{viewer}}"
     robot, run = replace(robot, name=evil, joint_names=(evil, "joint2")), replace(run, name=evil)
     path = replay.write_html(robot, [run], tmp_path / "evil.html")
-    with open_page(path) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         assert page.evaluate("window.broken") is None
         assert page.locator("h1").inner_text() == evil
         assert page.title().startswith(evil[:20])
@@ -252,7 +255,7 @@ def test_bad_input(tmp_path):
 
 
 @pytest.mark.slow
-def test_obstacles_stand_where_they_are(tmp_path):
+def test_obstacles_stand_where_they_are(chromium, tmp_path):
     robot, run = motion()
     things = [ad.Box((0.1, 0.2, 0.3), (0.6, 0, 0.1)), ad.Sphere((0, 0, 1), 0.1), ad.Capsule((1, 0, 0), (1, 0, 1), 0.05)]
     shapes = visuals.obstacle_shapes(things)
@@ -262,9 +265,13 @@ def test_obstacles_stand_where_they_are(tmp_path):
     np.testing.assert_allclose(shapes[4].placement @ [0, 0.5, 0, 1], [1, 0, 1, 1], atol=1e-15)  # a sine's rounding
     for names in ([run], [run, run]):
         path = replay.write_html(robot, names, tmp_path / "post.html", obstacles=things)
-        with open_page(path, drawn=True) as (page, _, errors):
+        with open_page(chromium, path, **DRAWN) as (page, _, errors):
             seen, bare = screenshot(page, 0.1), None
             assert not errors
-        with open_page(replay.write_html(robot, names, tmp_path / "bare.html"), drawn=True) as (page, _, errors):
+        with open_page(chromium, replay.write_html(robot, names, tmp_path / "bare.html"), **DRAWN) as (
+            page,
+            _,
+            errors,
+        ):
             bare = screenshot(page, 0.1)
         assert seen != bare

@@ -138,10 +138,9 @@ def _solve(
 ) -> None:
     """Solve the cycle of a file, write its files, and fill in the answer."""
     from armdyn.cycle import cycle_costs, solve_cycle
-    from armdyn.cycle.cycle_files import read_cycle_file
+    from armdyn.cycle.cycle_files import OPTIONS, read_cycle_file
     from armdyn.cycle.summary import cycle_summary
     from armdyn.optimal.problem.status import Status
-    from armdyn.optimal.problem_files import OPTIONS
 
     read = read_cycle_file(file)
     robot, options = read.cycle.robot, search.over({name: getattr(read.options, name) for name in OPTIONS}).options()
@@ -151,7 +150,7 @@ def _solve(
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
     with working(f"cycle of {robot.name}") as progress, read.telling():
-        solution = solve_cycle(read.cycle, options, progress, search.bound_programs)
+        solution = solve_cycle(read.cycle, options, progress)
         stopped = solution.status is Status.INTERRUPTED
         found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
         summary = cycle_summary(solution, read.cycle, found)

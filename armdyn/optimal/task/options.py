@@ -55,6 +55,8 @@ class MinimumTimeOptions:
             proven thousandth of the least duration stays so. 0: the fastest.
         bound: prove a lower bound on the duration, where velocity limits shape the motion: without, the same motion is
             found in less time, and neither a gap nor a certificate by it is known.
+        bound_programs: linear programs that the lower bound of a cycle may take where a stop is a goal pose, 0.02 to
+            0.1 s each on one core; more may prove a smaller gap. None: as many as `BoundPolicy` says.
         time_limit: wall time for the whole solve [s]. What is tried is a count of work, the same on every machine; the
             clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking the motion
             takes up to 1 s and a tenth of the limit beyond it.
@@ -81,6 +83,7 @@ class MinimumTimeOptions:
     tolerance: float = 1e-8
     calm: float = 1e-3
     bound: bool = True
+    bound_programs: int | None = None
     time_limit: float = 300.0
     workers: int | None = None
     verbose: bool = False
@@ -98,7 +101,12 @@ class MinimumTimeOptions:
             object.__setattr__(self, "coarse_intervals", meshes)
         for name in ("intervals", "max_intervals", "max_iterations"):
             whole(getattr(self, name), name, least=1)
-        for name, most in (("starts", MAX_STARTS), ("refinements", MAX_STARTS), ("workers", None)):
+        for name, most in (
+            ("starts", MAX_STARTS),
+            ("refinements", MAX_STARTS),
+            ("bound_programs", None),
+            ("workers", None),
+        ):
             if getattr(self, name) is not None:
                 whole(getattr(self, name), name, least=1, most=most)
         whole(self.seed, "seed", least=0)

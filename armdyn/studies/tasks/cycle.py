@@ -8,13 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from armdyn.cycle.cycle_files import TABLES, cycle_from
+from armdyn.cycle.cycle_files import OPTIONS, TABLES, cycle_from
 from armdyn.cycle.solve import solve_cycle
 from armdyn.errors import ProblemError
 from armdyn.files import file_inside
 from armdyn.optimal import MinimumTimeOptions
 from armdyn.optimal.problem.robot_tables import robot_from, robot_table
-from armdyn.optimal.problem_files import OPTIONS
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import place_of, with_checksum
 from armdyn.studies.rows import Value

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.cycle import solve
 from armdyn.errors import ProblemError
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.optimal.bound.chain import chain_bound
@@ -68,4 +67,4 @@ def test_an_interrupt_ends_the_proof_and_keeps_the_cycle():
 
 def test_programs_of_a_cycle_are_a_number():
     with pytest.raises(ProblemError, match="bound_programs is 0; it must be at least 1"):
-        solve.solve_cycle(ad.Cycle(paper_arm("rr"), start=HOME, steps=[ad.Move([1, 1])]), None, None, 0)
+        ad.MinimumTimeOptions(bound_programs=0)

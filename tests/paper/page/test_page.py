@@ -79,9 +79,9 @@ def test_what_failed_is_said_of_the_papers_numbers_and_not_of_ours(written):
 
 
 @pytest.mark.slow
-def test_it_is_read_in_a_browser_and_the_arm_moves(written):
+def test_it_is_read_in_a_browser_and_the_arm_moves(chromium, written):
     folder, _ = written
-    with open_page(folder / "index.html", ready=READY) as (page, requests, errors):
+    with open_page(chromium, folder / "index.html", ready=READY) as (page, requests, errors):
         assert page.locator("#tabs button").all_inner_texts() == [
             "Example 1: R, time optimal",
             "Example 4: R, PID",
@@ -106,9 +106,9 @@ def test_it_is_read_in_a_browser_and_the_arm_moves(written):
         assert not left_the_page([url for url in requests if not url.startswith("about:")])
 
 
-def test_it_follows_the_screen(written):
+def test_it_follows_the_screen(chromium, written):
     folder, _ = written
-    with open_page(folder / "index.html", width=390, height=844, ready=READY) as (page, _, errors):
+    with open_page(chromium, folder / "index.html", width=390, height=844, ready=READY) as (page, _, errors):
         assert page.evaluate("document.documentElement.scrollWidth") == 390  # wide tables scroll by themselves
         light = page.evaluate("getComputedStyle(document.body).backgroundColor")
         page.emulate_media(color_scheme="dark")
@@ -121,9 +121,9 @@ def test_it_follows_the_screen(written):
         assert not errors
 
 
-def test_wide_tables_say_that_they_scroll(written):
+def test_wide_tables_say_that_they_scroll(chromium, written):
     folder, _ = written
-    with open_page(folder / "index.html", width=390, height=844, ready=READY) as (page, requests, errors):
+    with open_page(chromium, folder / "index.html", width=390, height=844, ready=READY) as (page, requests, errors):
         page.wait_for_function("document.querySelector('#tables .sideways:not([hidden])') !== null", timeout=10_000)
         hints = """() => [...document.querySelectorAll('.scroll')].filter(one => one.checkVisibility()).map(one =>
             [one.scrollWidth > one.clientWidth + 4, !one.previousElementSibling.hidden, one.matches('.more')])"""
@@ -136,9 +136,9 @@ def test_wide_tables_say_that_they_scroll(written):
         assert not errors and not left_the_page(requests)
 
 
-def test_mathematics_is_set_by_the_browser(written):
+def test_mathematics_is_set_by_the_browser(chromium, written):
     folder, _ = written
-    with open_page(folder / "index.html", ready=READY) as (page, requests, errors):
+    with open_page(chromium, folder / "index.html", ready=READY) as (page, requests, errors):
         # As mathematics a subscript stands lower than what it belongs to, and a fraction's parts above each other.
         low = """() => { const [base, sub] = document.querySelector('#errata msub').children;
             return sub.getBoundingClientRect().bottom - base.getBoundingClientRect().bottom; }"""
@@ -151,14 +151,14 @@ def test_mathematics_is_set_by_the_browser(written):
 
 
 @pytest.mark.slow
-def test_strings_from_elsewhere_stay_text(tmp_path):
+def test_strings_from_elsewhere_stay_text(chromium, tmp_path):
     evil = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{body}}"
     case = Case(4, "r", "pid", 0.1006)
     motion = replace(outcome(case).trajectory, name=evil)
     made = replace(outcome(case), trajectory=motion, message=evil)
     rows = [replace(row, reason=evil, setup=evil) for row in all_rows([made])]
     write_page(tmp_path, [made], rows)
-    with open_page(tmp_path / "index.html", ready=READY) as (page, _, errors):
+    with open_page(chromium, tmp_path / "index.html", ready=READY) as (page, _, errors):
         page.locator("#stage").scroll_into_view_if_needed()
         page.wait_for_selector("#stage iframe", timeout=30_000)
         page.frames[1].wait_for_function("window.armdyn !== undefined", timeout=60_000)
@@ -192,9 +192,9 @@ def test_table_7_is_told_by_robot_example_and_torque():
 
 
 @pytest.mark.slow
-def test_all_of_the_navigation_is_seen_on_a_phone(written):
+def test_all_of_the_navigation_is_seen_on_a_phone(chromium, written):
     folder, _ = written
-    with open_page(folder / "index.html", 390, 844, ready=READY) as (page, _, _):
+    with open_page(chromium, folder / "index.html", 390, 844, ready=READY) as (page, _, _):
         assert page.evaluate(
             "[...document.querySelectorAll('nav a')].every(a => a.getBoundingClientRect().right <= 390)"
         )

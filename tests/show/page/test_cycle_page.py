@@ -92,11 +92,11 @@ def test_the_page_has_tiles_table_and_verdict():
 
 
 @pytest.mark.slow
-def test_the_step_of_the_moment_is_seen(tmp_path):
+def test_the_step_of_the_moment_is_seen(chromium, tmp_path):
     robot, move = cycle()
     path = tmp_path / "report.html"
     path.write_text(report_html(report_of(Subject.of(robot), [move], "cell")))
-    with open_page(path) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         page.evaluate("armdyn.pause()")
         for time, name, drawn in (
             (0.1, "to the bolt", [True, False]),

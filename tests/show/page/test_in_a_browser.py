@@ -51,20 +51,20 @@ def agree(page, time, pixels):
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_the_camera_is_where_a_wall_does_not_hide_the_arm(tmp_path, side):
+def test_the_camera_is_where_a_wall_does_not_hide_the_arm(chromium, tmp_path, side):
     robot = robot_named("panda")
     motion = quintic(robot, np.zeros(7), np.array([1.0, 0.5, 0, -1.5, 0, 2, 0]), 1.0, "swing")
     wall = Box((3, 0.02, 3), (0, 0.9 * side, 1.5), name="wall")
     path = tmp_path / "report.html"
     path.write_text(report_html(report_of(Subject.of(robot, [wall]), [ShownMotion("swing", motion, Facts())], "panda")))
-    with open_page(path, drawn=True) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         assert side * page.evaluate("armdyn.camera")[1] < 0 and not errors
 
 
 @pytest.mark.parametrize("size", [{}, PHONE])
-def test_arm_curves_and_slider_have_one_time(tmp_path, size):
+def test_arm_curves_and_slider_have_one_time(chromium, tmp_path, size):
     robot, fast, slow = pair()
-    with open_page(written(tmp_path, robot, fast, slow), **size) as (page, requests, errors):
+    with open_page(chromium, written(tmp_path, robot, fast, slow), **size) as (page, requests, errors):
         assert page.evaluate("armdyn.duration") == pytest.approx(0.5)
         for time in (0.0, 0.2, 0.4, 0.5):
             screenshot(page, time)
@@ -104,9 +104,9 @@ def plane(page, k=0):
     return over.bounding_box()
 
 
-def test_zoom_is_of_all_charts_together(tmp_path):
+def test_zoom_is_of_all_charts_together(chromium, tmp_path):
     robot, fast, slow = pair()
-    with open_page(written(tmp_path, robot, fast, slow)) as (page, _, errors):
+    with open_page(chromium, written(tmp_path, robot, fast, slow)) as (page, _, errors):
         screenshot(page, 0.1)
         np.testing.assert_array_equal(spans(page), [[0, 0.5]] * 4)
         whole = page.get_by_role("button", name="see all of the time")
@@ -150,9 +150,9 @@ def test_zoom_is_of_all_charts_together(tmp_path):
         assert not errors
 
 
-def test_two_fingers_zoom(tmp_path):
+def test_two_fingers_zoom(chromium, tmp_path):
     robot, fast, slow = pair()
-    with open_page(written(tmp_path, robot, fast, slow), **PHONE) as (page, _, errors):
+    with open_page(chromium, written(tmp_path, robot, fast, slow), **PHONE) as (page, _, errors):
         screenshot(page, 0.1)
         box = plane(page)
         session = page.context.new_cdp_session(page)
@@ -175,9 +175,9 @@ def test_two_fingers_zoom(tmp_path):
         assert not errors
 
 
-def test_the_numbers_are_those_of_the_moment(tmp_path):
+def test_the_numbers_are_those_of_the_moment(chromium, tmp_path):
     robot, move = judged()
-    with open_page(written(tmp_path, robot, move)) as (page, _, errors):
+    with open_page(chromium, written(tmp_path, robot, move)) as (page, _, errors):
         screenshot(page, 0.1)
         rows = page.locator("#now .row").all_inner_texts()
         assert "−0.700 rad" in rows[1] and "3.000 N m" in rows[1] and "torque, upper" in rows[1]
@@ -199,9 +199,9 @@ def test_the_numbers_are_those_of_the_moment(tmp_path):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_a_phone_shows_all_of_it(tmp_path, scheme):
+def test_a_phone_shows_all_of_it(chromium, tmp_path, scheme):
     robot, move = judged()
-    with open_page(written(tmp_path, robot, move), **PHONE, drawn=True) as (page, _, errors):
+    with open_page(chromium, written(tmp_path, robot, move), **PHONE, drawn=True) as (page, _, errors):
         page.emulate_media(color_scheme=scheme)
         first, second = (screenshot(page, time) for time in (0.0, 0.2))
         assert first != second
@@ -215,20 +215,20 @@ def test_a_phone_shows_all_of_it(tmp_path, scheme):
         assert not errors
 
 
-def test_names_from_strangers_stay_text(tmp_path):
+def test_names_from_strangers_stay_text(chromium, tmp_path):
     robot, move = judged(asked={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL])
     robot = replace(robot, name=EVIL, joint_names=(EVIL, "joint2"))
-    with open_page(written(tmp_path, robot, replace(move, name=EVIL), title=EVIL)) as (page, _, errors):
+    with open_page(chromium, written(tmp_path, robot, replace(move, name=EVIL), title=EVIL)) as (page, _, errors):
         assert page.evaluate("window.broken") is None
         assert page.locator("h1").inner_text() == EVIL
         assert not errors
 
 
-def test_curves_without_the_robot(tmp_path):
+def test_curves_without_the_robot(chromium, tmp_path):
     robot, move = judged()
     path = tmp_path / "bare.html"
     path.write_text(report_html(report_of(Subject("rr", robot.joint_names, robot.limits, (False, False)), [move])))
-    with open_page(path) as (page, _, errors):
+    with open_page(chromium, path) as (page, _, errors):
         screenshot(page, 0.1)
         agree(page, 0.1, 1e-9)
         assert "not at hand" in page.locator("#no-scene").inner_text()

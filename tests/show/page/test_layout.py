@@ -60,9 +60,9 @@ def reports(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", ["one", "two"])
-def test_on_a_phone_nothing_is_covered_cut_or_broken(reports, name):
+def test_on_a_phone_nothing_is_covered_cut_or_broken(chromium, reports, name):
     robot, folder = reports
-    with open_page(folder / f"{name}.html", **PHONE) as (page, _, errors):
+    with open_page(chromium, folder / f"{name}.html", **PHONE) as (page, _, errors):
         for y in (0, 200, 400, 700, 1200):
             page.evaluate(f"scrollTo(0, {y})")
             assert page.evaluate(COVERED) == 0
@@ -76,8 +76,8 @@ def test_on_a_phone_nothing_is_covered_cut_or_broken(reports, name):
 
 @pytest.mark.parametrize("size", [WIDE, {"width": 1280, "height": 800}])
 @pytest.mark.parametrize("name", ["one", "two"])
-def test_on_a_wide_page_there_is_no_blank_below_the_arm(reports, name, size):
-    with open_page(reports[1] / f"{name}.html", **size) as (page, _, _):
+def test_on_a_wide_page_there_is_no_blank_below_the_arm(chromium, reports, name, size):
+    with open_page(chromium, reports[1] / f"{name}.html", **size) as (page, _, _):
         left, right = (page.locator(one).bounding_box() for one in (".left", ".right"))
         assert left["y"] + left["height"] == pytest.approx(right["y"] + right["height"], abs=1)
         last = page.locator(".now .row:visible").last.bounding_box()
@@ -87,8 +87,8 @@ def test_on_a_wide_page_there_is_no_blank_below_the_arm(reports, name, size):
         assert player["y"] + player["height"] <= size["height"]  # seen at once
 
 
-def test_one_quantity_has_one_number_of_digits(reports):
-    with open_page(reports[1] / "two.html", **WIDE) as (page, _, _):
+def test_one_quantity_has_one_number_of_digits(chromium, reports):
+    with open_page(chromium, reports[1] / "two.html", **WIDE) as (page, _, _):
         text = page.evaluate("document.body.innerText")
         assert "0.2390 s" in text and "0.239 s" not in text
         assert "0.3100 s" in text and "0.31 s" not in text

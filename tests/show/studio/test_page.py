@@ -18,7 +18,7 @@ from armdyn.models.scene.reaching import frame_placement
 from armdyn.show.page.scene import reach_of
 from cli.command import COMMAND, run_here
 from problems import POSES, paper_arm
-from show.browser import FLAGS, UNDRAWN, drag, find_chromium, pixel_of, wait_until
+from show.browser import UNDRAWN, drag, pixel_of, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -69,30 +69,28 @@ def served(folder, *arguments, robot="rr", command=COMMAND):
 
 
 @contextlib.contextmanager
-def browser():
+def browser(chromium):
     """Opens pages, each in a profile of its own; in the end none of them has met an error or asked another host."""
-    from playwright.sync_api import sync_playwright
+    requests, errors, contexts = [], [], []
 
-    requests, errors = [], []
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=find_chromium(), headless=True, args=FLAGS)
+    def opened(url, size=DESKTOP):
+        context = chromium.new_context(viewport=size)
+        contexts.append(context)
+        context.add_init_script(UNDRAWN)
+        context.set_default_timeout(90_000)  # [ms]: machines that run all tests at once are slow
+        page = context.new_page()
+        page.on("request", lambda request: requests.append((url, request.url)))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+        page.goto(url)
+        wait_until(page, COMPUTED)
+        return page
 
-        def opened(url, size=DESKTOP):
-            context = chromium.new_context(viewport=size)
-            context.add_init_script(UNDRAWN)
-            context.set_default_timeout(90_000)  # [ms]: machines that run all tests at once are slow
-            page = context.new_page()
-            page.on("request", lambda request: requests.append((url, request.url)))
-            page.on("pageerror", lambda error: errors.append(str(error)))
-            page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
-            page.goto(url)
-            wait_until(page, COMPUTED)
-            return page
-
-        try:
-            yield opened
-        finally:
-            chromium.close()
+    try:
+        yield opened
+    finally:
+        for context in contexts:
+            context.close()
     assert not errors
     assert not [asked for url, asked in requests if not asked.startswith((url, "data:", "blob:"))]
 
@@ -127,8 +125,8 @@ def plain_duration(q_goal, **arguments):
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).duration
 
 
-def test_a_motion_appears_and_follows_the_keyboard(tmp_path):
-    with served(tmp_path) as (_, said), browser() as opened:
+def test_a_motion_appears_and_follows_the_keyboard(chromium, tmp_path):
+    with served(tmp_path) as (_, said), browser(chromium) as opened:
         page = opened(said["url"])
         assert duration(page) == pytest.approx(plain_duration(POSES["rr"][1]), abs=1e-4)  # as many digits are shown
         until_goal(page, POSES["rr"][1])
@@ -144,10 +142,10 @@ def test_a_motion_appears_and_follows_the_keyboard(tmp_path):
         assert page.get_by_role("tab", name="Start").get_attribute("aria-selected") == "true"
 
 
-def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
+def test_the_gizmo_is_dragged_by_the_mouse(chromium, tmp_path):
     robot = paper_arm("rr", 0.0)
     reach = reach_of(robot)
-    with served(tmp_path, "--q-goal", "0.2,0.9") as (_, said), browser() as opened:
+    with served(tmp_path, "--q-goal", "0.2,0.9") as (_, said), browser(chromium) as opened:
         page = opened(said["url"])
         page.wait_for_timeout(2000)  # until its scene stands
         tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
@@ -162,8 +160,8 @@ def test_the_gizmo_is_dragged_by_the_mouse(tmp_path):
         np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
 
 
-def test_two_browsers_show_the_same_one_of_them_a_phone(tmp_path):
-    with served(tmp_path) as (_, said), browser() as opened:
+def test_two_browsers_show_the_same_one_of_them_a_phone(chromium, tmp_path):
+    with served(tmp_path) as (_, said), browser(chromium) as opened:
         desktop, phone = opened(said["url"]), opened(said["url"], PHONE)
         until_goal(desktop, POSES["rr"][1])
         until_goal(phone, POSES["rr"][1])
@@ -182,8 +180,8 @@ def test_two_browsers_show_the_same_one_of_them_a_phone(tmp_path):
         assert phone.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
 
 
-def test_obstacles_load_and_files(tmp_path):
-    with served(tmp_path, "--q-goal", "0.4,0.3") as (_, said), browser() as opened:
+def test_obstacles_load_and_files(chromium, tmp_path):
+    with served(tmp_path, "--q-goal", "0.4,0.3") as (_, said), browser(chromium) as opened:
         page = opened(said["url"])
         page.get_by_role("tab", name="Obstacles").click()
         page.get_by_role("button", name="Add obstacle").focus()
@@ -211,8 +209,8 @@ def test_obstacles_load_and_files(tmp_path):
         page.get_by_role("button", name="Remove obstacle").wait_for(state="detached")
 
 
-def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(tmp_path):
-    with served(tmp_path, command=[sys.executable, "-c", SLOW_FRAMES]) as (_, said), browser() as opened:
+def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(chromium, tmp_path):
+    with served(tmp_path, command=[sys.executable, "-c", SLOW_FRAMES]) as (_, said), browser(chromium) as opened:
         page = opened(said["url"])
         page.get_by_role("tab", name="Obstacles").click()
         page.get_by_role("button", name="Add obstacle").click()
@@ -233,8 +231,8 @@ def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(tmp_path):
         np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
 
 
-def test_killed_and_restarted_it_takes_up_its_last_state(tmp_path):
-    with served(tmp_path) as (process, said), browser() as opened:
+def test_killed_and_restarted_it_takes_up_its_last_state(chromium, tmp_path):
+    with served(tmp_path) as (process, said), browser(chromium) as opened:
         assert said["restored"] is False
         page = opened(said["url"])
         fields(page, "joint1").fill("0.7")
@@ -242,7 +240,7 @@ def test_killed_and_restarted_it_takes_up_its_last_state(tmp_path):
         page.wait_for_timeout(1500)  # it is saved twice a second
         page.close()
         process.kill()
-    with served(tmp_path) as (_, said), browser() as opened:
+    with served(tmp_path) as (_, said), browser(chromium) as opened:
         assert said["restored"] is True
         until_goal(opened(said["url"]), [0.7, POSES["rr"][1][1]], within=1e-6)
     with served(tmp_path, "--fresh") as (_, said):

@@ -13,6 +13,7 @@ task = "cycle"
 [cycle]
 file = "cell.toml"
 seed = 3
+bound_programs = 40
 [vary]
 parts.bolt.mass = [0.1, 90.0]
 steps."to the hole".to.0 = [0.8, 1.0]
@@ -32,6 +33,7 @@ def study(tmp_path):
 def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_path):
     asked = study()
     assert asked.task.options.seed == 3 and asked.task.options.search == "quick"
+    assert asked.task.options.bound_programs == 40
     run = ad.run_study(asked, tmp_path / "rows.sqlite")
     rows = ad.study_table(run.file)
     assert [row["status"] for row in rows] == ["usable", "usable", "refused", "refused"]
@@ -45,7 +47,7 @@ def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_pat
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("parts.bolt.mass", "parts.nut.mass"), r"line 7: .*parts.nut is not there to be changed"),
+        (("parts.bolt.mass", "parts.nut.mass"), r"line 8: .*parts.nut is not there to be changed"),
         (("parts.bolt.mass", "payload.mass"), "its way begins with robot, cycle, parts, steps"),
         (('"to the hole"', '"to the hoel"'), r"did you mean 'to the hole'"),
         (('"to the hole"', "9"), r"steps has no '9'"),
