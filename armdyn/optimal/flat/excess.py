@@ -143,7 +143,7 @@ class Tightening:
         (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over
         spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
         # What a point itself is beyond its bound, since torques are not linear, the next step takes off.
-        over = TorqueMargin(
+        left = TorqueMargin(
             beyond.upper + np.minimum(spare_upper, 0), beyond.lower + np.minimum(spare_lower, 0), beyond.rates
         )
         margin = replace(
@@ -151,7 +151,7 @@ class Tightening:
             upper=margin.upper + self._idle(spare_upper, beyond.upper),
             lower=margin.lower + self._idle(spare_lower, beyond.lower),
         )
-        margin = self._moved(margin, over)
+        margin = self._moved(margin, left)
         self.spec = replace(self.spec, margins=(margin,))
         return least + margin.lower, most - margin.upper
 
