@@ -163,8 +163,9 @@ class Tightening:
     def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
         """Larger margins where torques exceed their limits; smaller ones where they stay below, and time is scarce."""
         numbers = self.task.policy.curves
-        if self.spec.least or self.rounds > numbers.giving_rounds:
-            return larger_margin(self.task, margin, over)
+        late = self.rounds - numbers.giving_rounds
+        if self.spec.least or late > 0:  # what is left by then falls slowly
+            return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
         more = larger_margin(self.task, margin, over, numbers.eager_steps)
 
         def smaller(side: Array | float, beyond: Array | float) -> Array:
