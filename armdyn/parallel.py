@@ -1,4 +1,4 @@
-"""Run jobs in parallel in forked processes, which end with the process that forked them."""
+"""Run jobs in parallel: in forked processes, which end with the process that forked them, or in threads."""
 
 import ctypes
 import multiprocessing
@@ -8,11 +8,12 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkProcess
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -21,6 +22,7 @@ from armdyn.locks import one_at_a_time
 Result = TypeVar("Result")
 Job = TypeVar("Job")
 Context = TypeVar("Context")
+Context_co = TypeVar("Context_co", covariant=True)
 
 _GRACE = 0.75
 """Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
@@ -60,18 +62,37 @@ def _in_order(pool: "ForkPool[Result]", jobs: Sequence[Job], here: Callable[[Job
         yield here(job) if found is None else found[0]
 
 
-class SharedPool(Generic[Context]):
+class SharedPool(Protocol[Context_co]):
     """Pool of workers that share an object, for series of jobs one after the other; see `shared_pool`."""
 
+    def results(self, jobs: Sequence[Callable[[Context_co], Result]]) -> Generator[Result]:
+        """Results of jobs in their order, as by `in_processes`.
+
+        Args:
+            jobs: functions of the object; to processes they are pickled.
+        """
+        ...
+
+
+class _SharedThreads(Generic[Context]):
+    def __init__(self, context: Context, executor: ThreadPoolExecutor):
+        self._context, self._executor = context, executor
+
+    def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
+        under_way = [self._executor.submit(job, self._context) for job in jobs]
+        try:
+            for future in under_way:
+                yield future.result()
+        finally:
+            for future in under_way:
+                future.cancel()
+
+
+class _SharedProcesses(Generic[Context]):
     def __init__(self, context: Context, pool: "ForkPool[Any]"):
         self._context, self._pool = context, pool
 
     def results(self, jobs: Sequence[Callable[[Context], Result]]) -> Generator[Result]:
-        """Results of jobs in their order, as by `in_processes`.
-
-        Args:
-            jobs: functions of the object, which are pickled.
-        """
         try:
             yield from _in_order(self._pool, jobs, lambda job: job(self._context))
         finally:
@@ -79,16 +100,22 @@ class SharedPool(Generic[Context]):
 
 
 @contextmanager
-def shared_pool(context: Context, workers: int | None) -> Iterator[SharedPool[Context]]:
+def shared_pool(context: Context, workers: int | None, threads: bool = False) -> Iterator[SharedPool[Context]]:
     """Pool for several series of jobs: forks take longer than small solves.
 
     Args:
-        context: object that the jobs are functions of. Workers know it as it was when the first jobs came.
+        context: object that the jobs are functions of. Processes know it as it was when the first jobs came.
         workers: see `in_processes`.
+        threads: of this process instead of forks, for jobs that work where the interpreter's lock is let go. Those
+            under way when nobody reads on go on to their end.
     """
     count = workers or core_count()
+    if threads and count > 1 and not _is_worker():
+        with ThreadPoolExecutor(count) as executor:
+            yield _SharedThreads(context, executor)
+        return
     with fork_pool(lambda job: job(context), count if _worth_forks(count, 2) else 0) as pool:
-        yield SharedPool(context, pool)
+        yield _SharedProcesses(context, pool)
 
 
 @contextmanager
@@ -271,7 +298,11 @@ def job_pool(
 
 
 def _worth_forks(count: int, least: int) -> bool:
-    return count >= least and _can_fork() and not multiprocessing.current_process().daemon
+    return count >= least and _can_fork() and not _is_worker()
+
+
+def _is_worker() -> bool:
+    return multiprocessing.current_process().daemon
 
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:

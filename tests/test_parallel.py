@@ -48,6 +48,32 @@ def test_a_shared_pool_forks_once_for_all_series_of_jobs():
     assert len({pid for _, pid in first + second} - {HERE}) == 2
 
 
+def in_a_thread(event, k, context):
+    """The first job waits for the last, so that both are under way at once."""
+    if k == 0:
+        assert event.wait(PATIENCE)
+    if k == 3:
+        event.set()
+    return context[0] + k, os.getpid(), threading.get_ident()
+
+
+def test_threads_share_the_process_and_keep_the_order():
+    event = threading.Event()
+    with shared_pool([100], 2, threads=True) as pool:
+        results = list(pool.results([partial(in_a_thread, event, k) for k in range(4)]))
+    assert [(result, pid) for result, pid, _ in results] == [(100 + k, HERE) for k in range(4)]
+    assert threading.get_ident() not in {thread for _, _, thread in results}
+
+
+def refused(context):
+    raise ValueError(context)
+
+
+def test_an_error_in_a_thread_is_raised_here():
+    with shared_pool("no", 2, threads=True) as pool, pytest.raises(ValueError, match="no"):
+        list(pool.results([refused, refused]))
+
+
 def endless(k, context):
     while k:
         signal.pause()

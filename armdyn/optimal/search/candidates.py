@@ -14,7 +14,7 @@ from armdyn.optimal.search.distinct import distinct, ranked
 from armdyn.optimal.search.multistart import Job, SearchSettings, search
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
+from armdyn.optimal.solve.condensed import has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.scheme import DynamicsForm
 from armdyn.optimal.task.solver_settings import SolverSettings
@@ -68,7 +68,7 @@ def find(task: Task) -> Found:
         f"search: {count} guesses" + (f", and {len(extra_jobs)} on {options.intervals} intervals" if extra_jobs else "")
     )
     prepare_quickly(task, options.intervals, task.fine())  # before the fork, too
-    with task.pooled() as pooled:
+    with task.pooled(has_stagewise(task)) as pooled:
         attempts = _searched(pooled, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
         found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
@@ -86,7 +86,7 @@ def find(task: Task) -> Found:
         near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
         prepare_quickly(task, mesh, task.fine())
-        with near.with_options(intervals=mesh).pooled() as near:
+        with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
             refined = _refined(near, found)

@@ -103,9 +103,13 @@ class Task:
         return self.options.workers if self.policy.search.side_by_side else 1
 
     @contextmanager
-    def pooled(self) -> Iterator[Self]:
-        """The task with workers for several series of jobs; what jobs need is built before the first."""
-        with shared_pool(self, self.workers) as pool:
+    def pooled(self, threads: bool = False) -> Iterator[Self]:
+        """The task with workers for several series of jobs; what jobs need is built before the first.
+
+        Args:
+            threads: see `shared_pool`.
+        """
+        with shared_pool(self, self.workers, threads) as pool:
             yield replace(self, pool=pool)
 
     def results(self, jobs: Sequence[Callable[[Self], Result]]) -> Iterator[Result]:

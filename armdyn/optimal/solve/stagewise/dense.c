@@ -1,5 +1,9 @@
 /* Small dense matrices, row by row. */
 
+/* fmax and fmin without a call of the C library: the second number only where it is the larger or the smaller one. */
+static inline double larger(double a, double b) { return b > a ? b : a; }
+static inline double smaller(double a, double b) { return b < a ? b : a; }
+
 /* Called with sizes that the compiler knows, and then unrolled. */
 #define INLINE static inline __attribute__((always_inline))
 

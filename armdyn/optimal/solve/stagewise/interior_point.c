@@ -16,14 +16,16 @@ static double error_of(const Solve *s, double mu) {
     int n = 0;
     for (int i = 0; i < s->it.all; i++) {
         if (!s->it.open[i]) continue;
-        dual = fmax(dual, fabs(s->d[i] - s->zl[i] + s->zu[i])), sum += s->d[i];
-        if (isfinite(s->lower[i])) gaps = fmax(gaps, fabs((s->w[i] - s->lower[i]) * s->zl[i] - mu)), z += s->zl[i], n++;
-        if (isfinite(s->upper[i])) gaps = fmax(gaps, fabs((s->upper[i] - s->w[i]) * s->zu[i] - mu)), z += s->zu[i], n++;
+        dual = larger(dual, fabs(s->d[i] - s->zl[i] + s->zu[i])), sum += s->d[i];
+        if (isfinite(s->lower[i]))
+            gaps = larger(gaps, fabs((s->w[i] - s->lower[i]) * s->zl[i] - mu)), z += s->zl[i], n++;
+        if (isfinite(s->upper[i]))
+            gaps = larger(gaps, fabs((s->upper[i] - s->w[i]) * s->zu[i] - mu)), z += s->zu[i], n++;
     }
-    for (int i = 0; i < s->it.rows; i++) equations = fmax(equations, fabs(s->c[i]));
+    for (int i = 0; i < s->it.rows; i++) equations = larger(equations, fabs(s->c[i]));
     all = absolute_sum(s->lam, s->it.rows) + z;
-    dual /= fmax(100, all / (s->it.rows + n)) / 100, gaps /= fmax(100, z / n) / 100;
-    return isfinite(all) && isfinite(sum) ? fmax(fmax(dual, equations), gaps) : NAN;
+    dual /= larger(100, all / (s->it.rows + n)) / 100, gaps /= larger(100, z / n) / 100;
+    return isfinite(all) && isfinite(sum) ? larger(larger(dual, equations), gaps) : NAN;
 }
 
 /* Factors with as much on the diagonal as a minimum takes, section 3.1; 0: nothing helps. What is held has 1e30. */
@@ -35,7 +37,7 @@ static int factored(Solve *s) {
         if (s->zu[i] > 0) s->it.bent[i] += s->zu[i] / (s->upper[i] - s->w[i]);
     }
     while (!factor(&s->it, &s->end)) {
-        double more = delta ? delta * (s->last ? 8 : 100) : s->last ? fmax(1e-20, s->last / 3) : 1e-4;
+        double more = delta ? delta * (s->last ? 8 : 100) : s->last ? larger(1e-20, s->last / 3) : 1e-4;
         if (more > 1e20) return 0;
         for (int i = 0; i < s->it.all; i++) s->it.bent[i] += more - delta;
         delta = more;
@@ -55,7 +57,7 @@ static void multipliers(Solve *s) {
     memset(s->other_c, 0, s->it.rows * sizeof *s->c), memset(s->lam, 0, s->it.rows * sizeof *s->lam);
     if (!factor(&s->it, &s->end)) return;
     step(&s->it, &s->end, s->d, s->other_c, s->dw, s->dlam);
-    for (int i = 0; i < s->it.rows; i++) largest = fmax(largest, fabs(s->dlam[i]));
+    for (int i = 0; i < s->it.rows; i++) largest = larger(largest, fabs(s->dlam[i]));
     if (largest <= 1e3) memcpy(s->lam, s->dlam, s->it.rows * sizeof *s->lam);
 }
 
@@ -68,16 +70,16 @@ static void advance(Solve *s, double cost, double alpha, double alpha_dual) {
     for (int i = 0; i < s->it.all; i++) {
         double below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
         if (s->zl[i] > 0)
-            s->zl[i] = fmax(fmin(s->zl[i] + alpha_dual * s->dzl[i], 1e10 * s->mu / below), 1e-10 * s->mu / below);
+            s->zl[i] = larger(smaller(s->zl[i] + alpha_dual * s->dzl[i], 1e10 * s->mu / below), 1e-10 * s->mu / below);
         if (s->zu[i] > 0)
-            s->zu[i] = fmax(fmin(s->zu[i] + alpha_dual * s->dzu[i], 1e10 * s->mu / above), 1e-10 * s->mu / above);
+            s->zu[i] = larger(smaller(s->zu[i] + alpha_dual * s->dzu[i], 1e10 * s->mu / above), 1e-10 * s->mu / above);
     }
 }
 
 /* A number so far from its bounds, as a part of them or of the room between. */
 static double inside(double w, double low, double high, double part) {
-    if (isfinite(low)) w = fmax(w, low + part * fmin(fmax(1, fabs(low)), high - low));
-    if (isfinite(high)) w = fmin(w, high - part * fmin(fmax(1, fabs(high)), high - low));
+    if (isfinite(low)) w = larger(w, low + part * smaller(larger(1, fabs(low)), high - low));
+    if (isfinite(high)) w = smaller(w, high - part * smaller(larger(1, fabs(high)), high - low));
     return w;
 }
 
@@ -96,7 +98,7 @@ static int restored(Solve *s, int *k, int iterations) {
         if (++*k > iterations) return 0;
         flatten(&s->it);
         for (int i = 0; i < s->it.all; i++) {
-            double scale = fmax(1, fabs(from[i])), near = weight / (scale * scale);
+            double scale = larger(1, fabs(from[i])), near = weight / (scale * scale);
             double below = s->w[i] - s->lower[i], above = s->upper[i] - s->w[i];
             s->it.bent[i] = near + s->mu / (below * below) + s->mu / (above * above);
             s->d[i] = near * (s->w[i] - from[i]) - s->mu / below + s->mu / above;
@@ -131,7 +133,7 @@ static double newton(Solve *s) {
     step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
     for (int i = 0; i < s->it.all; i++) {
         s->slope += s->trial[i] * s->dw[i];
-        largest = fmax(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
+        largest = larger(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
         if (s->zl[i] > 0) s->dzl[i] = (s->mu - s->zl[i] * s->dw[i]) / (s->w[i] - s->lower[i]) - s->zl[i];
         if (s->zu[i] > 0) s->dzu[i] = (s->mu + s->zu[i] * s->dw[i]) / (s->upper[i] - s->w[i]) - s->zu[i];
     }
@@ -154,11 +156,11 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
         if (*k >= iterations) return ITERATIONS;
         if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
         while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
-            s->mu = fmax(least_mu, fmin(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
+            s->mu = larger(least_mu, smaller(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
             s->filtered = tiny = 0;
         }
         if (tiny) return acceptable ? ACCEPTED : NO_STEP;
-        tau = fmax(0.99, 1 - s->mu);
+        tau = larger(0.99, 1 - s->mu);
         s->phi = barrier_function(s, s->w, s->cost);
         if (factored(s)) {
             tiny = newton(s) < 10 * 2.2e-16 && s->theta < 1e-4; /* rounding decides: section 3.9 */
@@ -174,7 +176,7 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
 
 /* Between its bounds, loosened; what has none, or is held, has no multipliers. Section 3.6. */
 static void begin(Solve *s, int i, double lower, double upper, double *low, double *high) {
-    *low = lower - RELAXED * fmax(1, fabs(lower)), *high = upper + RELAXED * fmax(1, fabs(upper));
+    *low = lower - RELAXED * larger(1, fabs(lower)), *high = upper + RELAXED * larger(1, fabs(upper));
     if (!s->it.open[i]) {
         s->w[i] = i < s->it.size ? lower : 0;
         return;
@@ -203,7 +205,7 @@ static int begun(Solve *s, const double *lower, const double *upper, double *low
     }
     if (!evaluate(it, s->w, &s->cost, s->c, NULL)) return 0;
     s->theta = absolute_sum(s->c, it->rows);
-    s->least_theta = 1e-4 * fmax(1, s->theta), s->most_theta = 1e4 * fmax(1, s->theta);
+    s->least_theta = 1e-4 * larger(1, s->theta), s->most_theta = 1e4 * larger(1, s->theta);
     differentiate(it, s->w, s->lam, s->gradient);
     multipliers(s);
     return 1;

@@ -26,13 +26,14 @@ static double absolute_sum(const double *a, int n) {
 
 /* The barrier function (3a) at w, where the cost is known. */
 static double barrier_function(const Solve *s, const double *w, double cost) {
-    double sum = 0;
+    double sum = 0, product = 1;
     for (int i = 0; i < s->it.all; i++) {
         if (!s->it.open[i]) continue;
-        if (isfinite(s->lower[i])) sum -= log(w[i] - s->lower[i]);
-        if (isfinite(s->upper[i])) sum -= log(s->upper[i] - w[i]);
+        if (isfinite(s->lower[i])) product *= w[i] - s->lower[i];
+        if (isfinite(s->upper[i])) product *= s->upper[i] - w[i];
+        if (!(product > 1e-100 && product < 1e100)) sum -= log(product), product = 1; /* logarithms take long */
     }
-    return cost + s->mu * sum;
+    return cost + s->mu * (sum - log(product));
 }
 
 /* How far along dw the bounds let go (15a). */
@@ -40,8 +41,8 @@ static double longest(const Solve *s, const double *dw, double tau) {
     double alpha = 1;
     for (int i = 0; i < s->it.all; i++) {
         if (!s->it.open[i]) continue;
-        if (dw[i] < 0 && isfinite(s->lower[i])) alpha = fmin(alpha, -tau * (s->w[i] - s->lower[i]) / dw[i]);
-        if (dw[i] > 0 && isfinite(s->upper[i])) alpha = fmin(alpha, tau * (s->upper[i] - s->w[i]) / dw[i]);
+        if (dw[i] < 0 && isfinite(s->lower[i])) alpha = smaller(alpha, -tau * (s->w[i] - s->lower[i]) / dw[i]);
+        if (dw[i] > 0 && isfinite(s->upper[i])) alpha = smaller(alpha, tau * (s->upper[i] - s->w[i]) / dw[i]);
     }
     return alpha;
 }
@@ -50,8 +51,8 @@ static double longest(const Solve *s, const double *dw, double tau) {
 static double longest_dual(const Solve *s, double tau) {
     double alpha = 1;
     for (int i = 0; i < s->it.all; i++) {
-        if (s->dzl[i] < 0) alpha = fmin(alpha, -tau * s->zl[i] / s->dzl[i]);
-        if (s->dzu[i] < 0) alpha = fmin(alpha, -tau * s->zu[i] / s->dzu[i]);
+        if (s->dzl[i] < 0) alpha = smaller(alpha, -tau * s->zl[i] / s->dzl[i]);
+        if (s->dzu[i] < 0) alpha = smaller(alpha, -tau * s->zu[i] / s->dzu[i]);
     }
     return alpha;
 }
@@ -92,7 +93,7 @@ static int accepted(Solve *s, double alpha, double theta, double phi) {
     if (descends) {
         if (!(rise - rounding <= 1e-8 * alpha * s->slope)) return 0;
     } else {
-        if (rise > 0 && log10(rise) > fmax(1, log10(fmax(fabs(s->phi), 10))) + 5) return 0;
+        if (rise > 0 && log10(rise) > larger(1, log10(larger(fabs(s->phi), 10))) + 5) return 0;
         if (!(theta <= (1 - 1e-5) * s->theta || rise - rounding <= -1e-8 * s->theta)) return 0;
     }
     if (!filter_lets_through(s, theta, phi)) return 0;
@@ -128,8 +129,8 @@ static int line_search(Solve *s, double tau, double *alpha, double *cost) {
     double shortest = 1e-5, theta, phi;
     int first = 1;
     if (s->slope < 0) {
-        shortest = fmin(shortest, 1e-8 * s->theta / -s->slope);
-        if (s->theta <= s->least_theta) shortest = fmin(shortest, pow(s->theta, 1.1) / pow(-s->slope, 2.3));
+        shortest = smaller(shortest, 1e-8 * s->theta / -s->slope);
+        if (s->theta <= s->least_theta) shortest = smaller(shortest, pow(s->theta, 1.1) / pow(-s->slope, 2.3));
     }
     for (*alpha = longest(s, s->dw, tau); first || *alpha > 0.05 * shortest; *alpha /= 2, first = 0) {
         if (!tried(s, s->dw, *alpha, cost, &theta, &phi)) continue;
