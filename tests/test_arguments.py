@@ -32,6 +32,7 @@ LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
 VALUES = values() | {IndirectOptions: defaults(IndirectOptions)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", VALUES, ids=lambda made: made.__name__)
 @settings(max_examples=150)
 @given(data=st.data())

@@ -17,7 +17,7 @@ from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, intervals_of, spread
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows, intervals_of, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
@@ -100,7 +100,7 @@ def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
     return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
 
 
-def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
     """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return (*end_torque_rows(problem), *(rows for each in asked for rows in each.rows(problem)))

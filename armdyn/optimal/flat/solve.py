@@ -16,7 +16,7 @@ from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import Sequential, Tighten
 from armdyn.optimal.flat.torque_rows import TorqueRows
-from armdyn.optimal.path_constraints.rows import Rows
+from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
@@ -45,7 +45,7 @@ class Solved:
     curve: Curve
     result: NlpResult
     shape: CurveLayout
-    rows: tuple[Rows, ...]
+    rows: tuple[StageRows, ...]
     guessed: float
     in_steps: bool = False
 
@@ -176,13 +176,13 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
         _solver(task, shape, rows, warm)
 
 
-def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
+def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...]) -> bool:
     """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
     return plain and task.policy.curves.cruises and problem.from_rest_to_rest and not problem.pays_effort
 
 
-def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Solver[Program]:
+def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Solver[Program]:
     """The solver of the program; a program built without machine code that has arrived since is built again."""
     if arrived():
         forget()

@@ -134,25 +134,24 @@ SOLVES = {
     "two joints, one of which is idle": lambda: noted(gantry_problem(), starts=2),
     "a velocity limit that is reached where a torque jumps": lambda: noted(
         between("rr", velocity_limit=20.0),
-        [ARCS, ("refinement", {"rounds": 0, "budget": 20_000}), ("motion_mesh", {"rounds": 0})],
+        [ARCS, ("switching", {"rounds": 0}), ("refinement", {"budget": 20_000}), ("motion_mesh", {"rounds": 0})],
         starts=1,
     ),
     "a velocity limit that slowing down mends": lambda: noted(
         between("rr", velocity_limit=8.0),
         [
             ARCS,
-            ("refinement", {"rounds": 0, "budget": 20_000}),
+            ("switching", {"rounds": 0}),
+            ("refinement", {"budget": 20_000}),
             ("motion_mesh", {"rounds": 0}),
             ("landing", {"below": -1e-4}),
         ],
         starts=1,
     ),
-    "arcs that are not resolved": lambda: noted(
-        between("rr", **INSIDE), [("switching", {"rounds": 0}), ("refinement", {"rounds": 0})], starts=2
-    ),
+    "arcs that are not resolved": lambda: noted(between("rr", **INSIDE), [("switching", {"rounds": 0})], starts=2),
     "motions that are not resolved": lambda: noted(
         between("rr", **INSIDE),
-        [("switching", {"rounds": 0}), ("refinement", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
+        [("switching", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
         starts=2,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0]), starts=1),
@@ -254,7 +253,7 @@ def a_torque_that_hovers():
     task = noted(between("rr"))
     solution = solve_task(task)
     structure = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    found = fastest(shooting_problem(task, solution.duration), structure, Stop())
+    found = fastest(shooting_problem(task, solution.trajectory), structure, Stop())
     change, time = found.structure.changes[0], float(found.structure.times[0])
     with_singular(found, [WrongSign(1e-3, change.joint, Mode.UPPER, time, time, time)])
 
@@ -323,6 +322,7 @@ def read():
     return frozenset(READ)
 
 
+@pytest.mark.slow
 def test_every_number_is_read_from_the_task_s_policy(read):
     every = {name for name, *_ in Policy.of(between("rr")).rows()}
     assert sorted(every ^ read) == []
@@ -342,9 +342,9 @@ CHANGED = {
         "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
     },
     "friction": {
-        "arcs": {"in_layers": 0.05, "layer_reach": 0.3, "layer_samples": 2000, "least_density": 1.5, "per_arc": 5},
-        "refinement": {"intervals": 12},
+        "arcs": {"in_layers": 0.05, "layer_reach": 0.3, "layer_samples": 2000},
     },
+    "a fine mesh for time and energy": {"arcs": {"least_density": 1.5}},
     "velocity limits on a rail": {
         "curves": {"intervals": 40, "shortest": 1e-3},
         "bound": {"growth": 2.0, "passes": 1, "shortest": 1e-3},
@@ -372,6 +372,7 @@ def facts(task):
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGED)
 def test_another_number_gives_another_answer(name):
     task = SOLVES[name]()

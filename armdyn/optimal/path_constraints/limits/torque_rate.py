@@ -15,7 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
@@ -74,7 +74,7 @@ class TorqueRateLimit(PathConstraint):
     def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
         return np.asarray(self.limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rates in every interval, as parts of the limits; the torques at both ends."""
         n = problem.robot.nv
         return (
