@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 import armdyn as ad
-from armdyn.show.cards import card
+from armdyn.show.values import card
 from problems import POSES
 
 EVIL = "<script>alert(1)</script>--><img src=x onerror=alert(2)>\"'&$x$"

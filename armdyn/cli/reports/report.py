@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.cli.console import answering, console, escape, table, working
-from armdyn.cli.options.groups import option
+from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
 from armdyn.errors import ProblemError
@@ -24,14 +22,11 @@ if TYPE_CHECKING:
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.report import Report, Subject
 
-Results = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RESULT…",
-        help="Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as "
-        "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
-    ),
-]
+_RESULTS = argument(
+    "RESULT…",
+    "Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
+    "them: .csv, .npz, ROS 2's .json and .yaml.",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,14 +59,14 @@ class ShownOptions:
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.moves import read_moves
-        from armdyn.cli.reports.subject import SubjectSpec
+        from armdyn.cli.reports.subject import SubjectSpec, read_moves
 
         return read_moves(results, SubjectSpec(robot=self.robot, part=part, payload=payload.carried()))
 
 
 def report(
-    results: Results,
+    *,
+    results: list[Path] = _RESULTS,
     shown: ShownOptions,
     part: PartOptions,
     payload: PayloadOptions,
@@ -101,7 +96,8 @@ def report(
 
 
 def compare(
-    results: Results,
+    *,
+    results: list[Path] = _RESULTS,
     shown: ShownOptions,
     part: PartOptions,
     payload: PayloadOptions,

@@ -8,16 +8,10 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
-from armdyn.cli.console import (
-    answering,
-    console,
-    facts_table,
-    working,
-)
-from armdyn.cli.options.groups import option
+from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.task import FastArmOptions, likely_arms
-from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -146,7 +140,7 @@ def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
     """Write the reference, the figure and result.json next to the rows."""
-    from armdyn.show.figures.envelopes import plot_envelope
+    from armdyn.show.figures.loops import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_results
     from armdyn.studies.rows import read_rows

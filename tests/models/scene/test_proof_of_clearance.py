@@ -7,9 +7,8 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.motion_bounds import MotionBounds
 from armdyn.models.scene.obstacles import Box, Plane, Sphere
-from armdyn.models.scene.proof_of_clearance import prove_clearance, relative_reach
+from armdyn.models.scene.proof_of_clearance import MotionBounds, prove_clearance, relative_reach
 from oracles import robot_named
 from problems import paper_arm
 

@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.scene.motion_bounds import frame_accelerations
+from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import poses_reaching
 from problems import POSES, paper_arm, solve
 

@@ -11,7 +11,7 @@ from armdyn.arguments import expect, whole
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.motion_bounds import frame_accelerations
+from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
 from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
