@@ -192,7 +192,7 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
 
 
 def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """What the arm carries, and from when to when [s]; null: until the end."""
+    """Parts that the arm carries, and from when to when [s]; null: until the end."""
     held: tuple[Payload, float] | None = None if cycle.robot.payload is None else (cycle.robot.payload, 0.0)
     for one, step in zip(steps, cycle.steps, strict=False):
         if held is not None and isinstance(step, Release):

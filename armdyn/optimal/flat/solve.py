@@ -1,6 +1,6 @@
 """The fastest curve near a guess: by sequential convexification, or with other path constraints by IPOPT."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -78,6 +78,7 @@ def solve_curve(
     rows = rows_of(task.problem, spec.constraints)
     if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
+        numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
         trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
         found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers, tighten=tighten)
         if found.converged or task.stop:
