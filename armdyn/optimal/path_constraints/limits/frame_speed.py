@@ -14,7 +14,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -82,7 +82,7 @@ class FrameSpeedLimit(PartialLimit):
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check speeds by Pinocchio, at five points of every sample."""
-        t, n = pieces(motion)[0].ravel(), problem.robot.nv
+        t, n = times_within(motion), problem.robot.nv
         at = motion(t)
         speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
         when, share = float(t[np.argmax(speeds)]), float(np.max(speeds)) / self.limit

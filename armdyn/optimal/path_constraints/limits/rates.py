@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.arrays import Array, Flags
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
@@ -22,11 +22,10 @@ _VALUES = np.vander(_PLACES, 5, increasing=True) @ _COEFFICIENTS
 _SLOPES = (np.vander(_PLACES, 4, increasing=True) * np.arange(1, 5)) @ _COEFFICIENTS[1:]
 
 
-def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, Flags]:
-    """Times evenly within samples [s], shape (samples between jumps of the torque, dense); which samples those are."""
-    steps = np.diff(motion.t)
-    flows = ~motion.jumps
-    return (motion.t[:-1, None] + steps[:, None] * np.linspace(0, 1, dense))[flows], flows
+def times_within(motion: Trajectory) -> Array:
+    """Five times evenly within every sample that is no jump of the torque [s], shape (5 samples,)."""
+    steps = np.diff(motion.t)[:, None]
+    return np.asarray((motion.t[:-1, None] + steps * np.linspace(0, 1, 5))[~motion.jumps].ravel())
 
 
 def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array]:

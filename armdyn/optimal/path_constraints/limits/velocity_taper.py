@@ -11,7 +11,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -41,7 +41,7 @@ class VelocityTaperLimit(PartialLimit):
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check tapered velocities at five points of every sample."""
-        t = pieces(motion)[0].ravel()
+        t = times_within(motion)
         at = motion(t)
         lower, upper = _taper(problem).at(at.q)
         shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
