@@ -23,24 +23,6 @@ from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Knots:
-    """The knots of a mesh.
-
-    Attributes:
-        when: about the knots' parts of the motion, shape (N + 1,), from 0 to 1.
-        given: the knots of the problem's `poses`: start, via points, goal.
-    """
-
-    when: Array
-    given: tuple[int, ...]
-
-    @property
-    def intervals(self) -> int:
-        """Number of intervals N."""
-        return self.when.size - 1
-
-
-@dataclass(frozen=True, eq=False)
 class ConstraintReport:
     """Report on a motion and a path constraint, checked along the whole motion.
 
@@ -164,7 +146,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         """Rows that the constraint adds to the program."""
         return ()
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Numbers and bounds of each of `rows`."""
         return ()
 

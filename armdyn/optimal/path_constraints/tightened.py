@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, spread
 from armdyn.optimal.problem.aim import Aim
@@ -79,9 +79,9 @@ class TightenedConstraints:
         """Rows of the program besides the equations of motion."""
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Parameters and bounds of these rows."""
-        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem, knots))
+        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
         """Check all path constraints along a motion; `passing`: times of the via points [s]."""

@@ -7,7 +7,6 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.codegen.deadline import LateError
-from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
 from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
@@ -59,8 +58,7 @@ def solve_on_mesh(
     shares = fractions
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
-    knots = Knots(np.append(0.0, np.cumsum(shares)), (0, *legs.knots.tolist()))
-    values = constraints.values(problem, knots)
+    values = constraints.values(problem)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     parameters = np.concatenate([parameters, numbers_of(values)])
     x = to_unknowns(guess, layout, shares, scales)

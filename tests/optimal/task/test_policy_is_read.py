@@ -18,7 +18,6 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.live import resolver as live
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
@@ -199,7 +198,7 @@ def constraints_that_are_tightened():
     strip = ad.FrameRegion(ad.GoalPose("tip", (0.24, 0, 0), ("z",), (0.24, 0, 0, 0, 0, 0)))
     problem = between("rr", obstacles=[BALL], acceleration_limit=1.0, path_constraints=[strip])
     constraints = TightenedConstraints.of(noted(problem))
-    constraints.values(problem, Knots(np.array([0.0, 0.5, 1.0]), (0, 2)))
+    constraints.values(problem)
     hasty = spline(problem, [], 0.1)
     for _ in range(5):
         constraints = constraints.tightened(problem, constraints.check(problem, hasty, np.empty(0)))

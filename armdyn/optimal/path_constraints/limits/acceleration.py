@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Path
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -32,7 +32,7 @@ class AccelerationLimit(PartialLimit):
         """Rows of accelerations at the stages of every interval, over the limits."""
         return (StageRows(_accelerations, numbers=problem.robot.nv),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:

@@ -13,7 +13,7 @@ from armdyn.arguments import number, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Path
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
@@ -77,7 +77,7 @@ class FrameSpeedLimit(PartialLimit):
         fixed = problem.robot.frame(str(self.frame))
         return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:

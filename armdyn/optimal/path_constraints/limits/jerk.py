@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -37,7 +37,7 @@ class JerkLimit(PartialLimit):
             StageRows(_acceleration_at, (-1,), where="last"),
         )
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         own = RowValues(-self.part, self.part, 1 / np.asarray(problem.jerk_limit))
         return own, RowValues(0, 0), RowValues(0, 0)
 

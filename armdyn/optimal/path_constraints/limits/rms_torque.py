@@ -14,7 +14,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -81,7 +81,7 @@ class RmsTorque(PartialLimit):
         """∫ ((τ/limit)² - part²) dt [s] of every joint."""
         return (StageRows(_surplus, numbers=problem.robot.nv + 1, where="sum"),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         square = self.part**2
         left = self.dwell * (square - self._held(problem))
         return (RowValues(-np.inf, left, np.append(np.asarray(self.limit, dtype=float) ** -2, square)),)

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -33,7 +33,7 @@ class TorqueSpeedLimit(PartialLimit):
         count, numbers = len(slopes), 2 * slopes.size
         return StageRows(_lines, (count, True), numbers), StageRows(_lines, (count, False), numbers, "first")
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         slopes, rest = problem.limits.actuators.lines
         own = RowValues(-self.part, self.part, np.concatenate([(1 / rest).ravel(), (slopes / rest).ravel()]))
         return own, own

@@ -10,7 +10,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -35,7 +35,7 @@ class VelocityTaperLimit(PartialLimit):
         """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
         return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         taper = _taper(problem)
         return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
 
