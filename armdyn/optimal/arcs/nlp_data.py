@@ -20,22 +20,6 @@ _SHORTEST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class PhaseAim:
-    """Goal of the phases, and durations and costates that are known already.
-
-    Attributes:
-        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where the
-            collocation's error takes it back.
-        near: the guess solves nearly the same problem: IPOPT stays where it is.
-        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
-    """
-
-    offset: Array | float = 0.0
-    near: bool = False
-    density: Density | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class ArcNlpData(NlpData):
     """Initial guess, bounds and parameters of the program of some arcs.
 
@@ -60,7 +44,14 @@ class ArcNlpData(NlpData):
 
 
 def assemble_arcs(
-    task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim
+    task: Task,
+    arcs: Sequence[Arc],
+    guess: Trajectory,
+    layout: Layout,
+    intervals: int,
+    near: bool = False,
+    offset: Array | float = 0.0,
+    density: Density | None = None,
 ) -> ArcNlpData:
     """The numbers of a structure.
 
@@ -70,21 +61,23 @@ def assemble_arcs(
         guess: states to start from, at the times that the durations say.
         layout: of the program.
         intervals: of the whole mesh.
-        aim: see there.
+        near: as of `solve_phases`, like the next two.
+        offset: from the goal.
+        density: of the mesh.
     """
     problem, numbers, N = task.problem, task.policy.arcs, intervals
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
-    density = aim.density or layered(guess, problem.robot.friction, numbers)
+    density = density or layered(guess, problem.robot.friction, numbers)
     arc_of, part = deal(durations, N, density, numbers.per_arc)
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
     narrowed = _Narrowed(problem, layout, scales, lower, upper)
-    if aim.near:
+    if near:
         narrowed.loosen(arcs, N)
     narrowed.to(arcs, arc_of)
     for bound in (lower, upper):
-        bound[layout.states(N)[-1]] += aim.offset / np.repeat([scales.length, scales.speed], layout.nv)
+        bound[layout.states(N)[-1]] += offset / np.repeat([scales.length, scales.speed], layout.nv)
     times = layout.times(N)
     x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
     lower[times] = _SHORTEST

@@ -15,7 +15,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
-from armdyn.optimal.arcs.nlp_data import ArcNlpData, PhaseAim, assemble_arcs
+from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.problem.status import Status
@@ -28,7 +28,13 @@ from armdyn.trajectory import Trajectory
 
 
 def solve_phases(
-    task: Task, arcs: Sequence[Arc], guess: Trajectory, intervals: int, aim: PhaseAim | None = None
+    task: Task,
+    arcs: Sequence[Arc],
+    guess: Trajectory,
+    intervals: int,
+    near: bool = False,
+    offset: Array | float = 0.0,
+    density: Density | None = None,
 ) -> Phases | Unresolved:
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
@@ -37,11 +43,13 @@ def solve_phases(
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         intervals: of the whole mesh.
-        aim: by default the goal, from a guess that may be far.
+        near: the guess solves nearly the same problem: IPOPT stays where it is.
+        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where its error takes the
+            replay back.
+        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
     """
-    aim = aim or PhaseAim()
-    solver = _solver(task, intervals, aim.near)
-    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, aim)
+    solver = _solver(task, intervals, near)
+    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, near, offset, density)
     if nlp_data.spare < 0:
         message = f"the structure has more conditions than unknowns, by {-nlp_data.spare}"
         result = NlpResult(

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
@@ -90,8 +89,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(near=True, density=phases.density)
-        tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
+        tried = solve_phases(task, phases.arcs, phases.torques, size, near=True, density=phases.density)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
             return phases, replay_of(task, phases.torques), remark
@@ -107,8 +105,8 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
-        there = PhaseAim(aim.at_goal(n), near=True, density=best.laid)
-        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
+        offset = aim.at_goal(n)
+        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, True, offset, best.laid)
         if isinstance(tried, Unresolved):
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_of(task, tried.torques)

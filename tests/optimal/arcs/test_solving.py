@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.problem.stop import Stop
@@ -21,7 +20,7 @@ def solution():
 
 def again(solution, stop=None, intervals=None, **aim):
     task, phases = Task.of(solution.problem, stop=stop), solution.phases
-    return solve_phases(task, phases.arcs, phases.torques, intervals or phases.arc_of.size, PhaseAim(**aim))
+    return solve_phases(task, phases.arcs, phases.torques, intervals or phases.arc_of.size, **aim)
 
 
 def test_another_mesh_finds_the_same_durations(solution):
