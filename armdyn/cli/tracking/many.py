@@ -43,18 +43,10 @@ class ArmsOptions:
         """
         carries = robot.payload is not None and robot.payload.mass > 0
         load = self.payload_range or ("0.8,1.2" if carries and not likely else "1,1")
-        ranges = [
-            range_of(text, name)
-            for text, name in (
-                (load, "--payload-range"),
-                (self.friction_range, "--friction-range"),
-                (self.damping_range, "--damping-range"),
-            )
-        ]
         return ad.Plants(
-            payload=ranges[0],
-            coulomb=ranges[1],
-            damping=ranges[2],
+            payload=range_of(load, "--payload-range"),
+            coulomb=range_of(self.friction_range, "--friction-range"),
+            damping=range_of(self.damping_range, "--damping-range"),
             start=self.start_error,
             likely=likely,
             seed=self.arms_seed,
