@@ -9,6 +9,8 @@ import math
 import os
 import reprlib
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import MISSING, field, fields
+from functools import partial
 from itertools import islice
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -306,6 +308,25 @@ def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
     if not good:
         raise error(f"{name} is {shown(value)}; it must be a path")
     return found
+
+
+def checked(check: Callable[..., object], default: Any = MISSING, **conditions: Any) -> Any:
+    """A field of a frozen dataclass that `check_fields` checks.
+
+    Args:
+        check: `number`, `whole` or another function of a value and its `name`; the field becomes what it returns.
+        default: of the field; if it is None, None is not checked.
+        conditions: further arguments of `check`.
+    """
+    return field(default=default, metadata={"check": partial(check, **conditions)})
+
+
+def check_fields(made: Any) -> None:
+    """Check the `checked` fields of a frozen dataclass in their order; its `__post_init__`, or the first part of it."""
+    for one in fields(made):
+        value = getattr(made, one.name)
+        if "check" in one.metadata and not (value is None and one.default is None):
+            object.__setattr__(made, one.name, one.metadata["check"](value, name=one.name))
 
 
 def _real(value: object) -> Array | None:

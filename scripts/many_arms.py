@@ -10,7 +10,7 @@ from pathlib import Path
 
 import armdyn as ad
 from armdyn.paper import GAINS, PAYLOAD, example
-from armdyn.show.figures.envelopes import plot_envelope
+from armdyn.show.figures.loops import plot_envelope
 from armdyn.show.plots import save_figure
 
 FRICTION = {"coulomb": (0.0, 0.06), "damping": (0.0, 0.003)}

@@ -14,7 +14,7 @@ import numpy as np
 
 import armdyn as ad
 from armdyn.paper import PAYLOAD, example
-from armdyn.show.figures.reserve_curve import plot_reserves
+from armdyn.show.figures.loops import plot_reserves
 from armdyn.show.plots import save_figure
 from armdyn.studies.reserve import Settling
 

@@ -8,7 +8,7 @@ import armdyn as ad
 from armdyn.control.loop.loop import VELOCITIES
 from armdyn.control.stability.region import gain_plane
 from armdyn.paper import GAINS, example
-from armdyn.show.figures.gain_regions import plot_regions
+from armdyn.show.figures.loops import plot_regions
 from armdyn.show.plots import save_figure
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import armdyn as ad
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import forward_dynamics
 from oracles import PinDynamics
 from problems import paper_arm

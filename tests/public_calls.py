@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 import armdyn as ad
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.linear import Rest
 from armdyn.studies.executors.local import local_executor
 from oracles import two_links

@@ -1,6 +1,7 @@
 """Whatever goes in, what comes out is the thing itself or an `ArmdynError` that names the argument."""
 
 import inspect
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -32,6 +33,7 @@ LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
 VALUES = values() | {IndirectOptions: defaults(IndirectOptions)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", VALUES, ids=lambda made: made.__name__)
 @settings(max_examples=150)
 @given(data=st.data())
@@ -154,6 +156,24 @@ def test_a_message_shows_the_beginning_of_what_is_long():
     assert arguments.shown("a" * 10**6).startswith("'aaa") and len(arguments.shown("a" * 10**6)) <= 100
     assert arguments.shown(list(range(10**6))) == "[0, 1, 2, 3, 4, 5, 6, 7, ...]"
     assert "Hostile" in arguments.shown(Hostile())
+
+
+def test_checked_fields_are_what_their_check_returns():
+    @dataclass(frozen=True)
+    class Oven:
+        trays: int = arguments.checked(arguments.whole, least=1)
+        heat: float = arguments.checked(arguments.number, 180, unit="°C", sign="positive")
+        name: str | None = arguments.checked(arguments.text, None)
+
+        def __post_init__(self):
+            arguments.check_fields(self)
+
+    assert Oven(np.int8(2)) == Oven(2, 180.0) and type(Oven(np.int8(2)).trays) is int and type(Oven(2).heat) is float
+    assert Oven(2).name is None and replace(Oven(2), name="a").name == "a"
+    for wrong, said in (({"trays": 0}, "^trays is 0; it must be at least 1"), ({"heat": -1}, "^heat is -1 °C"),
+                        ({"name": 3}, "^name is 3; it must be text"), ({"heat": None}, "^heat is None")):  # fmt: skip
+        with pytest.raises(ProblemError, match=said):
+            Oven(**{"trays": 1, **wrong})
 
 
 def test_a_urdf_as_text_is_the_same_robot_as_its_file(file):

@@ -65,6 +65,7 @@ def test_a_study_task(bound_task, tmp_path):
         ad.run_study(ad.read_study(tmp_path / "study.toml"), run.file)
 
 
+@pytest.mark.slow
 def test_a_path_constraint():
     made = shown("A path constraint")
     limited, problem, robot = made["limited"], made["problem"], made["robot"]

@@ -48,6 +48,7 @@ def graph_of(package):
     return {name: {found for found in imports_of(name, modules) if found in modules} - {name} for name in modules}
 
 
+@pytest.mark.slow
 def test_no_circle():
     graph = graph_of(PACKAGE)
     assert graph["armdyn"] >= {"armdyn.optimal", "armdyn.show.values"}  # lazy imports are seen

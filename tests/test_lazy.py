@@ -63,6 +63,7 @@ def test_a_problem_is_posed_without_what_solving_it_takes():
         assert module not in there
 
 
+@pytest.mark.slow
 def test_a_solve_loads_nothing_that_draws():
     there = loaded("from armdyn import *; solve_minimum_time; simulate_pid; from armdyn import optimal, control")
     assert not there & {"matplotlib", "meshcat", "yourdfpy", "typer", "rich"}
@@ -96,6 +97,7 @@ def test_modules_are_found_as_attributes_and_nothing_else():
         from armdyn.models import Robots  # noqa: F401
 
 
+@pytest.mark.slow
 def test_star_pickle_and_copy():
     code = "from armdyn import *; import armdyn; assert set(armdyn.__all__) <= set(globals())"
     loaded(code)
@@ -125,6 +127,7 @@ def test_dir_has_the_public_names_only(name):
     assert dir(package) == sorted(package.__all__)
 
 
+@pytest.mark.slow
 def test_the_renderer_is_imported_when_a_value_is_drawn():
     code = "from armdyn import *; Solution.plot, Solution.report; from armdyn import rendering"
     assert not loaded(code) & {"armdyn.show.values", "armdyn.show", "matplotlib", "meshcat"}

@@ -23,6 +23,7 @@ def square(k):
     return k * k, os.getpid()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("together", [in_processes, as_completed])
 @pytest.mark.parametrize("workers", [1, 2, 3, None])
 def test_every_job_is_done_once(workers, together):

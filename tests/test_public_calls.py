@@ -168,6 +168,7 @@ def test_every_public_call_is_tried(calls):
                 assert function in there, f"{name}.{within}"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("table", ["values", "functions", "methods"])
 def test_whatever_it_is_given_it_does_its_work_or_says_what_is_wrong(table, calls):

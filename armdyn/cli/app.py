@@ -14,6 +14,7 @@ from armdyn.cli.console import EXIT_CODES
 from armdyn.cli.doctor import doctor
 from armdyn.cli.export import export
 from armdyn.cli.identify import identify
+from armdyn.cli.layout import Command, CommandGroup
 from armdyn.cli.motion.bound import bound
 from armdyn.cli.motion.check import check
 from armdyn.cli.motion.cycle import cycle
@@ -23,7 +24,6 @@ from armdyn.cli.motion.pid import pid
 from armdyn.cli.motion.replay import replay
 from armdyn.cli.options.groups import with_options
 from armdyn.cli.paper import reproduce, urdf
-from armdyn.cli.parsing.layout import Command, CommandGroup
 from armdyn.cli.presets import presets
 from armdyn.cli.reports.report import compare, report
 from armdyn.cli.robots import robots

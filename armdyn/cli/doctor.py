@@ -8,12 +8,11 @@ import platform
 from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, table, working
+from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
@@ -30,35 +29,21 @@ _AGREE = 1e-10
 
 
 def doctor(
-    robot: Annotated[
-        str | None,
-        typer.Argument(metavar="[ROBOT]", help="r, rr, rrr, a URDF file or a library name; none: the installation."),
-    ] = None,
     *,
+    robot: str | None = argument(
+        "[ROBOT]", "r, rr, rrr, a URDF file or a library name; none: the installation.", default=None
+    ),
     part: PartOptions,
-    policy: Annotated[
-        bool, typer.Option("--policy", help="Show every tuned number of a minimum-time solve of ROBOT, and its reason.")
-    ] = False,
-    build: Annotated[
-        bool,
-        typer.Option(
-            "--build",
-            help="Build the machine code that minimum times of ROBOT use, up to 20 s once; else the first solve has "
-            "it built in the background.",
-        ),
-    ] = False,
-    repair: Annotated[
-        bool,
-        typer.Option(
-            "--repair",
-            help="Of a URDF: the least change that makes each inertia physical, folders of its packages, joints to "
-            "lock, the tip, missing limits. Nothing is written without --out.",
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="With --repair: write the URDF with physical inertias, marked as repaired."),
-    ] = None,
+    policy: bool = flag("Show every tuned number of a minimum-time solve of ROBOT, and its reason."),
+    build: bool = flag(
+        "Build the machine code that minimum times of ROBOT use, up to 20 s once; else the first solve has it built in "
+        "the background."
+    ),
+    repair: bool = flag(
+        "Of a URDF: the least change that makes each inertia physical, folders of its packages, joints to lock, the "
+        "tip, missing limits. Nothing is written without --out."
+    ),
+    out: Path | None = option("FILE", "With --repair: write the URDF with physical inertias, marked as repaired."),
     json: Json = False,
 ) -> None:
     """Check the installation, or a robot as armdyn reads it.

@@ -6,15 +6,13 @@ import warnings
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armdyn.arguments import one_of
+import armdyn as ad
+from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, answering, console, escape
 from armdyn.cli.motion.check import show_check
-from armdyn.cli.motion.controller import check_samples, preset_of
-from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions
@@ -27,7 +25,8 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.trajectory import Samples, Trajectory
 
-
+_KINDS = "|".join(FORMATS)
+_ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
 _DEFAULT_RATE = 1000.0
 """Rows per second of a table or message [Hz]."""
 _MODEL_RATE = 4000.0
@@ -123,28 +122,16 @@ class ModelOptions:
 
 
 def export(
-    file: Annotated[Path, typer.Argument(metavar="FILE.npz", help="A trajectory.npz that mintime or pid wrote.")],
     *,
-    format: Annotated[  # noqa: A002  # the option's name
-        str,
-        typer.Option(
-            metavar="|".join(FORMATS), help=" ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
-        ),
-    ] = "csv",
-    rate: Annotated[
-        str | None,
-        typer.Option(
-            metavar="HZ|own",
-            help="Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and "
-            "ur-rtde, 4000 with --model, and 1000 otherwise.",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the written file. By default that of FILE.")
-    ] = None,
-    piece: Annotated[
-        int | None, typer.Option(metavar="N", help="Of a motion of several pieces only this one, from 1 on.")
-    ] = None,
+    file: Path = argument("FILE.npz", "A trajectory.npz that mintime or pid wrote."),
+    format: str = option(_KINDS, _ABOUT_KINDS, default="csv"),  # noqa: A002  # the option's name
+    rate: str | None = option(
+        "HZ|own",
+        "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "
+        "4000 with --model, and 1000 otherwise.",
+    ),
+    out: Path | None = option("DIR", "Folder for the written file. By default that of FILE."),
+    piece: int | None = option("N", "Of a motion of several pieces only this one, from 1 on."),
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,
@@ -216,6 +203,41 @@ def export(
             console.print(
                 f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
             )
+
+
+def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
+    """The preset of the options, or else the built-in one under which the motion of a file was planned."""
+    chosen, result = given.read(), file.parent / "result.json"
+    if chosen is not None or file.name != "trajectory.npz" or not result.is_file():
+        return chosen
+    from armdyn.show.results import load_result
+
+    planned = load_result(result).get("controller")
+    name, interface = (planned.get(key) for key in ("preset", "interface")) if isinstance(planned, dict) else ("", "")
+    if name and name not in ad.ControllerPreset.names():
+        note = f"the motion was planned under a preset of your own, {shown(name)}: not checked; give --preset its file"
+        warnings.warn(note, ad.ArmdynWarning, stacklevel=2)
+    return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
+
+
+def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
+    """Check samples that are exported.
+
+    Args:
+        preset: preset of the controller.
+        samples: the exported rows.
+        accelerations: whether the controller receives accelerations, too, and interpolates by quintics.
+
+    Raises:
+        ArmdynError: see `ControllerPreset.check`.
+    """
+    from armdyn.trajectory.planned import Planned
+
+    if accelerations:
+        return preset.check(Planned(samples.t, samples.q, samples.v, samples.a, samples.tau), samples.joint_names)
+    return preset.check(
+        ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
+    )
 
 
 def _piece(motion: Trajectory, number: int | None) -> Trajectory:

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,12 +15,12 @@ import armdyn as ad
 from armdyn.arguments import whole
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.invocation import invocation
+from armdyn.cli.layout import Followed
 from armdyn.cli.options.course import SceneOptions
-from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
-from armdyn.cli.parsing.layout import Followed
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -73,16 +73,14 @@ class IdentifyCommandOptions:
 
 
 def identify(
-    robot: RobotArgument,
-    logs: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[LOG]...",
-            help="Tables .csv with columns t, q1, …, tau1, … and perhaps v1, …; .npz of arrays t, q, v, tau; ROS bags.",
-            show_default=False,
-        ),
-    ] = None,
     *,
+    robot: RobotArgument,
+    logs: list[str] | None = argument(
+        "[LOG]...",
+        "Tables .csv with columns t, q1, …, tau1, … and perhaps v1, …; .npz of arrays t, q, v, tau; ROS bags.",
+        default=None,
+        show_default=False,
+    ),
     options: IdentifyCommandOptions,
     payload: PayloadOptions,
     scene: SceneOptions,

@@ -3,12 +3,11 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, answering, console, escape, progress_bar, table
+from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.results import Json
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
@@ -19,30 +18,18 @@ if TYPE_CHECKING:
     from armdyn.paper.plan import Plan
 
 
-ArrivalRuleName = Annotated[
-    str | None,
-    typer.Option(
-        metavar="RULE",
-        help="When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
+def reproduce(
+    only: list[str] | None = option(
+        "PART", "table3 to table7, figure2 to figure7, example1 to example6; several: comma or again."
+    ),
+    payload: list[str] | None = option("KG", "Payload \\[kg]; several: comma or again. By default the paper's ten."),
+    out: Path = option("DIR", "Folder for the results.", default=Path("results/paper")),
+    fresh: bool = flag("Solve again the cases that DIR has already."),
+    arrival_rule: str | None = option(
+        "RULE",
+        "When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
         show_default="last_entry_first_joint, the paper's",
     ),
-]
-
-
-def reproduce(
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="PART", help="table3 to table7, figure2 to figure7, example1 to example6; several: comma or again."
-        ),
-    ] = None,
-    payload: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KG", help="Payload \\[kg]; several: comma or again. By default the paper's ten."),
-    ] = None,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the results.")] = Path("results/paper"),
-    fresh: Annotated[bool, typer.Option("--fresh", help="Solve again the cases that DIR has already.")] = False,
-    arrival_rule: ArrivalRuleName = None,
     json: Json = False,
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
@@ -113,11 +100,9 @@ def _print_examples(outcomes: "Sequence[Outcome]", plan: "Plan", out: Path) -> N
 
 
 def urdf(
-    arm: Annotated[str, typer.Argument(metavar="ARM", help="r, rr or rrr.")],
-    payload: Annotated[float, typer.Option(metavar="KG", help="Point mass at the tip \\[kg].")] = 0.0,
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write a file there instead of printing.", show_default=False)
-    ] = None,
+    arm: str = argument("ARM", "r, rr or rrr."),
+    payload: float = option("KG", "Point mass at the tip \\[kg].", default=0.0),
+    out: Path | None = option("DIR", "Write a file there instead of printing."),
     json: Json = False,
 ) -> None:
     """The URDF of one of the paper's arms, with its payload as a link at the tip.

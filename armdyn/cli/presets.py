@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import Answer, answering, console, facts_table, table
+from armdyn.cli.options.groups import argument
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import Json
 
@@ -16,14 +15,12 @@ if TYPE_CHECKING:
 
 
 def presets(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[NAME|FILE.toml]",
-            help="Show its limits, sources, and what is not public; none: all presets.",
-            autocompletion=known_presets,
-        ),
-    ] = None,
+    name: str | None = argument(
+        "[NAME|FILE.toml]",
+        "Show its limits, sources, and what is not public; none: all presets.",
+        default=None,
+        autocompletion=known_presets,
+    ),
     json: Json = False,
 ) -> None:
     """Conditions that robots' controllers put on motions, as far as documents make them public.

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
-
-import typer
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
+from armdyn.cli.options.groups import argument, flag
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
@@ -23,17 +21,13 @@ _MARKS, _PLAIN_MARKS = "●◐○", "*+-"
 
 
 def robots(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[ROBOT]",
-            help="Its named poses, such as --q-start takes; none: all robots.",
-            autocompletion=known_names,
-        ),
-    ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="Also the library's robots of several limbs, and those armdyn refuses.")
-    ] = False,
+    name: str | None = argument(
+        "[ROBOT]",
+        "Its named poses, such as --q-start takes; none: all robots.",
+        default=None,
+        autocompletion=known_names,
+    ),
+    everything: bool = flag("Also the library's robots of several limbs, and those armdyn refuses.", name="--all"),
     json: Json = False,
 ) -> None:
     """The robots that go by a name: the paper's arms, benchmarks of joints without a motor, and example-robot-data's.

@@ -8,9 +8,7 @@ import warnings
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn import models
@@ -18,10 +16,10 @@ from armdyn.cli import interrupts
 from armdyn.cli.console import SCHEMA, answering, console, facts_table, working
 from armdyn.cli.invocation import command_name
 from armdyn.cli.motion.mintime import CurveOptions
+from armdyn.cli.options.groups import OUTPUT, TASK, flag, option
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ProblemOptions
-from armdyn.cli.parsing.panels import OUTPUT, TASK
 from armdyn.errors import ArmdynWarning, FileError, MissingPackageError
 
 if TYPE_CHECKING:
@@ -80,25 +78,17 @@ def studio(
     task: FirstProblem,
     search: CurveOptions,
     output: OutputOptions,
-    host: Annotated[
-        str,
-        typer.Option(
-            metavar="ADDRESS",
-            rich_help_panel=OUTPUT,
-            help="Address to serve on. Only this machine reaches 127.0.0.1; on another address everyone who reaches it "
-            "can change the state, and save files into --out.",
-        ),
-    ] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(
-            metavar="N", min=1, max=65535, rich_help_panel=OUTPUT, help="Port; if it is taken, the next free."
-        ),
-    ] = 8080,
-    fresh: Annotated[
-        bool,
-        typer.Option("--fresh", rich_help_panel=TASK, help="Begin anew, though --out has the state of a last session."),
-    ] = False,
+    host: str = option(
+        "ADDRESS",
+        "Address to serve on. Only this machine reaches 127.0.0.1; on another address everyone who reaches it can "
+        "change the state, and save files into --out.",
+        default="127.0.0.1",
+        rich_help_panel=OUTPUT,
+    ),
+    port: int = option(
+        "N", "Port; if it is taken, the next free.", default=8080, min=1, max=65535, rich_help_panel=OUTPUT
+    ),
+    fresh: bool = flag("Begin anew, though --out has the state of a last session.", rich_help_panel=TASK),
 ) -> None:
     """Page in the browser with the arm: drag start and goal, and see the fastest motion at once.
 

@@ -12,6 +12,7 @@ from armdyn.locks import cached_property
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import percent
+from armdyn.optimal.proof.deciding import Share
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
 
@@ -110,15 +111,19 @@ class CycleSolution:
         return (*(problem.poses[0] for problem in problems), problems[-1].poses[-1])
 
     @property
-    def decides(self) -> tuple[tuple[str, float], ...]:
-        """Names of the limits that decide the duration and their shares in it, most first."""
-        shares: defaultdict[str, float] = defaultdict(float)
+    def shares(self) -> tuple[Share, ...]:
+        """Shares of the limits in the duration, most first; those of the rests are not among them."""
+        parts: defaultdict[tuple[str, str], float] = defaultdict(float)
         for leg in self.legs:
-            for share in leg.solution.decides:
-                shares[share.name] += share.part * leg.duration / self.duration
-        if self.cycle.dwell and self.legs:
-            shares["rests"] = self.cycle.dwell / self.duration
-        return tuple(sorted(shares.items(), key=lambda one: -one[1]))
+            for one in leg.solution.decides:
+                parts[one.limit, one.joint] += one.part * leg.duration / self.duration
+        return tuple(sorted((Share(*of, part) for of, part in parts.items()), key=lambda one: -one.part))
+
+    @property
+    def decides(self) -> tuple[tuple[str, float], ...]:
+        """Names of the limits that decide the duration, and of the rests, and their shares in it, most first."""
+        rests = [("rests", self.cycle.dwell / self.duration)] if self.cycle.dwell and self.legs else []
+        return tuple(sorted([*((one.name, one.part) for one in self.shares), *rests], key=lambda one: -one[1]))
 
     @cached_property
     def trajectory(self) -> Trajectory:

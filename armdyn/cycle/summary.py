@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -55,7 +54,7 @@ def cycle_summary(
         "closed": cycle.closed,
         "order": order,
         "steps": steps,
-        "decides": _deciding(solution),
+        "decides": [asdict(one) for one in solution.shares],
         "costs": [_cost(cost, _number(cost.step, order)) for cost in sorted(costs, key=_size)],
         "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in _checks(solution)],
         "parts": list(_parts(cycle, steps)),
@@ -128,7 +127,7 @@ def _move(leg: CycleLeg) -> dict[str, Any]:
         "message": solution.message,
         "lower_bound": solution.lower_bound,
         "gap": solution.gap,
-        "decides": [{"limit": one.limit, "joint": one.joint, "part": one.part} for one in solution.decides],
+        "decides": [asdict(one) for one in solution.decides],
         "via_times": list(solution.via_times),
         "clearance": near and {"distance": near.distance, "body": near.body, "other": near.other, "sure": near.sure},
     }
@@ -157,16 +156,6 @@ def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -
     return f"{words} saves {1e3 * saved:.3g} ms" if saved >= _NOTHING else ""
 
 
-def _deciding(solution: CycleSolution) -> list[dict[str, Any]]:
-    """Limits and their shares in the whole cycle, rests not among them, most first."""
-    shares: defaultdict[tuple[str, str], float] = defaultdict(float)
-    for leg in solution.legs:
-        for one in leg.solution.decides:
-            shares[one.limit, one.joint] += one.part * leg.duration / solution.duration
-    most = sorted(shares.items(), key=lambda one: -one[1])
-    return [{"limit": limit, "joint": joint, "part": part} for (limit, joint), part in most]
-
-
 def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
     """Name, result (None: not known) and words of each check of the whole cycle."""
     legs = solution.legs
@@ -192,7 +181,7 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
 
 
 def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """What the arm carries, and from when to when [s]; null: until the end."""
+    """Parts that the arm carries, and from when to when [s]; null: until the end."""
     held: tuple[Payload, float] | None = None if cycle.robot.payload is None else (cycle.robot.payload, 0.0)
     for one, step in zip(steps, cycle.steps, strict=False):
         if held is not None and isinstance(step, Release):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armdyn.arguments import expect, number, one_of, several
+from armdyn.arguments import check_fields, checked, expect, number, one_of, several
 from armdyn.arrays import Array
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification.assembly import assembled
@@ -47,15 +47,14 @@ class IdentifyOptions:
         ProblemError: one is out of range.
     """
 
-    smoothing: float = 0.005
-    step: float = 0.02
+    smoothing: float = checked(number, 0.005, unit="s", sign="positive")
+    step: float = checked(number, 0.02, unit="s", sign="positive")
     held_out: float = 0.25
     widths: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1)
     fit: FitOptions = field(default_factory=FitOptions)
 
     def __post_init__(self) -> None:
-        for name in ("smoothing", "step"):
-            number(getattr(self, name), name, unit="s", sign="positive")
+        check_fields(self)
         for width in several(self.widths, "widths"):
             number(width, "widths: one", unit="rad/s or m/s", sign="positive")
         expect(self.fit, FitOptions, "fit")

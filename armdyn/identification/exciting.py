@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BSpline
 
-from armdyn.arguments import expect, number, one_of, several, whole
+from armdyn.arguments import check_fields, checked, expect, number, one_of, several, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import WHAT, Equations, What
@@ -15,9 +15,8 @@ from armdyn.identification.log import Signals
 from armdyn.identification.model import rigid_torques
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.obstacles import Obstacle
+from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts
 from armdyn.models.scene.proof_of_clearance import prove_clearance
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
@@ -58,12 +57,12 @@ class ExcitingOptions:
         ProblemError: one is wrong.
     """
 
-    what: What = "all"
+    what: What = checked(one_of, "all", known=WHAT)
     margin: float = 0.8
-    knots: float = 1.5
-    candidates: int = 10
-    generations: int = 150
-    seed: int = 0
+    knots: float = checked(number, 1.5, unit="1/s", sign="positive")
+    candidates: int = checked(whole, 10, least=1, most=10_000)
+    generations: int = checked(whole, 150, least=0, most=100_000)
+    seed: int = checked(whole, 0, least=0)
     obstacles: tuple[Obstacle, ...] = ()
     self_collision: bool = False
     allowed_contacts: tuple[tuple[str, str], ...] = ()
@@ -71,13 +70,9 @@ class ExcitingOptions:
     preset: ControllerPreset | None = None
 
     def __post_init__(self) -> None:
-        one_of(self.what, WHAT, "what")
+        check_fields(self)
         if not 0 < number(self.margin, "margin") <= 1:
             raise ProblemError(f"margin is {self.margin}; it is a part of the limits, above 0 and at most 1")
-        number(self.knots, "knots", unit="1/s", sign="positive")
-        whole(self.candidates, "candidates", 1, 10_000)
-        whole(self.generations, "generations", 0, 100_000)
-        whole(self.seed, "seed", 0)
         object.__setattr__(self, "obstacles", check_scene(several(self.obstacles, "obstacles"), self.clearance))
         if self.preset is not None:
             expect(self.preset, ControllerPreset, "preset", 'ControllerPreset.named("ur5e")')

@@ -19,15 +19,6 @@ from armdyn.show.page.report import section_html, tile_html
 from armdyn.show.page.sections import Section, listed, making_section, stacked, td, th
 from armdyn.show.page.verdict import Tile
 
-_PAGE = Html(
-    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" '
-    "content=\"default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'\">"
-    '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" '
-    'content="light dark"><title>{{title}} · armdyn report</title><style>{{style}}</style></head><body>'
-    '<header class="top"><div class="what"><h1>{{title}}</h1><p>{{lead}}</p></div><div class="verdict {{level}}">'
-    '<b>{{headline}}</b><span>{{said}}</span></div><ul class="tiles">{{tiles}}</ul></header>'
-    '<main><div class="sections">{{sections}}</div></main></body></html>'
-)
 _WIDTH, _HEIGHT = 600.0, 150.0
 """Of a curve's drawing; the page scales it."""
 _POINTS = 600
@@ -70,7 +61,7 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
         "sections": join(section_html(one) for one in sections if one is not None),
         "style": asset("report.css") + asset("identification.css"),
     }
-    return write_whole(path, fill(_PAGE, parts).encode())
+    return write_whole(path, fill(asset("identification.html"), parts).encode())
 
 
 def _verdict(estimate: Estimate) -> tuple[str, str, str]:

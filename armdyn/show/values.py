@@ -2,17 +2,233 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import singledispatch
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import pinocchio as pin
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from armdyn.arguments import path as path_of
+from armdyn.arrays import Array
+from armdyn.control.tracking.run import Run
+from armdyn.models import Robot
+from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.show.cards import card as card
-from armdyn.show.plots import plot_trajectories
+from armdyn.optimal.answer.words import verdict
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.proof.certificate import percent
+from armdyn.show.figures.style import COLORS, INK, LOOK, literal
+from armdyn.show.markup import Html, element, inline_svg, join
+from armdyn.show.plots import plot_trajectories, svg_text
 from armdyn.show.report import write_report
+from armdyn.show.results import source_name
+from armdyn.trajectory import Trajectory
+
+_MOST_SAMPLES = 600
+"""Most samples that are drawn; a longer motion is resampled at even times."""
+_AXES = "xyz"
+_MOST_ROWS = 40
+"""Joints that a table shows."""
+_CELL = "text-align:left;padding:.1em .9em .1em 0;vertical-align:top"
+
+
+@singledispatch
+def card(value: object) -> str:
+    """HTML card of a value for notebooks.
+
+    Args:
+        value: a Robot, MinimumTimeProblem, Solution, Trajectory or Run.
+
+    Raises:
+        TypeError: it is none of these.
+    """
+    raise TypeError(f"a notebook has no card for {type(value).__name__}")
+
+
+@card.register
+def _robot(robot: Robot) -> Html:
+    facts = {"from": source_name(robot.source), "tip": robot.tip}
+    if robot.payload is not None:
+        facts["payload"] = f"{robot.payload.mass:g} kg"
+    if robot.locked:
+        facts["locked"] = ", ".join(f"{name} = {value:g}" for name, value in robot.locked.items())
+    if robot.friction.present:
+        facts["friction"] = "applied"
+    title = f"{robot.name}: {robot.nv} joint{'s' if robot.nv > 1 else ''}"
+    start = np.clip(np.zeros(robot.nv), robot.limits.position_lower, robot.limits.position_upper)
+    picture = robot_picture(robot, [start])
+    return _card(title, facts, _joints(robot.joint_names, robot.limits), _svg(picture, title))
+
+
+@card.register
+def _problem(problem: MinimumTimeProblem) -> Html:
+    names = problem.robot.joint_names
+    ends = {"start": problem.q_start, "goal": problem.q_goal}
+    facts = {"to do": "from start to goal in minimum time" + (" and effort" if problem.pays_effort else "")}
+    if problem.path_constraint_names:
+        facts["along the way"] = ", ".join(problem.path_constraint_names)
+    if problem.reserves.any:
+        facts["kept for feedback"] = "part of the limits; those below are reduced by it"
+    title = f"Minimum time of {problem.robot.name}"
+    picture = robot_picture(problem.robot, list(problem.poses))
+    table = _joints(names, problem.limits, {name: np.asarray(value) for name, value in ends.items()})
+    return _card(title, facts, table, _svg(picture, f"{title}: poses"))
+
+
+@card.register
+def _solution(solution: Solution) -> Html:
+    facts = {"status": solution.message, "verdict": verdict(solution)}
+    if solution.moves:
+        facts["duration"] = f"{solution.duration:.6f} s"
+    if solution.gap is not None and solution.moves:
+        above = f"; at most {percent(max(solution.gap, 0.0))} above it" if solution.gap_proven else ""
+        facts["no motion is faster than"] = f"{solution.lower_bound:.6f} s{above}"
+    if solution.decides:
+        facts["time decided by"] = ", ".join(f"{one.name} {100 * one.part:.3g} %" for one in solution.decides[:3])
+    if solution.local_optima:
+        facts["other optima"] = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5]) + " s"
+    for line in solution.what_to_do:
+        facts["what you can do"] = f"{facts.get('what you can do', '')} {line}.".strip()
+    title = f"{solution.problem.robot.name}: minimum time"
+    picture = motion_picture(solution.trajectory, solution.problem.limits, bool(solution.arcs))
+    return _card(title, facts, _svg(picture, f"{title}, the motion"))
+
+
+@card.register
+def _motion(motion: Trajectory) -> Html:
+    title = motion.name or "Trajectory"
+    names = motion.joint_names or tuple(f"joint {i + 1}" for i in range(motion.v.shape[1]))
+    facts = {"duration": f"{motion.duration:.6f} s", "samples": f"{motion.t.size}"}
+    head = ("joint", "from", "to", "largest speed", "largest torque")
+    columns = motion.v.shape[1]
+    q = motion.q[:, :columns] if motion.q.shape[1] >= columns else np.full_like(motion.v, np.nan)
+    rows = [
+        (name, *(f"{x:.4g}" for x in (q[0, i], q[-1, i], np.abs(motion.v[:, i]).max(), np.abs(motion.tau[:, i]).max())))
+        for i, name in enumerate(names[:_MOST_ROWS])
+    ]
+    return _card(title, facts, _table(head, rows), _svg(motion_picture(motion, None), title))
+
+
+@card.register
+def _run(run: Run) -> Html:
+    title = run.trajectory.name or "Run of a loop"
+    facts = {
+        "status": run.message,
+        "settled": "no" if run.settled_time is None else f"after {run.settled_time:.4f} s",
+        **run.words(),
+    }
+    return _card(title, facts, _svg(motion_picture(run.trajectory, None), title))
+
+
+def _card(title: str, facts: Mapping[str, str], *parts: Html) -> Html:
+    return element("div", element("b", title), _table((), list(facts.items())), *parts, style="max-width:60em")
+
+
+def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
+    """A row for each joint, of its limits and other numbers [rad or m, and so on]."""
+    more = more or {}
+    head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
+    rows = [
+        (
+            name,
+            *(f"{values[i]:.4g}" for values in more.values()),
+            _between(limits.position_lower[i], limits.position_upper[i]),
+            _between(-limits.velocity[i], limits.velocity[i]),
+            "no motor" if limits.passive[i] else _between(limits.effort_lower[i], limits.effort_upper[i]),
+        )
+        for i, name in enumerate(names[:_MOST_ROWS])
+    ]
+    return _table(head, rows)
+
+
+def _between(lower: Any, upper: Any) -> str:
+    if not np.isfinite(lower) and not np.isfinite(upper):
+        return "no limit"
+    return f"± {upper:.4g}" if -lower == upper else f"{lower:.4g} … {upper:.4g}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:
+    top = [element("tr", *(element("th", text, style=_CELL) for text in head))] if head else []
+    body = [element("tr", *(element("td", text, style=_CELL) for text in row)) for row in rows]
+    return element("table", join([*top, *body]))
+
+
+def _svg(figure: Figure, label: str) -> Html:
+    text = svg_text(figure)
+    prefix = f"armdyn-{hashlib.sha256(text.encode()).hexdigest()[:10]}"  # two cells of one page may show the same value
+    return element("div", inline_svg(text, prefix, label, {INK: "currentColor"}), style="overflow-x:auto")
+
+
+def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: bool = True) -> Figure:
+    """Position, velocity and torque over time.
+
+    Args:
+        motion: the drawn one.
+        limits: drawn, too; None: none.
+        resolved: its switching times are its own, not a mesh's or a curve's; else it says so.
+    """
+    figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=() if resolved else (0,))
+    figure.set_size_inches(6.0, 5.4 + 1.4 * (len(figure.axes) - 3))
+    return _clear(figure)
+
+
+def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
+    """An arm's joints and tip, joined by lines, seen along the axis of the world in which it extends least.
+
+    Args:
+        robot: the arm.
+        poses: joint positions [rad or m], each of shape (nv,), the first drawn faintest.
+    """
+    lines = [_skeleton(robot, q) for q in poses]
+    spread = np.ptp(np.concatenate(lines), axis=0)
+    across, up = sorted(np.argsort(spread, kind="stable")[1:])  # z, where it is seen, goes up
+    with rc_context(LOOK):
+        figure = Figure(figsize=(3.4, 3.0), layout="constrained")
+        axes = figure.add_subplot()
+        for i, line in enumerate(lines):
+            shade = 1.0 if len(lines) == 1 else 0.35 + 0.65 * i / (len(lines) - 1)
+            last = i == len(lines) - 1
+            said = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
+            axes.plot(line[:, across], line[:, up], "-o", color=COLORS[0], alpha=shade, markersize=3.5, linewidth=1.8)
+            if said:
+                axes.annotate(said, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.margins(0.12)
+        axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")
+        axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
+    return _clear(figure)
+
+
+def _skeleton(robot: Robot, q: Array) -> Array:
+    """Base, joints and tip in the world [m], shape (nv + 2, 3)."""
+    data, tip = robot.model.createData(), robot.frame(robot.tip)
+    pin.forwardKinematics(robot.model, data, robot.configuration(np.asarray(q, dtype=float)))
+    end = data.oMi[tip.parentJoint].act(tip.placement.translation)
+    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), end])
+
+
+def _thinned(motion: Trajectory) -> Trajectory:
+    if motion.t.size <= _MOST_SAMPLES:
+        return motion
+    t = np.linspace(motion.t[0], motion.t[-1], _MOST_SAMPLES)
+    at = motion(t)
+    return replace(motion, t=t, q=at.q, v=at.v, tau=at.tau, pieces=())
+
+
+def _clear(figure: Figure) -> Figure:
+    """Make the background transparent."""
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    return figure
 
 
 def figure(solution: Solution) -> Figure:

@@ -16,8 +16,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
-from armdyn.control.tracking.envelope import Envelope
-from armdyn.control.tracking.run import Run
+from armdyn.control.tracking.run import Envelope, Run
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.stop import stopping

@@ -9,12 +9,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from armdyn.arguments import expect, number, shown, whole
+from armdyn.arguments import check_fields, checked, expect, number, shown, whole
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import Setup, expect_own_payload
+from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ResultError
 from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -45,17 +45,13 @@ class MonteCarloOptions:
         ProblemError: a number is not positive or not finite.
     """
 
-    count: int = 1000
-    duration: float = 1.0
-    tolerance: float = 0.005
-    workers: int | None = None
+    count: int = checked(whole, 1000, least=1, most=MAX_ARMS)
+    duration: float = checked(number, 1.0, unit="s", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
+    workers: int | None = checked(whole, None, least=1)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "count", whole(self.count, "count", least=1, most=MAX_ARMS))
-        object.__setattr__(self, "duration", number(self.duration, "duration", unit="s", sign="positive"))
-        object.__setattr__(self, "tolerance", number(self.tolerance, "tolerance", unit="rad", sign="positive"))
-        if self.workers is not None:
-            object.__setattr__(self, "workers", whole(self.workers, "workers", least=1))
+        check_fields(self)
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from typing import Self
 
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import MOST_MEMBERS, Sign, interval, number, whole
+from armdyn.arguments import MOST_MEMBERS, check_fields, checked, interval, number, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
@@ -20,11 +21,7 @@ Range = tuple[float, float]
 
 MAX_ARMS = 10**6
 """Largest study [arms]: all rows are in memory at the end."""
-_RANGES: tuple[tuple[str, str, Sign], ...] = (
-    ("payload", "times its mass", "positive"),
-    ("coulomb", "N m or N", "not negative"),
-    ("damping", "N m s/rad or N s/m", "not negative"),
-)
+_range = partial(interval, widths="any")
 
 
 @dataclass(frozen=True)
@@ -74,20 +71,16 @@ class Plants:
         ProblemError: a range that is not two numbers in order; negative friction; a payload that is not positive.
     """
 
-    payload: Range | None = None
-    coulomb: Range = (0.0, 0.0)
-    damping: Range = (0.0, 0.0)
-    start: float = 0.0
-    likely: tuple[Robot, ...] = ()
-    seed: int = 0
+    payload: Range | None = checked(_range, None, unit="times its mass", sign="positive")
+    coulomb: Range = checked(_range, (0.0, 0.0), unit="N m or N", sign="not negative")
+    damping: Range = checked(_range, (0.0, 0.0), unit="N m s/rad or N s/m", sign="not negative")
+    start: float = checked(number, 0.0, unit="rad or m", sign="not negative")
+    likely: tuple[Robot, ...] = checked(expect_robots, ())
+    seed: int = checked(whole, 0, least=0)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "likely", expect_robots(self.likely, "likely"))
+        check_fields(self)
         object.__setattr__(self, "payload", self.loads)
-        for name, unit, sign in _RANGES:
-            object.__setattr__(self, name, interval(getattr(self, name), name, unit=unit, sign=sign, widths="any"))
-        object.__setattr__(self, "start", number(self.start, "start", unit="rad or m", sign="not negative"))
-        object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
 
     @property
     def loads(self) -> Range:

@@ -10,7 +10,7 @@ from armdyn.arguments import listener, number, several
 from armdyn.control import Loop, Lqr, Run
 from armdyn.control.loop.law import Controller, expect_controller
 from armdyn.control.loop.loop import expect_loop
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.track import Setup
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status

@@ -16,6 +16,7 @@ from cli.command import COMMAND, answer, run, run_here, run_json
 from problems import CART
 
 
+@pytest.mark.slow
 def test_mintime(tmp_path):
     answer = run_json("mintime", "rr", "--payload", 0.1006, "--out", tmp_path / "run", how=run)
     assert answer["success"] and answer["status"] == "solved"
@@ -151,6 +152,7 @@ def test_urdf(tmp_path):
     assert Path(file).read_text() == text == answer(run_here(*rr, "--json"))["urdf"]
 
 
+@pytest.mark.slow
 def test_doctor(tmp_path):
     assert run_json("doctor", how=run)["status"] == "healthy"
     answer = run_json("doctor", "panda")
@@ -198,11 +200,13 @@ def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
     assert told["success"] is False and message in told["message"]
 
 
+@pytest.mark.slow
 def test_bad_input_is_exit_2_of_the_process(tmp_path):
     told = run_json("mintime", "nosuch", code=2, cwd=tmp_path, how=run)
     assert told["success"] is False and "no robot named 'nosuch'" in told["message"]
 
 
+@pytest.mark.slow
 def test_relative_cache_is_exit_2(monkeypatch, tmp_path):
     monkeypatch.setenv("ARMDYN_CACHE", "cache")
     done = run("mintime", "r", "--no-figure", "--no-report", "--out", tmp_path)
@@ -274,6 +278,7 @@ def test_help_teaches(command):
         assert "[kg]" in done.stdout and "[rad or m]" in " ".join(done.stdout.replace("│", " ").split())
 
 
+@pytest.mark.slow
 def test_a_refused_pose_is_shown_where_a_folder_is_named(tmp_path):
     options = ["--payload", 0.1, "--obstacle", "plane:-1,0,0@0.45,0,0", "--q-start=-1.5,0", "--q-goal", "0.2,0"]
     result = run("mintime", "rr", *options)

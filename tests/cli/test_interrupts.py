@@ -47,6 +47,7 @@ def ends_in_a_line(done):
     assert done.stderr == "armdyn: interrupted\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "arguments"),
     [
@@ -124,6 +125,7 @@ def test_a_second_one_ends_what_knows_no_signals():
     assert done.returncode == 130 and done.stderr.endswith("armdyn: interrupted\n")
 
 
+@pytest.mark.slow
 def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
     own = f"{__file__}::test_within_a_command[pass]"
     command = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-m", "pytest", "-q", "-n", "0", own]

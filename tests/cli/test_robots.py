@@ -23,6 +23,7 @@ def listed():
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_every_arm_is_listed_and_loads(listed):
     assert listed["success"] and listed["status"] == "listed"
     assert [arm["name"] for arm in listed["robots"]] == [*PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS]
@@ -58,6 +59,7 @@ def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
     assert robots._row(facts)[-1] == "OSError: panda: input/output error"
 
 
+@pytest.mark.slow
 def test_table_teaches():
     done = subprocess.run(ROBOTS, capture_output=True, text=True, timeout=120, check=True)
     words = " ".join(done.stdout.split())

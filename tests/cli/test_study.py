@@ -29,6 +29,7 @@ def study(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_rows_tables_and_figures(study, tmp_path):
     told = answer(run_here("sweep", study, "--parquet", "--json", cwd=tmp_path))
     assert told["status"] == "done" and told["done"] == told["cases"] == told["done_here"] == 6
@@ -82,6 +83,7 @@ def test_another_study_for_the_same_rows(study, tmp_path):
     assert "vary.reserve.values is [0.0, 0.1] there and [0.0, 0.2] here" in told
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_rows_and_tables(study, tmp_path):
     study.write_text(STUDY.replace("count = 3", "count = 500"))
     process = subprocess.Popen(

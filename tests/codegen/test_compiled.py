@@ -142,6 +142,7 @@ for fast in [*compiled([plain], True), *([] if {before} else [early])]:
 """
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("before", [True, False], ids=["before it is loaded", "while it is in use"])
 def test_truncated_library_ends_nobody(before):

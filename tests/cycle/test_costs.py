@@ -14,11 +14,13 @@ def costs():
     return {(cost.step, cost.condition): cost for cost in ad.cycle_costs(planar_solved(), QUICK)}
 
 
+@pytest.mark.slow
 def test_rests_cost_their_time(costs):
     assert costs[2, "its rest"].saved == 0.2
     assert costs[4, "its rest"].saved == 0.1
 
 
+@pytest.mark.slow
 def test_limits_cost_what_their_multipliers_say(costs):
     solved = planar_solved()
     most = next(name for name, _ in solved.decides if name != "rests")
@@ -36,6 +38,7 @@ def test_the_nearest_branches_are_no_better(costs):
     assert costs[0, "taking the nearest branch at every stop"].saved <= 1e-9
 
 
+@pytest.mark.slow
 def test_planning_for_the_heaviest_payload_costs_what_the_moves_without_it_lose(costs):
     solved = planar_solved()
     loaded = solved.cycle.arms[2]
@@ -49,6 +52,7 @@ def test_planning_for_the_heaviest_payload_costs_what_the_moves_without_it_lose(
     assert "-" in str(costs[0, "planning every move for the heaviest payload"])
 
 
+@pytest.mark.slow
 def test_a_stop_that_nobody_needs_costs_the_time_that_passing_saves():
     robot = planar().robot
     between = ad.Move([0.5, 0.3], name="between")

@@ -48,6 +48,7 @@ def least(holes):
     return min(found)
 
 
+@pytest.mark.slow
 def test_no_order_and_no_branches_are_below_the_bound(holes, least):
     """It chooses branches move by move, which costs some tightness."""
     cycle, _ = holes
@@ -62,6 +63,7 @@ def test_a_bound_that_is_stopped_or_enough_is_lower(holes, least):
     assert order_bound(graph, 0.5 * least, Effort(1000)) == 0.5 * least
 
 
+@pytest.mark.slow
 def test_a_free_order_of_goal_poses_has_a_gap(holes, least):
     solved = ad.solve_cycle(holes[0], ad.MinimumTimeOptions(search="quick", workers=1))
     assert solved.usable

@@ -23,6 +23,7 @@ def test_an_approach_goes_along_its_axis_and_a_retreat_against_it(axis, sign):
     np.testing.assert_allclose(before.translation, [0.4, 0.2, 0.3 + 0.05 * sign], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_straight_segments_are_straight_between_their_ends():
     robot = ad.Robot.from_library("ur5")
     here, there = (ad.GoalPose(robot.tip, down(0.4, y, 0.3)) for y in (-0.1, 0.1))

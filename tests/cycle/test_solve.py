@@ -15,6 +15,7 @@ from cycles import HERE, THERE, down, planar, planar_solved
 QUICK = ad.MinimumTimeOptions(search="quick")
 
 
+@pytest.mark.slow
 def test_the_cycle_of_rr_is_the_best_of_its_four_ways():
     cycle, solved = planar(), planar_solved()
     assert solved.usable
@@ -69,6 +70,7 @@ def test_a_cycle_says_its_verdict():
     assert "rr" in repr(planar_solved())
 
 
+@pytest.mark.slow
 def test_a_free_order_is_the_best_of_all_orders():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     places = [(1.0, 0.3), (-0.5, 0.4), (0.4, -0.8)]

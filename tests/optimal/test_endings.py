@@ -19,6 +19,7 @@ from armdyn.optimal.task.task import Task
 from problems import paper_problem, solved
 
 
+@pytest.mark.slow
 def test_unreachable_goal_is_reported_not_pretended():
     # A torque that cannot even lift the arm's own weight leaves no motion to the goal.
     with pytest.warns(ad.ArmdynWarning, match="hold the goal"):
@@ -30,6 +31,7 @@ def test_unreachable_goal_is_reported_not_pretended():
     assert "joint1" in solution.message
 
 
+@pytest.mark.slow
 def test_time_limit_returns_what_there_is():
     solution = ad.solve_minimum_time(paper_problem("rrr"), ad.MinimumTimeOptions(time_limit=1e-3))
     assert not solution.success
@@ -95,6 +97,7 @@ def test_a_motion_whose_search_the_time_limit_ended_is_usable_and_not_called_sol
     assert title_words(solution).startswith("best so far ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("posed", "when"),
     [
@@ -168,6 +171,7 @@ def test_an_interrupt_between_a_planned_path_and_its_first_curve():
 BALL = ad.Sphere((0.3, 0, -0.1), 0.06, name="ball")
 
 
+@pytest.mark.slow
 def test_a_crowded_problem_without_a_way_says_so_though_a_motion_that_touches_was_found(monkeypatch):
     monkeypatch.setattr("armdyn.optimal.refine.ways.plan_paths", lambda *_, **__: iter(()))
     solution = ad.solve_minimum_time(paper_problem("rr", obstacles=[BALL]))

@@ -169,6 +169,7 @@ def test_bad_input():
         time_optimality(robot, trajectory_from_path(robot, t, q + 4, v, a))
 
 
+@pytest.mark.slow
 def test_without_an_optimum_there_is_no_ratio():
     _, result = judged_one_link()
     weak = paper_arm("r").with_limits(0.05, None)  # cannot lift its own weight

@@ -23,6 +23,7 @@ def problems(count, robot=ARM):
     return [ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=goal) for goal in goals]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_every_problem_has_the_solution_that_it_has_alone(workers):
     asked, told = problems(4), list[str]()
@@ -86,6 +87,7 @@ print("left", sum(one.status == "interrupted" for one in found), "usable", sum(o
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
 def test_ctrl_c_leaves_the_solutions_that_are_finished(workers):
     code = INTERRUPTED.replace("WORKERS", str(workers))
@@ -111,6 +113,7 @@ def test_what_is_no_problem_is_refused():
         ad.solve_many([problems(1)[0], ARM])
 
 
+@pytest.mark.slow
 def test_without_a_bound_the_motion_is_the_same_and_no_gap_is_known():
     arm = ad.Robot.from_library("panda")
     ready = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])

@@ -114,6 +114,7 @@ def test_without_arcs_the_mesh_answers_and_says_so():
     assert 0.21067 < solution.duration < 0.2115
 
 
+@pytest.mark.slow
 def test_effort_weight_is_smooth_and_matches_the_reference():
     # Durations of ∫(1 + ½τ²)dt [s] without torque bound: independent collocation, re-integrated.
     for arm, expected in (("r", 0.31030416405287503), ("rr", 0.40677661719571767)):

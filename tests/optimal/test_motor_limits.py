@@ -125,6 +125,7 @@ def hand_written_phases(robot, start, goal, guess):
     return np.sum(durations)
 
 
+@pytest.mark.slow
 def test_two_joints_against_hand_written_phases():
     start, goal = np.zeros(2), np.array([1.0, 0.5])
     problem = ad.MinimumTimeProblem(rr(), q_start=start, q_goal=goal)
@@ -136,6 +137,7 @@ def test_two_joints_against_hand_written_phases():
     assert expected * (1 - 1e-6) < found.duration < expected * (1 + 1e-3)
 
 
+@pytest.mark.slow
 def test_a_larger_arm_keeps_its_curves_and_has_a_proven_gap():
     robot = ad.Robot.from_library("panda")
     pairs = zip(robot.joint_names, robot.limits.effort_upper, robot.limits.velocity, strict=True)
@@ -228,6 +230,7 @@ def test_a_limit_that_does_not_matter_changes_nothing_and_an_exceeded_one_is_nam
     assert kept.reasons[0].startswith("the root mean square of the torque of joint 'turn' exceeds its limit by 1e+02 %")
 
 
+@pytest.mark.slow
 def test_curves_keep_continuous_torques():
     robot = ad.Robot.from_library("panda")
     limit = [8.0, 50.0, 12.0, 24.0, 2.5, 3.0, 1.2]

@@ -47,6 +47,7 @@ BANG_BANG = [
 """Robot, goal, torque limit [N or N m], duration [s], from searches of 120 to 250 guesses."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "goal", "limit", "duration"), BANG_BANG)
 def test_bang_bang_motions(name, goal, limit, duration):
     solution = solve(problem_of(name, goal, effort_limit=limit))
@@ -60,6 +61,7 @@ def test_bang_bang_motions(name, goal, limit, duration):
     assert solution.decides[0].joint == solution.problem.robot.joint_names[motor_of(solution.problem)]
 
 
+@pytest.mark.slow
 def test_the_indirect_method_agrees():
     problem = problem_of("cart_pole", [1.0, 0.0], effort_limit=3.0)
     found = solve_indirect(problem)

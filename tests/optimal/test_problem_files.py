@@ -170,6 +170,7 @@ def assert_fields(one, other):
             assert np.allclose(a, b, rtol=0, atol=1e-15), own.name
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # weak motors cannot hold the goal
 @settings(max_examples=30, deadline=None, phases=[Phase.generate])  # shrinking takes minutes
 @given(data=st.data())
@@ -228,6 +229,7 @@ def test_a_problem_is_written_and_read_again(data, tmp_path_factory):
     assert again.to_toml() == problem.to_toml() or "obstacles" in chosen or robot.origin.text
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # a joint without a motor holds nothing
 def test_goal_poses_passive_joints_and_weights_are_written(tmp_path):
     file, rr = tmp_path / "problem.toml", ad.Robot.from_library("ur5")

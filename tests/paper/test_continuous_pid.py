@@ -46,6 +46,7 @@ def wrong_sign(name, rule="last_entry_all_joints"):
     return simulate(ContinuousLoop(robot, poses["q_goal"], error_rate=1.0), poses["q_start"], Arrival(rule))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RRR Ex6"])
 def test_a_derivative_of_the_wrong_sign_diverges(name):
     run = wrong_sign(name)

@@ -10,6 +10,8 @@ from armdyn.paper.outcomes.case import Case
 from armdyn.paper.plan import Plan, cases_of
 from armdyn.paper.reproduce import reproduce
 
+pytestmark = pytest.mark.slow
+
 FOLDER = {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
 
 
@@ -58,7 +60,6 @@ def test_what_is_shown_is_told_once_with_its_figures(loops):
     assert (folder / "index.html").read_text("utf-8").count("<figure>") == 1
 
 
-@pytest.mark.slow
 def test_what_is_done_is_not_done_again(loops):
     folder, plan, *_ = loops
     cases = sorted((folder / "cases").iterdir())
@@ -74,7 +75,6 @@ def test_what_is_done_is_not_done_again(loops):
     assert again == {f"{case.name}{s}" for case in cases_of(4, 0.2) for s in (".json", ".npz")}
 
 
-@pytest.mark.slow
 def test_an_interrupt_leaves_what_is_done(tmp_path):
     plan = Plan(only=("example4", "example3"), payloads=(PAYLOAD, 0.2), workers=2)
 

@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 import armdyn as ad
-from armdyn.show.cards import card
+from armdyn.show.values import card
 from problems import POSES
 
 EVIL = "<script>alert(1)</script>--><img src=x onerror=alert(2)>\"'&$x$"
@@ -77,6 +77,7 @@ def test_a_motion_and_a_run(solution, run):
     assert run.message in words and "% of its limit" in words
 
 
+@pytest.mark.slow
 def test_every_card_has_a_picture_and_two_of_a_page_no_id_in_common(robot, problem, solution, run):
     ids = []
     for value in (robot, problem, solution, solution.trajectory, run):
@@ -93,6 +94,7 @@ def test_a_long_motion_is_a_small_picture():
     assert len(ad.Trajectory(t, q, q, q)._repr_html_()) < 300_000
 
 
+@pytest.mark.slow
 def test_names_from_files_are_text(robot, problem, solution, run):
     evil = dataclasses.replace(robot, name=EVIL, tip="tip", joint_names=(EVIL, f"{EVIL}2"), source=EVIL)
     motion = dataclasses.replace(solution.trajectory, name=EVIL, joint_names=evil.joint_names)

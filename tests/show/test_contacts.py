@@ -32,6 +32,7 @@ def test_the_error_says_where_and_what():
     np.testing.assert_allclose(error.q, [0.2, 0.0])
 
 
+@pytest.mark.slow
 def test_what_touches_is_red_and_said(chromium, tmp_path):
     error = refused()
     report = contacts_report(error)

@@ -232,6 +232,7 @@ def test_nothing_is_left_running(tmp_path):
     assert set(threading.enumerate()) == threads
 
 
+@pytest.mark.slow
 def test_a_payload_that_is_no_link_is_drawn():
     bare = ad.Robot.from_library("ur5")
     loaded = ad.Robot.from_library("ur5", payload=ad.Payload(mass=2.0))

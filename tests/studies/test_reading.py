@@ -262,6 +262,7 @@ def test_a_chain_is_gone_on_with(study, tmp_path):
     assert again.done_here == 0 and ad.study_table(run.file) == rows
 
 
+@pytest.mark.slow
 def test_a_search_for_gains_is_gone_on_with(tmp_path, monkeypatch):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
     reference = ad.ramp(robot, [-1.57], [0.16], 0.5)

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.show.figures.reserve_curve import plot_reserves
+from armdyn.show.figures.loops import plot_reserves
 from armdyn.studies.reserve import Settling
 from problems import paper_arm, paper_problem
 

@@ -17,10 +17,9 @@ from armdyn.studies.executors.executor import Ended
 from armdyn.studies.executors.local import local_executor
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import read_rows, row_store
-from armdyn.studies.run import run_study
+from armdyn.studies.run import TimeLeft, run_study
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.task import CaseResult
-from armdyn.studies.time_left import TimeLeft
 from toys import Square, row_count, squares
 
 TWO = partial(local_executor, workers=2)
@@ -90,6 +89,7 @@ run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2
 """
 
 
+@pytest.mark.slow
 def test_killed_twice_and_gone_on_with(tmp_path):
     file = tmp_path / "s.sqlite"
     command = [sys.executable, "-c", KILLED.format(here=str(HERE), file=str(file))]

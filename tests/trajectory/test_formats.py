@@ -92,6 +92,7 @@ def test_the_message_is_as_ros_defines_it(rate):
     np.testing.assert_allclose(seconds, samples.t, rtol=0, atol=0.51e-9)  # half a nanosecond
 
 
+@pytest.mark.slow
 @given(trajectories(), st.one_of(st.none(), st.floats(0.01, 1e5)))
 def test_nanoseconds_increase_strictly_from_zero(motion, rate):
     if rate is not None and motion.duration * rate > 3000:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import MISSING, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, escape, table
+from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import Json
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
@@ -26,36 +25,26 @@ _NOTHING = 1e-4
 
 
 def check(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="The motion: a table (.csv), arrays (.npz), ROS 2's JointTrajectory (.json, .yaml), as armdyn "
-            "optimality reads them, a trajectory.npz of armdyn, or its folder.",
-        ),
-    ],
+    *,
+    file: Path = argument(
+        "FILE",
+        "The motion: a table (.csv), arrays (.npz), ROS 2's JointTrajectory (.json, .yaml), as armdyn optimality reads "
+        "them, a trajectory.npz of armdyn, or its folder.",
+    ),
     payload: PayloadOptions,
     part: PartOptions,
-    preset: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME|FILE.toml",
-            help="Conditions of the controller: armdyn presets lists them.",
-            autocompletion=known_presets,
-        ),
-    ],
-    interface: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="position, velocity or torque; by default the preset's first."),
-    ] = None,
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ROBOT",
-            help="Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
-            autocompletion=known_names,
-        ),
-    ] = None,
+    preset: str = option(
+        "NAME|FILE.toml",
+        "Conditions of the controller: armdyn presets lists them.",
+        default=MISSING,
+        autocompletion=known_presets,
+    ),
+    interface: str | None = option("NAME", "position, velocity or torque; by default the preset's first."),
+    robot: str | None = option(
+        "ROBOT",
+        "Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
+        autocompletion=known_names,
+    ),
     json: Json = False,
 ) -> None:
     """Check whether a robot's controller accepts a motion, any planner's.

@@ -8,26 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armdyn.cli.console import (
-    Answer,
-    answering,
-    console,
-    escape,
-    facts_table,
-    table,
-    working,
-)
+from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.export import sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.motion.words import missing_words
-from armdyn.cli.options.groups import option
+from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, option
 from armdyn.cli.options.results import ResultOptions, Written
-from armdyn.cli.parsing.panels import OUTPUT, SOLVER, TASK
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import write_whole
 from armdyn.trajectory.formats import FORMATS
@@ -42,6 +31,7 @@ _STEPS = "steps.csv"
 _COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
 _NUMBERS = ("step", "time [s]", "share")
 _MOST_COSTS = 8
+_KINDS = "|".join(FORMATS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,44 +46,28 @@ class CycleSearchOptions(CurveOptions):
 
 
 def cycle(
-    file: Annotated[
-        str | None, typer.Argument(metavar="FILE.toml", help="The cycle. With --example: where the example goes.")
-    ] = None,
     *,
-    example: Annotated[
-        bool,
-        typer.Option(
-            "--example",
-            rich_help_panel=TASK,
-            help=f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
-        ),
-    ] = False,
-    require: Annotated[
-        str | None,
-        typer.Option(
-            metavar="gap:X",
-            rich_help_panel=TASK,
-            help="Proven to be at most X above the least time, such as gap:1%, else exit code 4.",
-        ),
-    ] = None,
-    costs: Annotated[
-        bool,
-        typer.Option(
-            "--costs",
-            rich_help_panel=SOLVER,
-            help="Solve again without each way point, straight segment, speed limit and stop, to say what it costs.",
-        ),
-    ] = False,
+    file: str | None = argument("FILE.toml", "The cycle. With --example: where the example goes.", default=None),
+    example: bool = flag(
+        f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
+        rich_help_panel=TASK,
+    ),
+    require: str | None = option(
+        "gap:X",
+        "Proven to be at most X above the least time, such as gap:1%, else exit code 4.",
+        rich_help_panel=TASK,
+    ),
+    costs: bool = flag(
+        "Solve again without each way point, straight segment, speed limit and stop, to say what it costs.",
+        rich_help_panel=SOLVER,
+    ),
     search: CycleSearchOptions,
-    format: Annotated[  # noqa: A002  # the option's name
-        list[str] | None,
-        typer.Option(
-            metavar="|".join(FORMATS),
-            rich_help_panel=OUTPUT,
-            help="Format of the motion for a controller or a simulator, as of armdyn export; may be given again. By "
-            "default csv.",
-        ),
-    ] = None,
+    format: list[str] | None = option(  # noqa: A002  # the option's name
+        _KINDS,
+        "Format of the motion for a controller or a simulator, as of armdyn export; may be given again. By default "
+        "csv.",
+        rich_help_panel=OUTPUT,
+    ),
     results: ResultOptions,
 ) -> None:
     """Fastest cycle of a robot: moves, grasps, releases and waits in order, from a file.

@@ -5,24 +5,23 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.motion.controller import ControllerVerdict, NoCosts
-from armdyn.cli.motion.requirements import Require, missing_of, requirements_of
+from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.groups import flag, given, option
+from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions, likely_arms
-from armdyn.cli.parsing.panels import SOLVER
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
 if TYPE_CHECKING:
+    from armdyn.studies.preset_costs import ConditionCost
     from armdyn.studies.reserve import ReserveCurve, Settling
 
 _WATCHED = 1.0
@@ -109,12 +108,63 @@ class SearchOptions(CurveOptions):
         return curve.solutions[curve.best.reserve], curve
 
 
+@dataclass(frozen=True)
+class ControllerVerdict:
+    """Check of a solution by its preset, and cost of the preset's conditions.
+
+    Attributes:
+        found: check of the motion; None: the problem has no preset, or there is no motion.
+        costs: costs of the necessary conditions.
+    """
+
+    found: ad.ControllerCheck | None = None
+    costs: tuple[ConditionCost, ...] = ()
+
+    @classmethod
+    def of(cls, solution: ad.Solution, progress: Callable[[str], None], costs: bool) -> Self:
+        """Check a solution; with `costs` solve it without each necessary condition, too."""
+        preset = solution.problem.preset
+        if preset is None or not solution.moves:
+            return cls()
+        from armdyn.studies.preset_costs import condition_costs
+
+        solved = solution.usable and solution.status is not ad.Status.INTERRUPTED
+        return cls(
+            preset.check(solution.trajectory), condition_costs(solution, None, progress) if costs and solved else ()
+        )
+
+    @property
+    def refused(self) -> bool:
+        """Whether the controller would stop the motion."""
+        return self.found is not None and not self.found.ok
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """The verdict for JSON; empty without a preset."""
+        if self.found is None:
+            return {}
+        return {"controller": self.found.facts() | {"costs": [asdict(cost) for cost in self.costs]}}
+
+    @property
+    def words(self) -> dict[str, str]:
+        """The verdict as `facts_table` shows it; empty without a preset."""
+        if self.found is None:
+            return {}
+        ignored = [row for row in self.found.offences if not row.necessary]
+        lines = [str(self.found), *(f"recommended, not kept: {row}" for row in ignored[:3])]
+        words = {"controller": "\n".join(lines)}
+        return words | ({"its conditions cost": "\n".join(map(str, self.costs))} if self.costs else {})
+
+
 def mintime(
     task: ProblemOptions,
     search: SearchOptions,
     results: ResultOptions,
-    require: Require = None,
-    no_costs: NoCosts = False,
+    require: list[str] | None = REQUIRE,
+    no_costs: bool = flag(
+        "With --preset: do not solve again without each necessary condition to see what it costs.",
+        rich_help_panel=LIMITS,
+    ),
 ) -> None:
     """Fastest motion between two poses that the actuators allow.
 
@@ -225,7 +275,7 @@ def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> lis
     """The curve's figure, reserve.png; none without a row."""
     if curve is None or not curve.rows:
         return []
-    from armdyn.show.figures.reserve_curve import plot_reserves
+    from armdyn.show.figures.loops import plot_reserves
     from armdyn.show.plots import save_figure
 
     return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]

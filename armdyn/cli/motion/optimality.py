@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.course import RateOptions
+from armdyn.cli.options.groups import argument
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
@@ -21,15 +19,13 @@ MOTIONS = ("trajectory", "optimum")
 
 
 def optimality(
+    *,
     robot: RobotArgument,
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE",
-            help="The motion: a table with a first line such as t,q1,q2,v1,v2 (.csv), arrays t, q and perhaps v, a, "
-            "tau (.npz, toppra's names, too), ROS 2's JointTrajectory (.json, .yaml), or a trajectory.npz of armdyn.",
-        ),
-    ],
+    file: Path = argument(
+        "FILE",
+        "The motion: a table with a first line such as t,q1,q2,v1,v2 (.csv), arrays t, q and perhaps v, a, tau (.npz, "
+        "toppra's names, too), ROS 2's JointTrajectory (.json, .yaml), or a trajectory.npz of armdyn.",
+    ),
     payload: PayloadOptions,
     joints: FastJointOptions,
     rates: RateOptions,

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ArmdynWarning, TrajectoryError
@@ -20,20 +19,16 @@ if TYPE_CHECKING:
 
 
 def replay(
+    *,
     robot: RobotArgument,
-    trajectories: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RESULT…",
-            help="Folders or trajectory.npz that mintime, pid or track wrote; or files of other planners, as "
-            "optimality reads them.",
-        ),
-    ],
+    trajectories: list[Path] = argument(
+        "RESULT…",
+        "Folders or trajectory.npz that mintime, pid or track wrote; or files of other planners, as optimality reads "
+        "them.",
+    ),
     payload: PayloadOptions,
     output: OutputOptions,
-    slow_motion: Annotated[
-        str | None, typer.Option(metavar="X", help="Seconds shown per second of motion; by default it is chosen.")
-    ] = None,
+    slow_motion: str | None = option("X", "Seconds shown per second of motion; by default it is chosen."),
 ) -> None:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 

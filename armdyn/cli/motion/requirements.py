@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
-import typer
-
-from armdyn.cli.parsing.panels import TASK
+from armdyn.cli.options.groups import TASK, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution
 
-Require = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--require",
-        rich_help_panel=TASK,
-        metavar="certified|extremal|gap:X",
-        help="Condition on the motion besides usable, else exit code 4: certified, extremal, or proven to be at most "
-        "X above the least time, such as gap:0.5% or gap:0.005. May be given again.",
-    ),
-]
+REQUIRE = option(
+    "certified|extremal|gap:X",
+    "Condition on the motion besides usable, else exit code 4: certified, extremal, or proven to be at most X above "
+    "the least time, such as gap:0.5% or gap:0.005. May be given again.",
+    rich_help_panel=TASK,
+)
 
 _PLAIN: tuple[Literal["certified", "extremal"], ...] = ("certified", "extremal")
 

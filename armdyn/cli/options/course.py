@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
-from armdyn.cli.options.groups import flag, option
-from armdyn.cli.parsing.panels import LIMITS, SCENE, TASK
-from armdyn.cli.parsing.positions import positions
+from armdyn.cli.options.groups import LIMITS, SCENE, TASK, flag, option
+from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
@@ -28,18 +27,6 @@ def _explained(texts: list[str] | None) -> list[str] | None:
             typer.echo(f"--limit {name}={kind.metavar}\n    {kind.help}")
         raise typer.Exit
     return texts
-
-
-Limits = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--limit",
-        metavar="NAME=X[,X…][@FRAME]",
-        rich_help_panel=LIMITS,
-        help="A limit along the way, such as tip-speed=0.25; --limit help lists them. May be given again.",
-        callback=_explained,
-    ),
-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +111,12 @@ class PathConstraintOptions(SceneOptions):
         "A,B", "Names that may touch at the start or the goal, as a payload and its table. May be given again."
     )
     rates: RateOptions = field(default_factory=RateOptions)
-    limit: Limits = None
+    limit: list[str] | None = option(
+        "NAME=X[,X…][@FRAME]",
+        "A limit along the way, such as tip-speed=0.25; --limit help lists them. May be given again.",
+        rich_help_panel=LIMITS,
+        callback=_explained,
+    )
 
     def problem_arguments(self, robot: Robot) -> dict[str, Any]:
         """The path constraints as arguments of a `MinimumTimeProblem`.

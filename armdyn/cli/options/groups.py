@@ -12,7 +12,9 @@ import typer
 from typer.models import OptionInfo
 
 from armdyn.cli.invocation import running
-from armdyn.cli.parsing.panels import OUTPUT, TASK
+
+TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
+"""Panels of help that commands share, in their order."""
 
 _ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options whose numbers are positions of joints: all that --degrees is about."""
@@ -21,10 +23,11 @@ _ANGLES = ("q_start", "q_goal", "via", "lock")
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
-    A group is a frozen dataclass. Its fields are an `option` or a `flag`, are annotated as a command's parameters are,
-    `Annotated[type, typer.Option(…)] = default`, or are groups themselves; they become the command's options in their
-    order. All options of a group stand in the help panel that its class attribute `panel` names, if it has one. After
-    them come the options that every command has: --quiet, and --degrees where there are angles.
+    A group is a frozen dataclass. Its fields, and the parameters of a command, are an `option`, a `flag` or an
+    `argument`, are annotated as typer has it where several share them, `Annotated[type, typer.Option(…)] = default`, or
+    are groups themselves; they become the command's options in their order. All options of a group stand in the help
+    panel that its class attribute `panel` names, if it has one. After them come the options that every command has:
+    --quiet, and --degrees where there are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
@@ -54,12 +57,12 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def option(metavar: str, about: str, *, default: Any = None, name: str = "", **more: Any) -> Any:
-    """A field of a group: an option with a value.
+    """A field of a group, or a default of a command's parameter: an option with a value.
 
     Args:
         metavar: its value, as help shows it.
         about: help.
-        default: its value where it is not given.
+        default: its value where it is not given; MISSING: it must be given.
         name: with its dashes; by default the field's.
         more: further arguments of `typer.Option`.
     """
@@ -68,8 +71,13 @@ def option(metavar: str, about: str, *, default: Any = None, name: str = "", **m
 
 
 def flag(about: str, **more: Any) -> Any:
-    """A field of a group: an option that is given or not; arguments as of `option`."""
+    """Likewise: an option that is given or not; arguments as of `option`."""
     return option("", about, default=False, **more)
+
+
+def argument(metavar: str, about: str, *, default: Any = MISSING, **more: Any) -> Any:
+    """Likewise: an argument, which must be given unless it has a default."""
+    return field(default=default, metadata={"option": typer.Argument(metavar=metavar, help=about, **more)})
 
 
 def given(group: Any) -> dict[str, Any]:
@@ -95,23 +103,25 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
 
 def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
     """A parameter itself, or the options of a group."""
-    if not is_dataclass(hint):
-        yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=_shown(hint, panel))
+    if is_dataclass(hint):
+        hints = get_type_hints(hint, include_extras=True)
+        for one in fields(hint):
+            yield from _expanded(one.name, hints[one.name], one, getattr(hint, "panel", panel))
         return
-    hints = get_type_hints(hint, include_extras=True)
-    for one in fields(hint):
-        own = Parameter.empty if one.default is MISSING else one.default
-        yield from _expanded(one.name, _annotated(one, hints[one.name]), own, getattr(hint, "panel", panel))
+    if isinstance(default, Field):
+        hint = _annotated(name, hint, default)
+        default = Parameter.empty if default.default is MISSING else default.default
+    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=_shown(hint, panel))
 
 
-def _annotated(one: Field[Any], hint: Any) -> Any:
-    """The annotation of a group's field as of a command's parameter."""
+def _annotated(name: str, hint: Any, one: Field[Any]) -> Any:
+    """The annotation of an `option`, a `flag` or an `argument` as typer has it."""
     told = one.metadata.get("option")
     if told is None:
         return hint
-    if one.default is False and not told.param_decls:  # else typer adds --no-…
+    if one.default is False and told.default is ...:  # it has no name of its own; typer adds --no-… to that
         told = copy(told)
-        told.param_decls = (f"--{one.name.replace('_', '-')}",)
+        told.param_decls = (f"--{name.replace('_', '-')}",)
     return Annotated[hint, told]
 
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from armdyn.arguments import shown
-from armdyn.cli.options.groups import option
-from armdyn.cli.parsing.panels import LIMITS, ROBOT
+from armdyn.cli.options.groups import LIMITS, ROBOT, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import flag, option
-from armdyn.cli.parsing.panels import TASK
-from armdyn.cli.parsing.positions import positions
+from armdyn.cli.options.groups import TASK, flag, option
+from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
 

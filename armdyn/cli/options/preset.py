@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import armdyn as ad
-from armdyn.cli.options.groups import option
-from armdyn.cli.parsing.panels import LIMITS
+from armdyn.cli.options.groups import LIMITS, option
 from armdyn.errors import ProblemError
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Self
 import typer
 
 from armdyn.cli.invocation import invocation
+from armdyn.cli.options.groups import flag, option
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
@@ -20,21 +21,17 @@ if TYPE_CHECKING:
     from armdyn.show.report import Part
     from armdyn.trajectory import Trajectory
 
-Out = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Folder for the results. By default results/COMMAND-ROBOT.")
-]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
 NoFigure = Annotated[
     bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: a second or two less.")
 ]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Write no report.html: about a second less.")]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
     """Folder of the results, and form of the answer on standard output."""
 
-    out: Out = None
+    out: Path | None = option("DIR", "Folder for the results. By default results/COMMAND-ROBOT.")
     json: Json = False
 
     def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
@@ -87,7 +84,7 @@ class ResultOptions:
 
     output: OutputOptions = field(default_factory=OutputOptions)
     no_figure: NoFigure = False
-    no_report: NoReport = False
+    no_report: bool = flag("Write no report.html: about a second less.")
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:
         """Folder of the files; see `OutputOptions.folder`."""

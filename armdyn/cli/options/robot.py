@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
-
-import typer
+from typing import ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import option
-from armdyn.cli.parsing.panels import ROBOT
-from armdyn.cli.parsing.positions import position, sliding_locks
+from armdyn.cli.options.groups import ROBOT, argument, option
+from armdyn.cli.options.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
 from armdyn.parsing.numbers import numbers
 
@@ -36,19 +33,6 @@ def known_names(incomplete: str) -> list[str]:
     from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 
     return [name for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
-
-
-RobotName = Annotated[
-    str,
-    typer.Argument(
-        metavar="ROBOT",
-        help="r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or "
-        "ur5, a benchmark such as cart_pole, a name of robot_descriptions such as panda_mj_description, or a file with "
-        "\\[robot] alone, such as identified.toml. Of most commands also a problem file, problem.toml.",
-        show_default=False,
-        autocompletion=known_names,
-    ),
-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +136,14 @@ class PartOptions:
 class RobotArgument:
     """A robot, and which of its joints move."""
 
-    robot: RobotName
+    robot: str = argument(
+        "ROBOT",
+        "r, rr or rrr (the paper's arms), a URDF or MJCF file, a name of example-robot-data such as panda or ur5, a "
+        "benchmark such as cart_pole, a name of robot_descriptions such as panda_mj_description, or a file with "
+        "\\[robot] alone, such as identified.toml. Of most commands also a problem file, problem.toml.",
+        show_default=False,
+        autocompletion=known_names,
+    )
     part: PartOptions = field(default_factory=PartOptions)
 
     def read(self, payload: ad.Payload | None = None) -> ad.Robot:

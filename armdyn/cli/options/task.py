@@ -10,9 +10,9 @@ import armdyn as ad
 from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
+from armdyn.cli.options.positions import degrees_are_on
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument, is_robot_file
-from armdyn.cli.parsing.positions import degrees_are_on
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
-
-import typer
+from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.cli.console import answering, console, escape, table, working
-from armdyn.cli.options.groups import option
+from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
 from armdyn.errors import ProblemError
@@ -24,26 +22,24 @@ if TYPE_CHECKING:
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.report import Report, Subject
 
-Results = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="RESULT…",
-        help="Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as "
-        "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
-    ),
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ShownOptions:
-    """Drawn robot, and drawn part of its motions."""
+    """Results, the robot that moved, and the drawn part of its motions."""
 
     panel: ClassVar[str] = "Contents"
 
+    results: list[Path] = argument(
+        "RESULT…",
+        "Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
+        "them: .csv, .npz, ROS 2's .json and .yaml.",
+    )
     robot: str | None = option(
         "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
     )
     until: str | None = option("S", "Only so much of each motion \\[s]; by default all of it.")
+    part: PartOptions
+    payload: PayloadOptions
 
     def end(self) -> float | None:
         """Drawn duration of each motion [s]; None: all.
@@ -56,27 +52,18 @@ class ShownOptions:
             raise ProblemError(f"--until is {self.until}; it must be positive [s]")
         return end
 
-    def read(
-        self, results: Sequence[Path], part: PartOptions, payload: PayloadOptions
-    ) -> tuple[Subject, list[ShownMotion]]:
+    def read(self) -> tuple[Subject, list[ShownMotion]]:
         """The robot and the motions, whole.
 
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.moves import read_moves
-        from armdyn.cli.reports.subject import SubjectSpec
+        from armdyn.cli.reports.subject import SubjectSpec, read_moves
 
-        return read_moves(results, SubjectSpec(robot=self.robot, part=part, payload=payload.carried()))
+        return read_moves(self.results, SubjectSpec(robot=self.robot, part=self.part, payload=self.payload.carried()))
 
 
-def report(
-    results: Results,
-    shown: ShownOptions,
-    part: PartOptions,
-    payload: PayloadOptions,
-    output: OutputOptions,
-) -> None:
+def report(shown: ShownOptions, output: OutputOptions) -> None:
     """One HTML page of saved results: the arm, its curves, its verdict and numbers.
 
     mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
@@ -87,8 +74,8 @@ def report(
     armdyn report results/mintime-rr results/pid-rr --until 0.5 --out results/both[/]
     """
     with answering(output.json) as answer:
-        end = shown.end()
-        subject, moves = shown.read(results, part, payload)
+        results, end = shown.results, shown.end()
+        subject, moves = shown.read()
         title = moves[0].facts.text("title") if len(results) == 1 else ""
         beside = results[0] if results[0].is_dir() else results[0].parent
         folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else beside
@@ -100,13 +87,7 @@ def report(
         console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
 
 
-def compare(
-    results: Results,
-    shown: ShownOptions,
-    part: PartOptions,
-    payload: PayloadOptions,
-    output: OutputOptions,
-) -> None:
+def compare(shown: ShownOptions, output: OutputOptions) -> None:
     """Several motions of one arm side by side: a table, one report, and one figure for a paper.
 
     The others are compared with the first. The report has the first solid and the others as ghosts, all curves
@@ -119,10 +100,10 @@ def compare(
     armdyn compare toppra.csv ruckig.csv moveit.yaml --robot ur5 --payload 1[/]
     """
     with answering(output.json) as answer:
-        if len(results) < 2:
+        if len(shown.results) < 2:
             raise ProblemError("compare takes two results or more; armdyn report shows a single one")
         end = shown.end()
-        subject, moves = shown.read(results, part, payload)
+        subject, moves = shown.read()
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
         from armdyn.show.page.course import until
         from armdyn.show.page.joints import compared, worth_seeing

@@ -8,14 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from armdyn.cli.console import (
-    Answer,
-    console,
-    errors,
-    escape,
-    table,
-    working,
-)
+from armdyn.cli.console import Answer, console, errors, escape, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.options.joints import reserve_words
 

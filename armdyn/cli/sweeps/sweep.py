@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar
-
-import typer
+from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import answering
-from armdyn.cli.motion.requirements import Require, requirements_of
-from armdyn.cli.options.groups import given, option
+from armdyn.cli.motion.requirements import REQUIRE, requirements_of
+from armdyn.cli.options.groups import SOLVER, argument, given, option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, known_names
 from armdyn.cli.options.task import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
-from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
@@ -75,15 +72,12 @@ class SweepOptions:
 class SweptOptions(RobotArgument):
     """A robot, or a study file."""
 
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT|STUDY.toml",
-            help="A robot or a problem file, as mintime takes them, or a study file (docs/sweeps.md).",
-            show_default=False,
-            autocompletion=known_names,
-        ),
-    ]
+    robot: str = argument(
+        "ROBOT|STUDY.toml",
+        "A robot or a problem file, as mintime takes them, or a study file (docs/sweeps.md).",
+        show_default=False,
+        autocompletion=known_names,
+    )
 
 
 def sweep(
@@ -94,7 +88,7 @@ def sweep(
     search: SweepOptions,
     study: StudyOptions,
     results: SweepResults,
-    require: Require = None,
+    require: list[str] | None = REQUIRE,
 ) -> None:
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 

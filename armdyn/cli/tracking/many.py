@@ -8,16 +8,10 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
-from armdyn.cli.console import (
-    answering,
-    console,
-    facts_table,
-    working,
-)
-from armdyn.cli.options.groups import option
+from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.results import NoFigure, OutputOptions
 from armdyn.cli.options.task import FastArmOptions, likely_arms
-from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -49,18 +43,10 @@ class ArmsOptions:
         """
         carries = robot.payload is not None and robot.payload.mass > 0
         load = self.payload_range or ("0.8,1.2" if carries and not likely else "1,1")
-        ranges = [
-            range_of(text, name)
-            for text, name in (
-                (load, "--payload-range"),
-                (self.friction_range, "--friction-range"),
-                (self.damping_range, "--damping-range"),
-            )
-        ]
         return ad.Plants(
-            payload=ranges[0],
-            coulomb=ranges[1],
-            damping=ranges[2],
+            payload=range_of(load, "--payload-range"),
+            coulomb=range_of(self.friction_range, "--friction-range"),
+            damping=range_of(self.damping_range, "--damping-range"),
             start=self.start_error,
             likely=likely,
             seed=self.arms_seed,
@@ -146,7 +132,7 @@ def _write(
     folder: Path, found: ad.MonteCarlo, motion: ad.Trajectory, summary: dict[str, object], *, figure: bool
 ) -> list[Path]:
     """Write the reference, the figure and result.json next to the rows."""
-    from armdyn.show.figures.envelopes import plot_envelope
+    from armdyn.show.figures.loops import plot_envelope
     from armdyn.show.plots import save_figure
     from armdyn.show.results import save_results
     from armdyn.studies.rows import read_rows

@@ -9,11 +9,10 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.cli.console import Answer, answering, console, errors, escape, facts_table, working
-from armdyn.cli.options.groups import option
+from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import FastArmOptions
-from armdyn.cli.parsing.panels import TASK
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
 from armdyn.errors import ProblemError
 

@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
-from armdyn.cli.parsing.panels import SOLVER
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
 

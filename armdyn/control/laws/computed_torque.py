@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import number
+from armdyn.arguments import check_fields, checked, number
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
 from armdyn.models.robots.robot import Robot, expect_robot
 
@@ -34,15 +34,12 @@ class ComputedTorque:
         ProblemError: bandwidth or damping not positive, integral negative.
     """
 
-    bandwidth: float = 100.0
-    damping: float = 1.0
-    integral: float = 0.0
+    bandwidth: float = checked(number, 100.0, unit="rad/s", sign="positive")
+    damping: float = checked(number, 1.0, sign="positive")
+    integral: float = checked(number, 0.0, unit="1/s³", sign="not negative")
 
     def __post_init__(self) -> None:
-        set_own = object.__setattr__
-        set_own(self, "bandwidth", number(self.bandwidth, "bandwidth", unit="rad/s", sign="positive"))
-        set_own(self, "damping", number(self.damping, "damping", sign="positive"))
-        set_own(self, "integral", number(self.integral, "integral", unit="1/s³", sign="not negative"))
+        check_fields(self)
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
         """The law along a reference; see `Controller`.

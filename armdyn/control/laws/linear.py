@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, expm, solve_discrete_are
 
 from armdyn.arrays import Array
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import inverse_dynamics
 from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.errors import ProblemError

@@ -14,7 +14,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot

@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 

@@ -8,7 +8,7 @@ import casadi as ca
 from armdyn.arguments import expect, shown
 from armdyn.arrays import Array
 from armdyn.control.loop.loop import Loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 

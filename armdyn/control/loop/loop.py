@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from armdyn.arguments import expect, flag, number, one_of, whole
+from armdyn.arguments import check_fields, checked, expect, flag, number, one_of, whole
 from armdyn.errors import ProblemError
 
 Velocity = Literal["filtered", "observer", "exact"]
@@ -57,28 +57,19 @@ class Loop:
         ProblemError: something is not finite, out of range or unknown; a continuous loop with imperfections.
     """
 
-    rate: float = 1000.0
-    delay: int = 1
-    encoder: float = 1e-4
-    velocity: Velocity = "filtered"
-    cutoff: float = 80.0
-    noise: float = 0.0
-    seed: int = 0
-    saturate: bool = True
-    antiwindup: Antiwindup = "conditional"
-    hold: Hold = "zoh"
+    rate: float = checked(number, 1000.0, unit="Hz", sign="positive")
+    delay: int = checked(whole, 1, least=0)
+    encoder: float = checked(number, 1e-4, unit="rad", sign="not negative")
+    velocity: Velocity = checked(one_of, "filtered", known=VELOCITIES)
+    cutoff: float = checked(number, 80.0, unit="Hz", sign="positive")
+    noise: float = checked(number, 0.0, unit="rad", sign="not negative")
+    seed: int = checked(whole, 0, least=0)
+    saturate: bool = checked(flag, True)
+    antiwindup: Antiwindup = checked(one_of, "conditional", known=ANTIWINDUPS)
+    hold: Hold = checked(one_of, "zoh", known=HOLDS)
 
     def __post_init__(self) -> None:
-        for name, unit in (("rate", "Hz"), ("cutoff", "Hz")):
-            object.__setattr__(self, name, number(getattr(self, name), name, unit=unit, sign="positive"))
-        for name in ("encoder", "noise"):
-            object.__setattr__(self, name, number(getattr(self, name), name, unit="rad", sign="not negative"))
-        object.__setattr__(self, "delay", whole(self.delay, "delay", least=0))
-        object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
-        flag(self.saturate, "saturate")
-        one_of(self.velocity, VELOCITIES, "velocity")
-        one_of(self.antiwindup, ANTIWINDUPS, "antiwindup")
-        one_of(self.hold, HOLDS, "hold")
+        check_fields(self)
         if not LEAST_RATE <= self.rate <= MOST_RATE:
             raise ProblemError(f"rate is {self.rate:g} Hz; expected {LEAST_RATE:g} to {MOST_RATE:g} Hz")
         if self.delay > _MOST_DELAY:

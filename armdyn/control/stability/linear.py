@@ -10,8 +10,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.linear import held, slopes
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.loop.references import set_point
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks, set_point
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given

@@ -16,7 +16,7 @@ from armdyn.control.loop.references import set_point
 from armdyn.control.stability.poles import closed_loop_eigenvalues
 from armdyn.control.tracking.arrival import Arrival, ArrivalRule
 from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import MOST_ROWS, Setup
+from armdyn.control.tracking.track import MOST_ROWS, Setup
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot

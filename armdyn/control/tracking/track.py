@@ -1,22 +1,254 @@
-"""Simulation of an arm under a controller along a reference."""
+"""Simulation of an arm under a controller along a reference; `Setup` is its law, to be run on any arm."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from armdyn.arguments import expect, number
+from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors
+from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import sampled_stability
-from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.loads import ChangingLoad, Loaded
+from armdyn.control.tracking.run import Run, run_of
+from armdyn.dynamics.driven import Driven, Tables, limited, plant_of
 from armdyn.errors import ProblemError
-from armdyn.models.robots.loads import robots_of
-from armdyn.models.robots.robot import Robot, expect_robots
-from armdyn.trajectory import Trajectory
+from armdyn.models.robots.loads import load_of, robots_of
+from armdyn.models.robots.poses import pose_given
+from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
+from armdyn.models.values.actuator_limits import ActuatorLimits
+from armdyn.models.values.per_joint import per_joint
+from armdyn.trajectory import Piece, Trajectory
+from armdyn.trajectory.value import Hold as TorqueHold
+
+_TOLERANCE = 1e-8
+"""Largest change of a tick's positions when its steps are halved [rad or m]; of velocities a thousand times that."""
+_LONGER = 1.0
+"""Simulated time after a reference that takes longer than the requested duration [s]."""
+MOST_ROWS = 5_000_000
+"""Ticks of a run times joints: 160 MB."""
+_POSITION_BOUND, _VELOCITY_BOUND = 100.0, 1000.0
+"""Distance from the goal [rad or m] and speed [rad/s or m/s] beyond which a run counts as diverged:
+sixteen turns and ten times the fastest robot. A start beyond a tenth of them moves them out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A controller's law along a reference, and how it is joined to an arm.
+
+    Attributes:
+        robots: the controller's model of the arm in each piece of the reference.
+        ticks: the reference.
+        laws: the controller's in each piece.
+        pieces: of the reference.
+        starts: first tick of each piece.
+        loop: connection of controller and arm.
+        start: of the arm, (q, v), shape (2 nv,).
+        duration: simulated time [s].
+        tolerance: of a joint's distance from the goal [rad or m].
+    """
+
+    robots: tuple[Robot, ...]
+    ticks: Ticks
+    laws: tuple[Law, ...]
+    pieces: tuple[Piece, ...]
+    starts: tuple[int, ...]
+    loop: Loop
+    start: Array
+    duration: float
+    tolerance: float
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        reference: Trajectory,
+        controller: Controller,
+        loop: Loop,
+        *,
+        duration: float,
+        tolerance: float,
+        q_start: ArrayLike | None = None,
+        v_start: ArrayLike | None = None,
+    ) -> Self:
+        """Check the arguments and make the law; see `track`."""
+        expect_robot(robot)
+        expect_motors(robot, "a controller")
+        expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
+        expect_controller(controller)
+        expect_loop(loop)
+        robots = robots_of(robot, reference)
+        ticks = Ticks.of(robots[-1], reference, loop.rate)
+        start = np.concatenate([reference.q[0], reference.v[0]])
+        if q_start is not None:
+            rest = np.zeros(robot.nv)
+            v = (
+                rest
+                if v_start is None
+                else per_joint(v_start, robot.joint_names, "v_start", error=ProblemError, scalar=False)
+            )
+            start = np.concatenate([pose_given(robot, q_start, "q_start"), v])
+        duration = number(duration, "duration", unit="s", sign="positive")
+        duration = duration if duration >= ticks.duration else ticks.duration + _LONGER
+        if duration * loop.rate * robot.nv > MOST_ROWS:
+            raise ProblemError(
+                f"{duration:g} s at {loop.rate:g} Hz are too many samples of {robot.nv} joints; expected at most "
+                f"{MOST_ROWS / robot.nv:.0f} ticks"
+            )
+        tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
+        made = {id(one): controller.law(one, ticks, loop) for one in robots}
+        laws = tuple(made[id(one)] for one in robots)
+        begins = (one.start - reference.t[0] for one in reference.own_pieces)
+        starts = tuple(int(np.ceil(begin * loop.rate - 1e-9)) for begin in begins)
+        return cls(robots, ticks, laws, reference.pieces, starts, loop, start, duration, tolerance)
+
+    @property
+    def robot(self) -> Robot:
+        """The controller's model of the arm at the end."""
+        return self.robots[-1]
+
+    @property
+    def law(self) -> Law:
+        """The controller's at the end."""
+        return self.laws[-1]
+
+    def run(self, plant: Robot | Sequence[Robot], seed: int | None = None, name: str = "") -> Run:
+        """Simulate and judge a run on an arm; threads may call it concurrently.
+
+        Args:
+            plant: the arm that moves; one per piece where the payload changes.
+            seed: of the readings' noise; None: the loop's own.
+            name: of the trajectory.
+        """
+        hold: TorqueHold = "zero-order" if self.loop.hold == "zoh" else "linear"
+        plants = self._plants(plant)
+        run = run_of(plants[-1], self.drive(plants, seed), self.ticks, self.tolerance, name, hold)
+        if not self.pieces:
+            return run
+        return replace(run, trajectory=replace(run.trajectory, pieces=self._followed(plants, run.trajectory.t)))
+
+    def _plants(self, plant: Robot | Sequence[Robot]) -> tuple[Robot, ...]:
+        """The arm that moves in each piece.
+
+        Raises:
+            ProblemError: an arm has another number of joints; or the payload changes, and there is not one per piece.
+        """
+        count = len(self.robots)
+        if isinstance(plant, Robot) and len(set(map(id, self.robots))) > 1:
+            raise ProblemError(
+                f"the payload changes along the reference of {count} pieces, and plant is one arm: give one per piece"
+            )
+        plants = (plant,) * count if isinstance(plant, Robot) else expect_robots(plant, "plant")
+        if len(plants) != count:
+            raise ProblemError(
+                f"plant has {len(plants)} arms; the reference has {count} pieces: give one arm per piece"
+            )
+        for one in plants:
+            if one.nv != self.robot.nv:
+                raise ProblemError(f"the plant, {one.name}, has {one.nv} joints; {self.robot.name} has {self.robot.nv}")
+        return plants
+
+    def _followed(self, plants: Sequence[Robot], t: Array) -> tuple[Piece, ...]:
+        """Pieces of a run, from tick to tick, with the loads that were there; without those shorter than a tick."""
+        ends = [*self.starts[1:], len(t) - 1]
+        return tuple(
+            replace(piece, start=float(t[k]), model_hash=plant.model_hash, load=load_of(plant))
+            for piece, plant, k, end in zip(self.pieces, plants, self.starts, ends, strict=True)
+            if k < min(end, len(t) - 1)
+        )
+
+    def drive(self, plants: Sequence[Robot], seed: int | None = None) -> Driven:
+        """Simulate the motion on an arm, one per piece."""
+        nv, loop, plant = self.robot.nv, self.loop, plants[-1]
+        falling = [own for own in (self.robot.limits.actuators, plant.limits.actuators) if not own.constant]
+        falling = falling if loop.saturate else []
+        lower, upper = self._limits(plant)
+        count = max(int(np.ceil(self.duration * loop.rate - 1e-9)), 1)
+        noise: Array = np.empty(0)
+        if loop.noise:
+            noise = np.random.default_rng(loop.seed if seed is None else seed).normal(0.0, loop.noise, (count, nv))
+        first = np.clip(self.ticks.ahead(0)[np.minimum(np.arange(loop.delay), len(self.ticks.tau) - 1)], lower, upper)
+        tables = Tables(
+            plant_parameters=np.empty(0),
+            model_parameters=np.empty(0),
+            rows=self.law.rows,
+            q_reference=self.ticks.q,
+            start=np.concatenate([self.start, np.zeros(nv)]) if loop.hold == "continuous" else self.start,
+            first=first,
+            lower=lower,
+            upper=upper,
+            integral_gain=self.law.integral_gain,
+            noise=noise,
+        )
+        driven = self._changing(plants, falling).drive(tables, self._scalars(count))
+        for own in falling:
+            tau = own.clip(driven.tau, driven.q, driven.v)
+            clipped = driven.clipped | (tau[: len(driven.clipped)] != driven.tau[: len(driven.clipped)])
+            driven = driven._replace(tau=tau, clipped=clipped)
+        return driven
+
+    def _changing(self, plants: Sequence[Robot], falling: Sequence[ActuatorLimits]) -> ChangingLoad:
+        """The distinct pairs of model and plant, and the ticks of each.
+
+        Args:
+            plants: the arm that moves in each piece.
+            falling: torque limits that depend on the state.
+        """
+        pairs = [(id(model), id(plant)) for model, plant in zip(self.robots, plants, strict=True)]
+        distinct = list(dict.fromkeys(pairs))
+        observed = self.loop.velocity == "observer"
+        loads = [
+            Loaded(limited(plant_of(plants[k]), falling), plant_of(self.robots[k]) if observed else None, self.laws[k])
+            for k in map(pairs.index, distinct)
+        ]
+        which = np.repeat([distinct.index(pair) for pair in pairs], np.diff([*self.starts, self.starts[-1] + 1]))
+        return ChangingLoad(loads, which, self.loop.delay)
+
+    def _limits(self, plant: Robot) -> tuple[Array, Array]:
+        """Torque limits in any state [N m or N]: the tighter ones of model and plant."""
+        if not self.loop.saturate:
+            return np.full(plant.nv, -np.inf), np.full(plant.nv, np.inf)
+        own, its = self.robot.limits.actuators, plant.limits.actuators
+        return np.maximum(own.lower, its.lower), np.minimum(own.upper, its.upper)
+
+    def _scalars(self, count: int) -> dict[str, Any]:
+        loop = self.loop
+        far = 10 * float(np.abs(self.start - np.concatenate([self.ticks.goal, np.zeros(self.robot.nv)])).max())
+        return {
+            "period": loop.period,
+            "encoder": loop.encoder,
+            "pole": loop.pole,
+            "integrate_from": self.law.integrate_from,
+            "away": max(_POSITION_BOUND, far),
+            "fast": max(_VELOCITY_BOUND, far),
+            "tolerance": _TOLERANCE,
+            "ticks": count,
+            "delay": loop.delay,
+            "continuous": loop.hold == "continuous",
+            "velocity": loop.velocity,
+            "antiwindup": loop.antiwindup,
+        }
+
+
+def expect_own_payload(robot: Robot, reference: Trajectory) -> None:
+    """Refuse a reference whose pieces have other loads than the robot, for arms that are drawn with its payload.
+
+    Raises:
+        ProblemError: a piece has.
+    """
+    if any(one is not robot for one in robots_of(expect_robot(robot), reference)):
+        raise ProblemError(
+            f"pieces of the reference have other loads than {robot.name}, and the arms are drawn with its payload: "
+            "give one of reference.split(), and the robot that carries its load"
+        )
 
 
 def track(

@@ -14,8 +14,7 @@ from armdyn.arguments import one_of, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
-from armdyn.models.presets.check import ControllerCheck, controller_check
-from armdyn.models.presets.commands import check_points
+from armdyn.models.presets.check import ControllerCheck, check_points, controller_check
 from armdyn.models.presets.interface import LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
 from armdyn.models.presets.tables import KINDS, interfaces_of, joints_of, limits_of, line_of, taper_of, texts_of
 from armdyn.parsing.toml import Table, read_toml

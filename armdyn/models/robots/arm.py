@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -15,7 +16,6 @@ from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
-from armdyn.models.robots.identity import model_hash
 from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import named_poses, pose_named
 from armdyn.models.robots.source import RobotSource
@@ -354,3 +354,28 @@ class Arm:
 def payload_inertia(payload: Payload) -> pin.Inertia:
     """Pinocchio's inertia of a payload, in the frame that it is fixed to."""
     return pin.Inertia(payload.mass, np.array(payload.com), positive_tensor(payload))
+
+
+def model_hash(model: pin.Model, friction: JointFriction) -> str:
+    """A SHA-256 of all that an arm's equations of motion depend on, in hexadecimal.
+
+    Joints, placements, inertias with the payload, armature, gravity and friction, each number to 1e-12 of its SI
+    unit, so that the last bit of another machine's sine does not matter. Names of links, shapes and limits are
+    not in it.
+
+    Args:
+        model: the arm.
+        friction: in its joints.
+    """
+    numbers, words = [model.gravity.vector, model.armature], []
+    each = (model.names, model.parents, model.joints, model.jointPlacements, model.inertias)
+    for name, parent, joint, place, inertia in zip(*(list(one)[1:] for one in each), strict=True):
+        words += [f"{name} of {parent}", joint.shortname()]
+        numbers += [place.homogeneous.ravel(), inertia.toDynamicParameters()]
+        if "Unaligned" in joint.shortname():
+            numbers.append(np.ravel(joint.createData().S))
+    numbers += friction.per_joint(model.nv)
+    numbers.append(np.atleast_1d(friction.width if np.any(friction.coulomb) else 0.0))
+    # Plus zero: minus zero becomes zero.
+    rounded = (np.round(np.concatenate(numbers), 12) + 0.0).astype("<f8")
+    return hashlib.sha256("\n".join(words).encode() + rounded.tobytes()).hexdigest()

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 from armdyn.arrays import Array, Index
 from armdyn.locks import built_once, one_at_a_time
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.geometry import scene_geometry
+from armdyn.models.scene.geometry import compiled_scene, scene_geometry
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.models.scene.solids import compiled_scene
 from armdyn.models.values.placement import Point
 from armdyn.trajectory import Trajectory
 

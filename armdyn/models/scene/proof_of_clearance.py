@@ -13,9 +13,111 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array
 from armdyn.locks import built_once
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import Clearance, CollisionModel
-from armdyn.models.scene.motion_bounds import MotionBounds, chain_of, reaches
 from armdyn.trajectory import Trajectory
+
+
+class MotionBounds:
+    """Bounds on the motion of the bodies on every joint between the samples of a trajectory.
+
+    The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
+    acceleration is J a plus the second derivatives of its position times the velocities, and a second
+    derivative by two joints is no longer than the arm to the axis of the outer one.
+
+    Attributes:
+        travel: how far each joint has come until each sample at most [rad or m], shape (n, nv).
+        acceleration: of any point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
+    """
+
+    def __init__(self, robot: Robot, motion: Trajectory):
+        (v, a), h = _joint_bounds(motion), np.diff(motion.t)[:, None]
+        reach, self.acceleration = reaches(robot), np.zeros((len(h), robot.model.njoints))
+        for body in range(1, robot.model.njoints):
+            self.acceleration[:, body] = _point_acceleration(robot, body, reach[body], v, a)
+        self.travel: Array = np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)])
+
+
+def frame_accelerations(robot: Robot, motion: Trajectory, frame: str) -> tuple[Array, tuple[Array, Array]]:
+    """Bounds on the motion of a frame between the samples of a trajectory, as of `MotionBounds`.
+
+    Args:
+        robot: the arm.
+        motion: whose joints follow cubics between its samples.
+        frame: its name.
+
+    Returns:
+        Largest acceleration of its origin in each step [m/s²], shape (n - 1,); largest angular velocities [rad/s] and
+        accelerations [rad/s²], likewise.
+    """
+    v, a = _joint_bounds(motion)
+    fixed = robot.frame(frame)
+    joint, far = fixed.parentJoint, float(np.linalg.norm(fixed.placement.translation))
+    chain = [one - 1 for one in chain_of(robot, joint) if not robot.slides[one - 1]]
+    speed, turning = np.sum(v[:, chain], axis=1), np.sum(a[:, chain], axis=1)
+    for i, outer in enumerate(chain):  # an axis is turned by the joints inside of it
+        turning += v[:, outer] * np.sum(v[:, chain[:i]], axis=1)
+    return _point_acceleration(robot, joint, _reach_of(robot, joint, far), v, a), (speed, turning)
+
+
+def _joint_bounds(motion: Trajectory) -> tuple[Array, Array]:
+    """Largest velocities and accelerations of the joints in each step, each of shape (n - 1, nv)."""
+    h = np.diff(motion.t)[:, None]
+    mean, v0, v1 = np.diff(motion.q, axis=0) / h, motion.v[:-1], motion.v[1:]
+    v = np.max(np.abs([v0, 3 * mean - v0 - v1, v1]), axis=0)
+    a = np.max(np.abs([6 * mean - 4 * v0 - 2 * v1, -6 * mean + 2 * v0 + 4 * v1]), axis=0) / h
+    jumps = motion.jumps
+    v[jumps], a[jumps] = np.maximum(np.abs(v0), np.abs(v1))[jumps], 0.0
+    return v, a
+
+
+def _point_acceleration(robot: Robot, joint: int, reach: Array, v: Array, a: Array) -> Array:
+    """Largest acceleration of points on a joint in each step [m/s²], shape (n - 1,); reach: from the axes, (nv,)."""
+    chain, out = [one - 1 for one in chain_of(robot, joint)], np.asarray(a @ reach)
+    for i, outer in enumerate(chain):
+        inner = np.sum(v[:, chain[:i]], axis=1)
+        out += reach[outer] * v[:, outer] * (v[:, outer] + 2 * inner)
+    return out
+
+
+def chain_of(robot: Robot, joint: int) -> list[int]:
+    """A joint and those that carry it, from the base outwards, without the world."""
+    return list(robot.model.supports[joint])[1:]
+
+
+@built_once(maxsize=16)
+def reaches(robot: Robot) -> Array:
+    """Farthest distance of the bodies on a joint from the axis of one that carries them [m], shape (njoints, nv).
+
+    It is 1 for a sliding joint, and 0 for joints that do not carry them.
+    """
+    model, beyond = robot.model, np.zeros(robot.model.njoints)
+    for body in bodies(robot):
+        far = float(np.max(np.linalg.norm(body.points, axis=1))) + body.radius
+        beyond[body.joint] = max(beyond[body.joint], far)
+    none = np.zeros((1, model.nv))
+    return np.vstack([none, *(_reach_of(robot, last, beyond[last]) for last in range(1, model.njoints))])
+
+
+def _reach_of(robot: Robot, last: int, far: float) -> Array:
+    """Farthest distances of points from the axes of the joints that carry them [m], shape (nv,), as of `reaches`.
+
+    Args:
+        robot: the arm.
+        last: the joint that they are on.
+        far: their distance from its origin [m].
+    """
+    out = np.zeros(robot.model.nv)
+    for joint in reversed(chain_of(robot, last)):
+        slides = robot.slides[joint - 1]
+        out[joint - 1] = 1.0 if slides else far
+        far += float(np.linalg.norm(robot.model.jointPlacements[joint].translation))
+        if slides:
+            ends = robot.limits.position_lower[joint - 1], robot.limits.position_upper[joint - 1]
+            far += float(np.max(np.abs(ends)))
+    return out
+
 
 PIECES = 64
 """Equal parts of a motion that are looked at first: most need no second look at an arm's usual speeds."""

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import number, numbers, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.placement import Placement, homogeneous
@@ -58,20 +59,21 @@ class GoalPose:
         object.__setattr__(self, "free", _free_of(self.free, self.placement))
         object.__setattr__(self, "tolerance", _tolerance_of(self.tolerance, self.free, self.placement))
 
-    @property
+    @cached_property
     def deviations(self) -> Array:
-        """Largest deviations along and about x, y, z [m, rad], shape (6,); inf where they are free."""
+        """Largest deviations along and about x, y, z [m, rad], shape (6,), read-only; inf where they are free."""
         most = np.array(self.tolerance or (0.0,) * 6)
         most[[DIRECTIONS.index(name) for name in self.free]] = np.inf
         most[3:] = np.inf if np.ndim(self.placement) == 1 else most[3:]
+        most.flags.writeable = False
         return most
 
-    @property
+    @cached_property
     def oriented(self) -> bool:
         """Whether it says an orientation, too."""
         return not np.all(np.isinf(self.deviations[3:]))
 
-    @property
+    @cached_property
     def axis(self) -> int | None:
         """Number of the axis about which the frame may turn; None: it may not, or about any."""
         turns = np.flatnonzero(np.isinf(self.deviations[3:]))
@@ -85,6 +87,11 @@ class GoalPose:
     @property
     def pose(self) -> pin.SE3:
         """Pose in the world; without an orientation, with the world's."""
+        return pin.SE3(self._pose)  # a copy: whoever gets it may change it
+
+    @cached_property
+    def _pose(self) -> pin.SE3:
+        """`pose`, made once: inverse kinematics read it in every step."""
         return pin.SE3(homogeneous(self.placement, "goal pose"))
 
 
@@ -229,11 +236,11 @@ def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Ar
     """Error of a frame from its goal or region [m, rad], and its Jacobian by q."""
     here, jacobian = _frame_jacobian(robot, frame, data, q)
     if not goal.exact:
-        return _outside(goal, goal.pose.actInv(here), jacobian)
+        return _outside(goal, goal._pose.actInv(here), jacobian)
     if goal.oriented:
-        off = here.actInv(goal.pose)
+        off = here.actInv(goal._pose)
         return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ jacobian
-    return here.actInv(goal.pose.translation), jacobian[:3]
+    return here.actInv(goal._pose.translation), jacobian[:3]
 
 
 def _frame_jacobian(robot: Robot, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[pin.SE3, Array]:

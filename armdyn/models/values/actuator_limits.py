@@ -178,7 +178,7 @@ class TorqueSpeed(ActuatorLimits):
         return slopes.T, rest.T
 
     def range(self, q: Any, v: Any) -> tuple[Any, Any]:
-        """Past the speed at which the curve has no torque left a joint cannot but brake."""
+        """Least and largest torque in states [N m or N]; past the curve's last speed they only brake."""
         symbolic = isinstance(v, ca.SX | ca.MX)
         least, most, number = (ca.fmin, ca.fmax, ca.DM) if symbolic else (np.minimum, np.maximum, np.asarray)
         weakest, strongest = number(self.lower), number(self.upper)

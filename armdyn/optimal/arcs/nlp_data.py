@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
 from armdyn.optimal.arcs.grid import Density, deal, layered
-from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
@@ -19,60 +17,6 @@ from armdyn.trajectory import Trajectory
 
 _SHORTEST = 1e-9
 """Least duration of an arc, scaled."""
-_INSIDE = 1e-9
-"""Of an arc: what is this side of the jumps at its ends."""
-
-
-@dataclass(frozen=True, eq=False)
-class TiedArcs:
-    """Torques that stay where they are off all limits, arc by arc.
-
-    Attributes:
-        motion: whose torques they are, with a jump one ulp wide where an arc begins.
-        durations: of its arcs [s].
-    """
-
-    motion: Trajectory
-    durations: Array
-
-    @classmethod
-    def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
-        """Tied arcs of a motion."""
-        return cls(motion, np.array([arc.duration for arc in arcs]))
-
-    def at_stages(self, arc_of: Index, part: Array) -> Array:
-        """Values at the stages of intervals, shape (N, stages, nv).
-
-        Args:
-            arc_of: which arc an interval is in, shape (N,).
-            part: of its arc that an interval is, shape (N,).
-        """
-        ends = np.cumsum(part)
-        before = np.concatenate([[0.0], ends])[np.searchsorted(arc_of, arc_of)]  # of the arcs before
-        s = (ends - part - before)[:, None] + part[:, None] * TABLEAU.c
-        starts = np.concatenate([[0.0], np.cumsum(self.durations)])
-        inside = np.clip(s, _INSIDE, 1 - _INSIDE)
-        tau: Array = self.motion((starts[arc_of][:, None] + inside * self.durations[arc_of][:, None]).ravel()).tau
-        return tau.reshape(*s.shape, -1)
-
-
-@dataclass(frozen=True, eq=False)
-class PhaseAim:
-    """Goal of the phases, and durations and costates that are known already.
-
-    Attributes:
-        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where the
-            collocation's error takes it back.
-        near: the guess solves nearly the same problem: IPOPT stays where it is.
-        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
-        keep: torques off all limits that stay; None: they are free. That leaves the arcs' durations, of which every
-            limit met takes one, beside those that the goal takes: see `ArcNlpData.spare`.
-    """
-
-    offset: Array | float = 0.0
-    near: bool = False
-    density: Density | None = None
-    keep: TiedArcs | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +44,14 @@ class ArcNlpData(NlpData):
 
 
 def assemble_arcs(
-    task: Task, arcs: Sequence[Arc], guess: Trajectory, layout: Layout, intervals: int, aim: PhaseAim
+    task: Task,
+    arcs: Sequence[Arc],
+    guess: Trajectory,
+    layout: Layout,
+    intervals: int,
+    near: bool = False,
+    offset: Array | float = 0.0,
+    density: Density | None = None,
 ) -> ArcNlpData:
     """The numbers of a structure.
 
@@ -110,30 +61,26 @@ def assemble_arcs(
         guess: states to start from, at the times that the durations say.
         layout: of the program.
         intervals: of the whole mesh.
-        aim: see there.
+        near: as of `solve_phases`, like the next two.
+        offset: from the goal.
+        density: of the mesh.
     """
     problem, numbers, N = task.problem, task.policy.arcs, intervals
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
-    density = aim.density or layered(guess, problem.robot.friction, numbers)
+    density = density or layered(guess, problem.robot.friction, numbers)
     arc_of, part = deal(durations, N, density, numbers.per_arc)
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
-    kept = None if aim.keep is None else aim.keep.at_stages(arc_of, part)
     narrowed = _Narrowed(problem, layout, scales, lower, upper)
-    if aim.near:
+    if near:
         narrowed.loosen(arcs, N)
-    narrowed.to(arcs, arc_of, kept)
+    narrowed.to(arcs, arc_of)
     for bound in (lower, upper):
-        bound[layout.states(N)[-1]] += aim.offset / np.repeat([scales.length, scales.speed], layout.nv)
+        bound[layout.states(N)[-1]] += offset / np.repeat([scales.length, scales.speed], layout.nv)
     times = layout.times(N)
     x[times] = np.append(durations[arc_of], durations[-1]) / scales.time
     lower[times] = _SHORTEST
-    tied = any(arc.singular for arc in arcs) and problem.effort_weight == 0
-    weights = scales.weights(problem.effort_weight, numbers.tie if tied else 0.0)
-    sides = [_equation_bounds(arcs, arc_of, layout)]
-    if tied:
-        sides.append(_line_bounds(problem, arcs, arc_of, scales, held=aim.keep is not None))
     return ArcNlpData(
         arcs=tuple(arcs),
         scales=scales,
@@ -141,9 +88,9 @@ def assemble_arcs(
         arc_of=arc_of,
         part=part,
         x=np.clip(x, lower, upper),
-        p=scales.parameters(part, weights, task.dynamics.last_body),
+        p=scales.parameters(part, scales.weights(problem.effort_weight), task.dynamics.last_body),
         x_bounds=(lower, upper),
-        g_bounds=(np.concatenate([side[0] for side in sides]), np.concatenate([side[1] for side in sides])),
+        g_bounds=_equation_bounds(arcs, arc_of, layout),
     )
 
 
@@ -155,19 +102,6 @@ def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tupl
         held = np.array([arcs[a].modes[i] in POSITION for a in arc_of.tolist()])
         least[np.ix_(held, layout.defects[:, layout.knot.q][:, i])] = -np.inf
     return least.ravel(), -least.ravel()
-
-
-def _line_bounds(
-    problem: MinimumTimeProblem, arcs: Sequence[Arc], arc_of: Index, scales: Scales, held: bool
-) -> tuple[Array, Array]:
-    """Bounds by which free torques are linear over an interval and start it within limits; infinite for the others."""
-    free = np.array([[mode is Mode.FREE and not held for mode in arcs[a].modes] for a in arc_of])  # (N, nv)
-    sides = []
-    for limit, infinity in ((problem.limits.actuators.lower, -np.inf), (problem.limits.actuators.upper, np.inf)):
-        bends = np.where(free, 0.0, infinity)[:, None].repeat(TABLEAU.c.size - 2, axis=1)
-        begins = np.where(free, limit / scales.effort, infinity)[:, None]
-        sides.append(np.concatenate([bends, begins], axis=1).ravel())
-    return sides[0], sides[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,8 +125,8 @@ class _Narrowed:
             for states in (self.layout.states(intervals)[1:-1], self.layout.inner_states(intervals)):
                 bound[states[..., q][..., i]] = infinity
 
-    def to(self, arcs: Sequence[Arc], arc_of: Index, keep: Array | None) -> None:
-        """Every joint in its mode on every interval, and the torques that stay where they are."""
+    def to(self, arcs: Sequence[Arc], arc_of: Index) -> None:
+        """Every joint in its mode on every interval."""
         N, layout, limits = arc_of.size, self.layout, self.problem.limits
         knots, inner, torques = layout.states(N), layout.inner_states(N), layout.torques(N)
         for k in range(N):
@@ -201,9 +135,6 @@ class _Narrowed:
                 if mode in HELD:
                     bound = limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
-                if mode is Mode.FREE and keep is not None:
-                    tau = np.clip(keep[k, :, i], limits.actuators.lower[i], limits.actuators.upper[i])
-                    self._fix(torques[k, :, i], tau / self.scales.effort[i])
                 if k > 0 and arc_of[k - 1] != arc_of[k]:
                     self._hold(knots[k], i, mode)  # entered on the limit, not within the first interval
                 self._hold(inner[k], i, mode)

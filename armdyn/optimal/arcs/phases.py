@@ -27,8 +27,6 @@ class Phases:
         costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
         tau: torques at the stages, shape (K, stages, nv).
         arc_of: which arc an interval is in, shape (K,).
-        laid: what the intervals were laid by; None: the arcs' lengths.
-        density: where another mesh needs its intervals.
         stage_q: positions at the stages, shape (K, stages, nv).
         stage_v: velocities at the stages, shape (K, stages, nv).
         stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
@@ -37,6 +35,8 @@ class Phases:
         state_multiplier: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
         knot_multiplier: the same at the inner knots, shape (K - 1, 2, nv).
         torques: the motion over time by the collocation's polynomials, for `replay_torques` and as a guess.
+        laid: what the intervals were laid by; None: the arcs' lengths.
+        density: where another mesh needs its intervals; None: unknown, as of an integrator's.
         iterations: of IPOPT.
     """
 
@@ -47,8 +47,6 @@ class Phases:
     costate: Array
     tau: Array
     arc_of: Index
-    laid: Density | None
-    density: Density
     stage_q: Array
     stage_v: Array
     stage_costate: Array
@@ -56,7 +54,9 @@ class Phases:
     state_multiplier: Array
     knot_multiplier: Array
     torques: Trajectory
-    iterations: int
+    laid: Density | None = None
+    density: Density | None = None
+    iterations: int = 0
 
     @property
     def duration(self) -> float:

@@ -4,39 +4,37 @@ Every arc is a phase of five-stage Radau IIA collocation on which the torque (or
 of each joint stays on its limit. What is left to find are the durations: within a phase the motion
 is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
 The multipliers of the defects are the costates.
-
-Where time leaves a torque free, on a singular arc, it is a line in every interval: time hardly tells a polynomial
-through all stages from one that goes up and down between them.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
-from armdyn.optimal.arcs.nlp_data import ArcNlpData, PhaseAim, assemble_arcs
+from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.sampling import motion_of
-from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
-from armdyn.optimal.program.interval import Stages
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpResult, Solver
-from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 
 def solve_phases(
-    task: Task, arcs: Sequence[Arc], guess: Trajectory, intervals: int, aim: PhaseAim | None = None
+    task: Task,
+    arcs: Sequence[Arc],
+    guess: Trajectory,
+    intervals: int,
+    near: bool = False,
+    offset: Array | float = 0.0,
+    density: Density | None = None,
 ) -> Phases | Unresolved:
     """Durations of arcs, by Newton's method in the shape of IPOPT.
 
@@ -45,16 +43,13 @@ def solve_phases(
         arcs: the structure, and guesses of its durations.
         guess: states to start from, at the times that the durations say.
         intervals: of the whole mesh.
-        aim: by default the goal, from a guess that may be far.
+        near: the guess solves nearly the same problem: IPOPT stays where it is.
+        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where its error takes the
+            replay back.
+        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
     """
-    aim, numbers, singular = aim or PhaseAim(), task.policy.arcs, any(arc.singular for arc in arcs)
-    free = numbers.smooth_iterations if task.problem.effort_weight else numbers.free_iterations
-    iterations = free if singular else numbers.held_iterations
-    if aim.near and not task.problem.effort_weight:
-        iterations = min(iterations, numbers.near_iterations)
-    build = _with_lines if singular and not task.problem.effort_weight else build_nlp
-    solver = _solver(task, build, intervals, aim.near or not singular, iterations)
-    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, aim)
+    solver = _solver(task, intervals, near)
+    nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, near, offset, density)
     if nlp_data.spare < 0:
         message = f"the structure has more conditions than unknowns, by {-nlp_data.spare}"
         result = NlpResult(
@@ -68,34 +63,12 @@ def solve_phases(
     return Unresolved(result.message, result.status, result.iterations, phases)
 
 
-def prepare_phases(task: Task, intervals: int) -> None:
-    """Build the functions that `solve_phases` needs for arcs without free torques, unless they are built."""
-    if not task.stop:
-        _solver(task, build_nlp, intervals, near=True, iterations=task.policy.arcs.held_iterations)
-
-
-def _solver(
-    task: Task, build: Callable[[Dynamics, Scheme, int], Nlp], intervals: int, near: bool, iterations: int
-) -> Solver[Nlp]:
+def _solver(task: Task, intervals: int, near: bool) -> Solver[Nlp]:
     step = replace(task, scheme=replace(task.scheme, method=TABLEAU.name, control="stage"))
     numbers = task.policy.arcs
     barrier, push = (numbers.near_barrier, numbers.near_barrier) if near else (numbers.barrier, None)
-    settings = SolverSettings(numbers.tolerance, iterations, barrier=barrier, exact=True, push=push)
-    return in_time(step, lambda scheme: solver_for(task, settings, build, task.dynamics, scheme, intervals))
-
-
-def _with_lines(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Nlp:
-    """NLP with rows for free torques: linear over each interval, within their limits at its start."""
-    return with_rows(dynamics, scheme, intervals, (StageRows(_lines),))
-
-
-def _lines(stages: Stages, _: ca.SX) -> ca.SX:
-    """Changes of the torques' slope from stage to stage, and torques extrapolated to the interval's start, scaled."""
-    c, tau = stages.c, stages.tau
-    slopes = [(tau[:, j + 1] - tau[:, j]) / (c[j + 1] - c[j]) for j in range(c.size - 1)]
-    rows = [*(after - before for before, after in pairwise(slopes)), tau[:, 0] - c[0] * slopes[0]]
-    lines: ca.SX = ca.vertcat(*(row / stages.effort for row in rows))
-    return lines
+    settings = SolverSettings(numbers.tolerance, numbers.iterations, barrier=barrier, exact=True, push=push)
+    return in_time(step, lambda scheme: solver_for(task, settings, build_nlp, task.dynamics, scheme, intervals))
 
 
 def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phases:

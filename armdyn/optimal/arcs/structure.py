@@ -1,13 +1,10 @@
 """Corrections of a structure by the multipliers of its solution: limits overlooked, touches not wanted, signs."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
-from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import (
-    BANG,
     POSITION,
     VELOCITY,
     Arc,
@@ -94,27 +91,3 @@ def _touches(phases: Phases) -> list[Event]:
         for t, arc in zip(ends, phases.arcs, strict=True)
         for i, mode in arc.touches
     ]
-
-
-def by_sign(phases: Phases, switching: Array) -> list[Arc]:
-    """The structure that the switching functions' signs say, for joints that are only ever on torque limits."""
-    first = list(phases.arcs[0].modes)
-    events = _touches(phases)
-    starts = np.concatenate([[0], np.cumsum([arc.duration for arc in phases.arcs])])
-    for i in range(switching.shape[1]):
-        modes = [arc.modes[i] for arc in phases.arcs]
-        if any(mode not in BANG for mode in modes):
-            changes = (a for a in range(1, len(modes)) if modes[a] is not modes[a - 1])
-            events += [Event(float(starts[a]), i, modes[a]) for a in changes]
-            continue
-        s, t = switching[:, i], phases.t
-        s = np.where(np.abs(s) < 1e-9 * np.max(np.abs(s)), 0.0, s)
-        sign = np.sign(s)
-        inner = np.flatnonzero(sign)
-        first[i] = Mode.UPPER if sign[inner[0]] < 0 else Mode.LOWER
-        for before, after in pairwise(inner):
-            if sign[before] != sign[after]:
-                share = abs(s[before]) / (abs(s[before]) + abs(s[after]))
-                time = t[before] + (t[after] - t[before]) * share
-                events.append(Event(float(time), i, Mode.UPPER if sign[after] < 0 else Mode.LOWER))
-    return merged(arcs_between(first, events, phases.duration))

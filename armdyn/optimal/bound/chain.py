@@ -148,7 +148,7 @@ def _lines(problem: MinimumTimeProblem) -> dict[int, GoalPose]:
 
 
 def _passages(problem: MinimumTimeProblem, passed: Sequence[int], dynamics: Dynamics) -> list[Passage | None]:
-    """What is passed from each place of a problem to the next, given the numbers of the via points that are places."""
+    """Regions and lines between consecutive places of a problem; `passed`: the via points that are places."""
     lines = {leg: BoundRegion(dynamics, region) for leg, region in _lines(problem).items()}
     found: list[Passage | None] = []
     for first, last in pairwise([-1, *passed, len(problem.via)]):
@@ -224,7 +224,7 @@ class _Run:
 
     @property
     def least(self) -> ChainBound:
-        """What the velocity limits say of the way between the places that are points."""
+        """Bound of the run by the velocity limits alone, where its first and last place are points."""
         first, last = self.places[0], self.places[-1]
         count, duration = len(self.legs), 0.0
         if not (isinstance(first, GoalPose) or isinstance(last, GoalPose)):

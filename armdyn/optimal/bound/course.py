@@ -137,7 +137,7 @@ class Course:
         return v
 
     def ends(self, leg: BoundLeg) -> list[LegEnd | None]:
-        """What is known of the positions at the nodes, those where the leg begins and ends included."""
+        """Known positions, or linear forms of them, at all nodes, the ends included; None: nothing known."""
         found: list[LegEnd | None] = [leg.start, *[None] * (len(self.lengths) - 1), leg.goal]
         owners = [None, *(self.passed.get(k) or self.lines[k] for k in range(1, len(self.lengths))), None]
         for region in {region for region in owners if region is not None}:

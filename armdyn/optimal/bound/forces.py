@@ -63,18 +63,18 @@ class Forces:
         """
         boxes, nv = self.v.lower.shape
         damping, coulomb = self.friction.per_joint(nv)
-        exact = Interval.at(np.broadcast_to(w, (boxes, nv, w.shape[-1])))
-        linear, turning = -Interval.at(damping[:, None]) * exact, None
+        shape, turning = (boxes, nv, w.shape[-1]), None
+        linear = (-Interval.at(damping[:, None]) * Interval.at(w)).spread(shape)
         if way is not None:
             linear = linear + way
         if steps is not None:
-            steps = steps.spread((boxes, *steps.lower.shape[-2:]))
+            steps = steps.spread(shape)
             linear = linear + self.terms.inertia.dot(steps)
-            turning = self.terms.inertia_slopes.dot(steps[:, None]).spread((boxes, nv, nv, w.shape[-1]))
+            turning = self.terms.inertia_slopes.dot(steps[:, None]).spread((boxes, nv, *shape[1:]))
         constant = self.torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
-        weight = self.terms.gravity_slopes.dot(exact)
+        weight = self.terms.gravity_slopes.times(w)
         found = range_of(self.v, linear, self._squares(w), turning, -weight)
-        return found + constant[:, None].dot(exact)[:, 0]
+        return found + constant[:, None].times(w)[:, 0]
 
     @cached_property
     def _tanh(self) -> Interval:
@@ -83,7 +83,8 @@ class Forces:
     def _squares(self, w: Array) -> Interval:
         """Coefficients of v_a v_b, a ≥ b, in ½ vᵀ (Σ w_k ∂M/∂q_k) v, shape (boxes, pairs, m)."""
         rows, columns = np.tril_indices(self.v.lower.shape[1])
-        return self.terms.bends.times(w) * Interval.at(np.where(rows == columns, 0.5, 1.0)[:, None])
+        sums, part = self.terms.bends.times(w), np.where(rows == columns, 0.5, 1.0)[:, None]
+        return Interval(sums.lower * part, sums.upper * part)  # exact
 
 
 def range_of(v: Interval, linear: Interval, squares: Interval, turning: Interval | None, weight: Interval) -> Interval:

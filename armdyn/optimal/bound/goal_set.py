@@ -120,7 +120,7 @@ class GoalSet:
         return levers
 
     def before(self, duration: float) -> GoalSet:
-        """What motions of so long a time [s] may pass."""
+        """The part of the set that motions of so long a time [s] may reach."""
         return replace(self, within=replace(self.within, duration=duration))
 
     @property

@@ -250,5 +250,5 @@ class Lattice:
 
 
 def _first(leg: BoundLeg) -> int:
-    """What improves a leg first: between any velocities the velocity limits say all there is."""
+    """The method that improves a leg first: none between free velocities (velocity limits say all)."""
     return NOTHING if leg.start.v is None and leg.goal.v is None else MOMENTUM

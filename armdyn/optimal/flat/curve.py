@@ -38,6 +38,16 @@ class CurveLeg:
         curve, T = self._curve, self.duration
         return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
 
+    @property
+    def fastest(self) -> Array:
+        """Bounds of the joints' velocities, by their control points [rad/s or m/s], shape (nv,)."""
+        controls = self.basis.factors(1)[:, None] * np.diff(self.points, axis=0)
+        return np.asarray(np.max(np.abs(controls), axis=0) / self.duration)
+
+    def bends(self, s: Array) -> Array:
+        """Second derivatives of the accelerations at parts s of the duration [rad/s⁴ or m/s⁴], shape (m, nv)."""
+        return np.asarray(self._curve(s, 4) / self.duration**4)
+
     def torques(self, robot: Robot, s: Array) -> Array:
         """Torques at parts s of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
         return inverse_dynamics(robot)(*self.at(s))
@@ -125,21 +135,18 @@ class Curve:
         """The curve, slowed down by a factor."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
-    def trajectory(self, robot: Robot, least: int, steps: int, jumps: bool = True, ends: int = 1) -> Trajectory:
+    def trajectory(self, robot: Robot, samples: Sequence[ArrayLike] | None = None, jumps: bool = True) -> Trajectory:
         """Samples of the motion with their torques.
 
         Args:
             robot: that moves.
-            least: samples of every interval, besides its end.
-            steps: samples of every leg, at least.
+            samples: of every interval of each leg, besides its end, shape (intervals,), or one number for all; None: 1.
             jumps: whether the torque may jump where legs meet: then both legs have a sample there.
-            ends: times as many samples of the first and the last interval of a leg.
         """
         parts, start = [], 0.0
-        for k, leg in enumerate(self.legs):
+        for k, (leg, each) in enumerate(zip(self.legs, samples or [1] * len(self.legs), strict=True)):
             lengths = np.diff(leg.basis.breaks)
-            counts = np.maximum(np.ceil(steps * lengths).astype(int), least)
-            counts[[0, -1]] *= ends
+            counts = np.broadcast_to(each, lengths.shape)
             fractions = np.concatenate([np.arange(count) / count for count in counts])
             s = np.append(np.repeat(leg.basis.breaks[:-1], counts) + np.repeat(lengths, counts) * fractions, 1.0)
             q, v, _ = leg.at(s)

@@ -1,7 +1,6 @@
 """Equations of a B-spline program: inverse dynamics at points, limits of derivatives, continuity between legs."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -230,7 +229,6 @@ class CurveInterval:
             effort=shared.effort,
             dynamics=self.dynamics,
             knots=(True, True),
-            position=partial(_power, coefficients, order=0),
         )
 
 

@@ -141,18 +141,31 @@ class Tightening:
         actuators = self.task.problem.limits.actuators
         least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
         (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over
+        spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
         # What a point itself is beyond its bound, since torques are not linear, the next step takes off.
-        upper = beyond.upper - np.maximum(tau - (most - margin.upper), 0)
-        lower = beyond.lower - np.maximum(least + margin.lower - tau, 0)
-        margin = self._moved(margin, TorqueMargin(upper, lower, beyond.rates))
+        left = TorqueMargin(
+            beyond.upper + np.minimum(spare_upper, 0), beyond.lower + np.minimum(spare_lower, 0), beyond.rates
+        )
+        margin = replace(
+            margin,
+            upper=margin.upper + self._idle(spare_upper, beyond.upper),
+            lower=margin.lower + self._idle(spare_lower, beyond.lower),
+        )
+        margin = self._moved(margin, left)
         self.spec = replace(self.spec, margins=(margin,))
         return least + margin.lower, most - margin.upper
+
+    def _idle(self, spare: Array, beyond: Array | float) -> Array:
+        """What a point is within its bound by, where torques beside it are not: margins up to there change nothing."""
+        idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.beside)
+        return np.where(idle, spare, 0.0)
 
     def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
         """Larger margins where torques exceed their limits; smaller ones where they stay below, and time is scarce."""
         numbers = self.task.policy.curves
-        if self.spec.least or self.rounds > numbers.giving_rounds:
-            return larger_margin(self.task, margin, over)
+        late = self.rounds - numbers.giving_rounds
+        if self.spec.least or late > 0:  # what is left by then falls slowly
+            return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
         more = larger_margin(self.task, margin, over, numbers.eager_steps)
 
         def smaller(side: Array | float, beyond: Array | float) -> Array:
@@ -162,5 +175,5 @@ class Tightening:
         return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 
     def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
-        """What torques exceed their limits by at the unknowns that were looked at last; None: those were others."""
+        """Margins of the torques beyond their limits at unknowns, if those were evaluated last; else None."""
         return self._last[1] if np.array_equal(self._last[0], x) else None

@@ -9,9 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.arrays import Array
+from armdyn.arrays import Array, Index
 from armdyn.dynamics.motion import Feedback, tracked
+from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.landing.rollout import RTOL
+from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -46,6 +48,31 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
     x = x if len(x) > 1 else np.vstack([x, x])
     m = len(x)
     return replace(wanted, t=wanted.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
+
+
+def sample_counts(leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
+    """Samples of every interval with which a replay's velocities are right to a part of the velocity limits.
+
+    The curve's accelerations are quadratic in every interval. Where their second derivatives jump, from one interval to
+    the next, both share a sample, whose torque fits neither: with a time h between samples velocities are off by about
+    h³/48 of the jump there, and by twice that at the ends of a leg.
+
+    Args:
+        leg: of a curve.
+        speed: limits of the velocities [rad/s or m/s], shape (nv,); where infinite, the leg's largest velocity counts.
+        numbers: the part, and fewest and most samples.
+
+    Returns:
+        Shape (intervals,).
+    """
+    lengths, places = np.diff(leg.basis.breaks), leg.basis.breaks[:-1] + np.diff(leg.basis.breaks) / 2
+    bends = leg.bends(places)
+    jumps = np.abs(np.diff(np.vstack([-bends[:1], bends, -bends[-1:]]), axis=0))
+    worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.abs(bends))
+    allowed = 48 * numbers.off * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
+    needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
+    needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
+    return np.asarray(np.ceil(needed), dtype=int)
 
 
 def _lines(motion: Trajectory) -> Array:

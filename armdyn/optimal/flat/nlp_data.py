@@ -14,10 +14,10 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.end_torques import end_torque_rows, end_torque_values
 from armdyn.optimal.flat.equations import POINTS, WINDOW, CurveInterval
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.path_constraints.constraint import Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, intervals_of, spread
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows, intervals_of, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
@@ -100,7 +100,7 @@ def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
     return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
 
 
-def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Rows, ...]:
+def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
     """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return (*end_torque_rows(problem), *(rows for each in asked for rows in each.rows(problem)))
@@ -297,22 +297,16 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
     if not rows:
         return
     powers = np.vstack([_powers(leg.basis) for leg in guess.legs])
-    values = constraint_values(problem, guess, constraints)
+    values = constraint_values(problem, constraints)
     for each, own in zip(rows, values, strict=True):
         own_powers = powers[intervals_of(each, intervals)]
         numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
 
 
-def constraint_values(
-    problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints
-) -> tuple[RowValues, ...]:
+def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
     """Numbers and bounds of each of `rows_of`."""
-    whole, ends = guess.duration, np.cumsum([leg.basis.intervals for leg in guess.legs])
-    starts = np.append(0.0, guess.passing)
-    breaks = [start + leg.duration * leg.basis.breaks[:-1] for start, leg in zip(starts, guess.legs, strict=True)]
-    knots = Knots(np.append(np.concatenate(breaks) / whole, 1.0), (0, *ends.tolist()))
     asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return (*end_torque_values(problem), *(values for each in asked for values in each.values(problem, knots)))
+    return (*end_torque_values(problem), *(values for each in asked for values in each.values(problem)))
 
 
 def _powers(basis: Basis) -> Array:

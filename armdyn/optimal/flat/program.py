@@ -23,7 +23,7 @@ from armdyn.optimal.flat.equations import (
     torque_speed_equations,
     torque_step_cost,
 )
-from armdyn.optimal.path_constraints.rows import Rows, intervals_of
+from armdyn.optimal.path_constraints.rows import StageRows, intervals_of
 from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions
 
@@ -170,7 +170,7 @@ class _Part:
 
 
 @built_once(maxsize=32)
-def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[Rows, ...], compile_mode: bool | None) -> Program:
+def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], compile_mode: bool | None) -> Program:
     """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
 
     Args:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
-from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.follow import follow, sample_counts
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
 from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
@@ -260,10 +260,13 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
 def sampled(task: Task, curve: Curve) -> Trajectory:
     """Samples of a curve, between which torques are linear."""
     numbers, problem = task.policy.curves, task.problem
-    finer = numbers.finer_with_friction if np.any(np.asarray(problem.robot.friction.coulomb) > 0) else 1
-    samples = finer * numbers.samples
     jumps = not problem.continuous_torque
-    return curve.trajectory(problem.robot, samples, numbers.steps, jumps, numbers.finer_ends)
+    if not jumps:  # what feedback adds changes fast where samples are close
+        numbers = replace(numbers, most_samples=numbers.samples)
+    rubbing = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = numbers.finer if rubbing or not jumps or not numbers.cruises else 1
+    counts = [finer * sample_counts(leg, problem.limits.velocity, numbers) for leg in curve.legs]
+    return curve.trajectory(problem.robot, counts, jumps)
 
 
 def constraints_mended(task: Task, kept: ConstraintReports) -> bool:

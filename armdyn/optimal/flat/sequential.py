@@ -104,7 +104,7 @@ class Sequential:
             if taken is not None:
                 before, merit = merit, self._merit(taken)
                 # Where the rows were linear all along the step, it ends in the optimum.
-                promised, reached = self._promised(at, step), self._reached(at, taken)
+                promised, reached = self._promised(at, step), self._reached(at, taken, step, merit)
                 off = abs(promised - merit)
                 if k == last < policy.steps - 1 and before - promised < policy.near * merit:
                     last += 1
@@ -192,10 +192,18 @@ class Sequential:
     def _duration(self, at: _Iterate) -> float:
         return float(np.sum(at.x[self.problem.cost.durations]))
 
-    def _reached(self, at: _Iterate, taken: _Iterate) -> bool:
-        """Whether the last step ended within its trust region."""
-        change = np.abs(taken.x - at.x)[self.problem.place >= 0]
-        return bool(np.max(change) < _WITHIN * self._radius)
+    def _reached(self, at: _Iterate, taken: _Iterate, step: QpSolution, merit: float) -> bool:
+        """Whether the last step ended within its trust region, or the region's bounds cost next to nothing.
+
+        The optimum of a convex program is convex in its bounds: by moving them it falls by no more than their
+        multipliers say.
+        """
+        free = self.problem.place >= 0
+        change = np.abs(taken.x - at.x)
+        if np.max(change[free]) < _WITHIN * self._radius:
+            return True
+        held = free & (change > _WITHIN * self._radius)
+        return bool(self._radius * np.sum(np.abs(step.bounds[held])) < self.policy.predicted * merit)
 
     def _kept(self, at: _Iterate) -> bool:
         torque, distance, other = at.penalties

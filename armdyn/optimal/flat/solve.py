@@ -1,6 +1,6 @@
 """The fastest curve near a guess: by sequential convexification, or with other path constraints by IPOPT."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -16,7 +16,7 @@ from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import Sequential, Tighten
 from armdyn.optimal.flat.torque_rows import TorqueRows
-from armdyn.optimal.path_constraints.rows import Rows
+from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
@@ -45,7 +45,7 @@ class Solved:
     curve: Curve
     result: NlpResult
     shape: CurveLayout
-    rows: tuple[Rows, ...]
+    rows: tuple[StageRows, ...]
     guessed: float
     in_steps: bool = False
 
@@ -78,6 +78,7 @@ def solve_curve(
     rows = rows_of(task.problem, spec.constraints)
     if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
+        numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
         trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
         found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers, tighten=tighten)
         if found.converged or task.stop:
@@ -175,13 +176,13 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
         _solver(task, shape, rows, warm)
 
 
-def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[Rows, ...]) -> bool:
+def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...]) -> bool:
     """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
     return plain and task.policy.curves.cruises and problem.from_rest_to_rest and not problem.pays_effort
 
 
-def _solver(task: Task, shape: CurveLayout, rows: tuple[Rows, ...], warm: bool) -> Solver[Program]:
+def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Solver[Program]:
     """The solver of the program; a program built without machine code that has arrived since is built again."""
     if arrived():
         forget()

@@ -52,10 +52,7 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         motion: any.
         dense: velocities and positions are looked at so many times between samples; 1: at the samples.
     """
-    part = np.linspace(0, 1, dense, endpoint=False)
-    t = np.unique((motion.t[:-1, None] + np.diff(motion.t)[:, None] * part).ravel())
-    t = np.append(t, motion.t[-1])
-    at = motion(t)
+    t, q, v = _finer(motion, dense)
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
         Excess(
@@ -67,15 +64,39 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         Excess(
             "velocity limit",
             t,
-            np.abs(at.v) - limits.velocity,
+            np.abs(v) - limits.velocity,
             np.where(np.isinf(limits.velocity), 1.0, limits.velocity),
         ),
         Excess(
             "position limit",
             t,
-            np.maximum(at.q - limits.position_upper, limits.position_lower - at.q),
+            np.maximum(q - limits.position_upper, limits.position_lower - q),
             np.maximum(bounded, 1.0),
         ),
+    )
+
+
+def _finer(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
+    """Times, positions and velocities of a motion at its samples and between them, as `Trajectory.__call__` has them.
+
+    Args:
+        motion: any.
+        dense: places for each interval between samples, its first sample among them; a jump has no others.
+
+    Returns:
+        Of shape (m,), (m, nv) and (m, nv); the samples come first.
+    """
+    flows, s = np.flatnonzero(~motion.jumps), (np.arange(1, dense) / dense)[:, None, None]
+    h, q0, v0, v1 = np.diff(motion.t)[flows, None], motion.q[flows], motion.v[flows], motion.v[flows + 1]
+    rise, h_v0 = motion.q[flows + 1] - q0, h * v0
+    c2, c3 = 3 * rise - h * (2 * v0 + v1), h * (v0 + v1) - 2 * rise
+    n = motion.q.shape[1]
+    q, v = q0 + s * (h_v0 + s * (c2 + s * c3)), v0 + s * (2 * c2 + 3 * s * c3) / h
+    t = motion.t[flows] + s[..., 0] * h[:, 0]
+    return (
+        np.append(motion.t, t),
+        np.concatenate([motion.q, q.reshape(-1, n)]),
+        np.concatenate([motion.v, v.reshape(-1, n)]),
     )
 
 

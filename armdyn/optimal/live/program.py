@@ -249,7 +249,7 @@ class StepProgram:
         return low, high
 
     def _smoothness(self, at: Iterate) -> float:
-        """What squared accelerations cost [s]."""
+        """Cost of the squared accelerations [s]."""
         return float(np.sum((self._smoothing @ at.points) * at.points / self._scale**2)) / 2
 
     def _lead(self, ends: Ends) -> Array:

@@ -8,37 +8,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
-from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import Clearance, CollisionModel
-from armdyn.optimal.path_constraints.rows import Rows, RowValues
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
+from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class Knots:
-    """The knots of a mesh.
-
-    Attributes:
-        when: about the knots' parts of the motion, shape (N + 1,), from 0 to 1.
-        given: the knots of the problem's `poses`: start, via points, goal.
-    """
-
-    when: Array
-    given: tuple[int, ...]
-
-    @property
-    def intervals(self) -> int:
-        """Number of intervals N."""
-        return self.when.size - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,16 +88,13 @@ class AskedDistances:
 
 
 @dataclass(frozen=True)
-class PathConstraint(ABC):
+class PathConstraint(PathConstraintSpec, ABC):
     """A path constraint, perhaps tightened.
 
     A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
 
     Attributes:
         policy: tuned numbers of path constraints.
-        name: for people, in the plural.
-        continuous_torque: it forbids jumps of the torque.
-        curves_alone: no mesh keeps it.
         option: its name in `--limit NAME=…`; empty: it cannot be given there.
         metavar: what `…` stands for, with its unit in the help.
         help: one line of that help.
@@ -124,9 +102,6 @@ class PathConstraint(ABC):
 
     policy: PathConstraintPolicy = field(default=PathConstraintPolicy(), kw_only=True, repr=False, compare=False)
 
-    name: ClassVar[str]
-    continuous_torque: ClassVar[bool] = False
-    curves_alone: ClassVar[bool] = False
     option: ClassVar[str] = ""
     metavar: ClassVar[str] = "X"
     help: ClassVar[str] = ""
@@ -145,24 +120,9 @@ class PathConstraint(ABC):
         """
         raise NotImplementedError(f"{cls.__name__} has no option")
 
-    def option_text(self) -> str:
-        """See `PathConstraintSpec.option_text`."""
-        raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
-
-    def entry(self) -> str | dict[str, Any]:
-        """See `PathConstraintSpec.entry`."""
-        return self.option_text()
-
     def under(self, policy: PathConstraintPolicy) -> Self:
         """The constraint with the tuned numbers of a policy."""
         return replace(self, policy=policy)
-
-    def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """See `PathConstraintSpec.on`."""
-        return self
-
-    def fits(self, problem: MinimumTimeProblem) -> None:  # noqa: B027
-        """See `PathConstraintSpec.fits`."""
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
         """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.
@@ -182,13 +142,31 @@ class PathConstraint(ABC):
         """Distances between bodies, if it asks for just these: curves keep them without rows of the program."""
         return None
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows that the constraint adds to the program."""
         return ()
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Numbers and bounds of each of `rows`."""
         return ()
+
+    def report(
+        self, share: float, said: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1
+    ) -> ConstraintReport:
+        """Report on the largest value of what is limited.
+
+        Args:
+            share: it, as a part of its limit.
+            said: the same in a few words, with units.
+            reason: why the constraint does not hold, where it does not.
+            worst: what is exceeded, joint or frame, and when [s].
+            name: of the constraint; empty: its own.
+            order: see `ConstraintReport`.
+        """
+        name = name or self.name
+        if share <= 1 + self.policy.rate_tolerance:
+            return ConstraintReport(name, said, share, order=order)
+        return ConstraintReport(name, said, share, (reason,), Violation(*worst, share - 1), order=order)
 
     @abstractmethod
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:

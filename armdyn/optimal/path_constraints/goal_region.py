@@ -9,7 +9,7 @@ import numpy as np
 
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, moving_directions
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, Where
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
@@ -35,7 +35,7 @@ class GoalRegion(PathConstraint):
         """Rows of the last interval."""
         return (region_rows(problem.robot, self.goal, "last"),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Zero, or the tolerance either way."""
         return (region_values(problem.robot, self.goal),)
 

@@ -6,7 +6,7 @@ without such rows has the program of `build_nlp` itself.
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -24,34 +24,9 @@ Where = Literal["every", "first", "last", "sum"]
 """In which intervals of the motion, or of a leg; "sum": rows of all are summed, as integrals along the path are."""
 
 
-class Rows(Protocol):
-    """Rows that are the same in every interval; equal ones share a program, so they hold no numbers.
-
-    Attributes:
-        numbers: how many numbers the rows take as parameters.
-        where: in which intervals they are.
-        leg: in those of one leg, by its number; None: of the whole motion.
-    """
-
-    @property
-    def numbers(self) -> int: ...
-
-    @property
-    def where(self) -> Where: ...
-
-    @property
-    def leg(self) -> int | None: ...
-
-    def functions(self, place: IntervalView) -> IntervalFunctions:
-        """The rows of one interval, of its unknowns and of its parameters with the numbers after them."""
-        ...
-
-    def __hash__(self) -> int: ...
-
-
 @dataclass(frozen=True)
 class StageRows:
-    """Rows that are written as an expression of the stages of an interval.
+    """Rows that are an expression of the stages of an interval; equal ones share a program, so they hold no numbers.
 
     Attributes:
         expression: (stages, numbers, *of) -> a column; a function of a module, so that equal rows are equal.
@@ -87,13 +62,15 @@ class RowValues:
     numbers: Array = field(default_factory=lambda: np.empty(0))
 
 
-def spread(rows: Rows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]) -> tuple[Array, Array]:
+def spread(
+    rows: StageRows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]
+) -> tuple[Array, Array]:
     """Lower and upper bounds of rows, one for each row of the program; legs: their numbers of intervals."""
     shape = (1 if rows.where == "sum" else intervals_of(rows, legs).size, functions.defects.numel_out(0))
     return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()
 
 
-def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[Rows]) -> Nlp:
+def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[StageRows]) -> Nlp:
     """The program of `build_nlp` with rows after the equations of motion, and their numbers after its parameters.
 
     Args:
@@ -117,7 +94,7 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
     return build_nlp(dynamics, scheme, intervals, blocks)
 
 
-def intervals_of(rows: Rows, legs: Sequence[int]) -> Index:
+def intervals_of(rows: StageRows, legs: Sequence[int]) -> Index:
     """Indices of the intervals in which rows are; legs: numbers of intervals of all legs."""
     whole = np.arange(sum(legs))
     own = whole if rows.leg is None else whole[sum(legs[: rows.leg]) : sum(legs[: rows.leg + 1])]

@@ -8,9 +8,9 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.registry import path_constraints_of
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, spread
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows, spread
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -75,13 +75,13 @@ class TightenedConstraints:
         found = (constraint.asked_distances(problem) for constraint in self.path_constraints)
         return next((asked for asked in found if asked is not None), None)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the program besides the equations of motion."""
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Parameters and bounds of these rows."""
-        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem, knots))
+        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
         """Check all path constraints along a motion; `passing`: times of the via points [s]."""
@@ -104,7 +104,7 @@ class TightenedConstraints:
 
 
 def row_bounds(
-    rows: Sequence[Rows], values: Sequence[RowValues], place: IntervalView, intervals: int
+    rows: Sequence[StageRows], values: Sequence[RowValues], place: IntervalView, intervals: int
 ) -> tuple[Array, Array]:
     """Lower and upper bounds of a program's rows besides the equations of motion, in their order."""
     sides = [spread(each, each.functions(place), own, (intervals,)) for each, own in zip(rows, values, strict=True)]

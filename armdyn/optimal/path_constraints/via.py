@@ -11,7 +11,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -42,7 +42,7 @@ class ViaPoints(PathConstraint):
         """Rows where a leg ends in a region."""
         return tuple(region_rows(problem.robot, one, "last", leg) for leg, one in problem.via_regions.items())
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         parts = self.parts or np.ones(len(problem.via))
         return tuple(region_values(problem.robot, one, parts[leg]) for leg, one in problem.via_regions.items())
 

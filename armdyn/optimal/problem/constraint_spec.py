@@ -1,14 +1,14 @@
-"""Path constraints as a problem sees them."""
+"""Path constraints as a problem sees them: the base of `PathConstraint`."""
 
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Self
 
 from armdyn.arrays import Array
+from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 
 
-@runtime_checkable
-class PathConstraintSpec(Protocol):
-    """A path constraint, as `MinimumTimeProblem.path_constraints` takes it.
+class PathConstraintSpec:
+    """A path constraint, as `MinimumTimeProblem.path_constraints` takes it: derive from `PathConstraint`.
 
     Attributes:
         name: for people, in the plural: "torque-rate limits".
@@ -16,14 +16,9 @@ class PathConstraintSpec(Protocol):
         curves_alone: no mesh keeps it.
     """
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def continuous_torque(self) -> bool: ...
-
-    @property
-    def curves_alone(self) -> bool: ...
+    name: ClassVar[str]
+    continuous_torque: ClassVar[bool] = False
+    curves_alone: ClassVar[bool] = False
 
     def option_text(self) -> str:
         """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".
@@ -31,11 +26,11 @@ class PathConstraintSpec(Protocol):
         Raises:
             ProblemError: no text says it.
         """
-        ...
+        raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
 
     def entry(self) -> str | dict[str, Any]:
         """The constraint as problem files say it: a text, as --limit does, or a table of values."""
-        ...
+        return self.option_text()
 
     def fits(self, problem: Any) -> None:
         """Check a whole problem, once its poses are known.
@@ -46,7 +41,6 @@ class PathConstraintSpec(Protocol):
         Raises:
             ProblemError: the constraint cannot hold in it.
         """
-        ...
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """The constraint for an arm, checked against it and against the motion's ends.
@@ -59,4 +53,4 @@ class PathConstraintSpec(Protocol):
         Raises:
             ProblemError: it does not fit them; the message names argument, joint or frame, value, and what would fit.
         """
-        ...
+        return self

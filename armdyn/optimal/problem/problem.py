@@ -18,9 +18,8 @@ from armdyn.locks import cached_property
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.scene.checks import check_scene, contacts
 from armdyn.models.scene.collision import CollisionModel, collision_model
-from armdyn.models.scene.obstacles import Obstacle, obstacle_entry
+from armdyn.models.scene.obstacles import Obstacle, check_scene, contacts, obstacle_entry
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint

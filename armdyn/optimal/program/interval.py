@@ -1,6 +1,5 @@
 """One interval of direct collocation, written once for every tableau: its equations, cost and derivatives."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -115,7 +114,6 @@ class Stages:
         effort: likewise [N m or N], shape (nv,).
         dynamics: of the robot.
         knots: whether the first and the last stage are knots.
-        position: of a part of the interval from 0 to 1: joint positions there [rad or m], shape (nv,).
     """
 
     y: ca.SX
@@ -130,7 +128,6 @@ class Stages:
     effort: ca.SX
     dynamics: Dynamics
     knots: tuple[bool, bool]
-    position: Callable[[ca.SX], ca.SX]
 
 
 class IntervalView(Protocol):
@@ -169,39 +166,22 @@ class Collocated:
 
     def stages(self) -> Stages:
         """The stages of one interval."""
-        return stages_of(self.dynamics, self.scheme)
-
-
-def stages_of(dynamics: Dynamics, scheme: Scheme) -> Stages:
-    """The stages of one interval."""
-    layout, one = Layout(dynamics.nv, scheme), _scaled_stages(dynamics, scheme)
-    by, (left, _, _) = Parameters.of(one.p, dynamics.nv), layout.parts(one.y)
-    return Stages(
-        y=one.y,
-        p=one.p,
-        h=by.fraction * by.time * left[layout.knot.time],
-        c=scheme.tableau.c,
-        q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
-        v=ca.horzcat(*one.velocities),
-        a=ca.horzcat(*one.accelerations),
-        tau=ca.horzcat(*(by.effort * torque for torque in one.torques)),
-        acceleration=by.speed / by.time,
-        effort=by.effort,
-        dynamics=dynamics,
-        knots=(scheme.tableau.starts_at_knot, scheme.tableau.ends_at_knot),
-        position=lambda s: _between_knots(one.y, one.p, s, layout),
-    )
-
-
-def _between_knots(y: ca.SX, p: ca.SX, s: ca.SX, layout: Layout) -> ca.SX:
-    """Joint positions [rad or m] at a part s of an interval, on the cubic through its knots' states."""
-    by, knot, (left, _, right) = Parameters.of(p, layout.nv), layout.knot, layout.parts(y)
-    h = by.fraction * by.time * left[knot.time]
-    q = [by.length * end[knot.q] for end in (left, right)]
-    v = [by.speed * end[knot.v] for end in (left, right)]
-    rise = q[1] - q[0]
-    here: ca.SX = q[0] + s * (h * v[0] + s * (3 * rise - h * (2 * v[0] + v[1]) + s * (h * (v[0] + v[1]) - 2 * rise)))
-    return here
+        layout, one = Layout(self.dynamics.nv, self.scheme), _scaled_stages(self.dynamics, self.scheme)
+        by, (left, _, _) = Parameters.of(one.p, self.dynamics.nv), layout.parts(one.y)
+        return Stages(
+            y=one.y,
+            p=one.p,
+            h=by.fraction * by.time * left[layout.knot.time],
+            c=self.scheme.tableau.c,
+            q=ca.horzcat(*(by.length * x[layout.knot.q] for x in one.states)),
+            v=ca.horzcat(*one.velocities),
+            a=ca.horzcat(*one.accelerations),
+            tau=ca.horzcat(*(by.effort * torque for torque in one.torques)),
+            acceleration=by.speed / by.time,
+            effort=by.effort,
+            dynamics=self.dynamics,
+            knots=(self.scheme.tableau.starts_at_knot, self.scheme.tableau.ends_at_knot),
+        )
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,7 @@ class _StationarityProgram:
         into: S by the velocities' costates, times the torques' ranges, at the knots, shape (K + 1, nv, nv).
         share: of their ranges that torques are above the lower limit, shape (K, nv).
         limits: that the motion comes near to.
-        width: of the torques' ranges, shape (nv,).
+        width: of the torques' ranges, shape (nv,); 1 where there is no motor.
         numbers: lengths of stretches, and what is near.
     """
 
@@ -162,15 +162,16 @@ class _StationarityProgram:
             a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
             rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
         inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
+        width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor no torque can be another
         return cls(
             motion=motion,
             carried=carried,
             added=h[:, None, None] / 6 * (own + 4 * first + carried) * size,  # by Simpson's rule
             rate=np.array(rates),
             into=inverse * actuators.width[:, None] / size[n:],
-            share=(motion.tau - actuators.lower) / actuators.width,
+            share=(motion.tau - actuators.lower) / width,
             limits=[one for one in _Limit.all(problem.limits, motion) if np.min(one.room) <= numbers.held],
-            width=actuators.width,
+            width=width,
             numbers=numbers,
         )
 

@@ -11,10 +11,11 @@ from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.resolve import prepare_resolving, rank, resolve
+from armdyn.optimal.refine.resolve import rank, resolve
 from armdyn.optimal.search.candidates import Found, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.switching.refinement import prepare_switching
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
@@ -45,7 +46,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     """
     attempts, numbers, options = found.attempts, task.policy.refinement, task.options
     if _reads_arcs(task):
-        prepare_resolving(task)
+        prepare_switching(task)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
     few, many = options.intervals, options.max_intervals
 

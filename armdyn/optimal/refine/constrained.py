@@ -118,7 +118,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
-    """Whether it misses a condition, by more than slowing down mends at little cost, and the goal."""
+    """Two faults: a condition missed by more than a little slowing down mends, and a goal missed."""
     missed = optimum.reports is not None and not _mended(task, optimum.reports)
     return missed, optimum.certificate.goal_error > task.policy.path_constraints.near
 

@@ -218,7 +218,7 @@ def _no_way(task: Task) -> Attempt:
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     """A curve whose torques exceed their limits at any pace."""
     problem, result = task.problem, refined.solved.result
-    motion = refined.curve.trajectory(problem.robot, 1, 0)
+    motion = refined.curve.trajectory(problem.robot)
     hold, limits = problem.holding_torque(), problem.limits
     over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
     message, j = result.message, int(np.argmax(over))
@@ -278,6 +278,9 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
+    if can_be_slowed(problem):  # velocities leave room for the replay's error
+        fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
+        curve = curve.slower(max((1 + task.policy.curves.off) * fastest, 1.0))
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
     replay = follow(task, sampled(task, curve))
     # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.nlp_data import PhaseAim, TiedArcs
 from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
@@ -22,20 +21,17 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 
-def land(task: Task, phases: Phases, remark: str = "", intervals: int | None = None) -> Optimum:
+def land(task: Task, phases: Phases) -> Optimum:
     """Solve arcs until their replay is on the goal, and certify it.
 
     Args:
         task: the problem and its settings.
         phases: a solution of its arcs.
-        remark: what there is to say against them already.
-        intervals: of the mesh that they were read from; None: their own.
     """
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
         phases, replay, resisted = _on_goal(task, phases, replay)
-    size = intervals or phases.arc_of.size
-    return Optimum.of(task.problem, replay, size, phases, remark or resisted, iterations=phases.iterations)
+    return Optimum.of(task.problem, replay, phases.arc_of.size, phases, resisted, iterations=phases.iterations)
 
 
 def with_costates(task: Task, optimum: Optimum) -> Optimum:
@@ -93,8 +89,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
         if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
             break
-        aim = PhaseAim(near=True, density=phases.density)
-        tried = solve_phases(task, phases.arcs, phases.torques, size, aim)
+        tried = solve_phases(task, phases.arcs, phases.torques, size, near=True, density=phases.density)
         if isinstance(tried, Unresolved):
             remark = f"the arcs did not converge on {size} intervals ({tried.message})"
             return phases, replay_of(task, phases.torques), remark
@@ -110,11 +105,8 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
         if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
-        # Where time leaves torques free another solution has others, and the error is not the same again.
-        undetermined = problem.effort_weight == 0 and len(best.arcs) > 2 * n
-        keep = TiedArcs.of(best.arcs, best.torques) if undetermined else None
-        there = PhaseAim(aim.at_goal(n), near=True, density=best.laid, keep=keep)
-        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, there)
+        offset = aim.at_goal(n)
+        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, True, offset, best.laid)
         if isinstance(tried, Unresolved):
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_of(task, tried.torques)

@@ -6,17 +6,13 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import Arc, Mode, merged
+from armdyn.optimal.arcs.arc import Arc, merged
 from armdyn.optimal.arcs.detection import detect
-from armdyn.optimal.arcs.nlp_data import PhaseAim
-from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
-from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE, certify
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land, land_extremal
+from armdyn.optimal.refine.land import land_extremal
 from armdyn.optimal.refine.motion_mesh import mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
@@ -30,9 +26,7 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.from_arcs import structures_of
 from armdyn.optimal.switching.refinement import (
     RefinedExtremal,
-    has_switching,
     leaves_idle,
-    prepare_switching,
     refine_extremal,
     shooting_problem,
 )
@@ -40,7 +34,6 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _IDLE = "time leaves a joint idle"
-Structure = tuple[tuple[tuple[Mode, ...], tuple[tuple[int, Mode], ...]], ...]
 
 
 def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optimum:
@@ -54,35 +47,24 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
     sharp, resolved = attempt, None
     if not task.stop:
-        own, rolled_out = Budget(task.stop) if budget is None else budget, has_switching(task)
+        own = Budget(task.stop) if budget is None else budget
         fast = _at_speed(task, motion)  # there structures rarely settle, and the mesh's motion does sooner
-        if rolled_out:
-            found = _by_switching(task, shooting_problem(task, motion.duration), attempt, own)
+        found = _by_switching(task, shooting_problem(task, motion), attempt, own)
+        known += _landed(task, found, attempt, own)
+        if not (found.settled or found.idle or fast):
+            found = found.again(own)
             known += _landed(task, found, attempt, own)
-            if not (found.settled or fast):
-                found = found.again(own)
-                known += _landed(task, found, attempt, own)
-            # Else a finer mesh may show a structure yet.
-            last = own.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
-            if (fast or last) and not (_certified(known) or found.why == _IDLE):
-                resolved = mesh_optimum(task, found.mesh, found.why)
-                known += [] if resolved is None else [resolved]
-            if fast and resolved is None and not found.settled:
-                found = found.again(own)
-                known += _landed(task, found, attempt, own)
-            remark, sharp = found.why, found.mesh
-            if resolved is not None:
-                own.spend(own.left)  # what a resolved motion lacks no other mesh has
-        # Where no structure leads to a motion a finer mesh does sooner than the collocation of arcs, at less cost.
-        fast = fast or _at_speed(task, *(one.trajectory for one in known))
-        if (not rolled_out or remark == _IDLE or (fast and resolved is None)) and not _certified(known):
-            phases, remark = _structure(task, _arcs_of(task, attempt), motion, budget)
-            if phases is not None:
-                known.append(land(task, phases, remark, attempt.intervals))
-                remark = known[-1].certificate.remark
-        if rolled_out and found.why == _IDLE and not _certified(known):
+        # Else a finer mesh may show a structure yet.
+        last = own.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+        if (fast or last or found.idle) and not _certified(known):
             resolved = mesh_optimum(task, found.mesh, found.why)
             known += [] if resolved is None else [resolved]
+        if fast and resolved is None and not found.settled:
+            found = found.again(own)
+            known += _landed(task, found, attempt, own)
+        remark, sharp = found.why, found.mesh
+        if resolved is not None:
+            own.spend(own.left)  # what a resolved motion lacks no other mesh has
     if certified := _certified(known):
         return min(certified, key=partial(rank, task))
     longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
@@ -131,10 +113,10 @@ def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
     yield attempt
 
 
-def _at_speed(task: Task, *motions: Trajectory) -> bool:
-    """Whether one of some motions reaches a velocity limit, which extremals know nothing of."""
+def _at_speed(task: Task, motion: Trajectory) -> bool:
+    """Whether a motion reaches a velocity limit, which extremals know nothing of."""
     near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
-    return any(bool(np.any(np.abs(motion.v) >= near)) for motion in motions)
+    return bool(np.any(np.abs(motion.v) >= near))
 
 
 def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
@@ -149,15 +131,6 @@ def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     return not good, factor * optimum.trajectory.duration if good else optimum.error
 
 
-def prepare_resolving(task: Task) -> None:
-    """Build the functions that `resolve` most likely needs, unless they are built."""
-    if has_switching(task):
-        prepare_switching(task)
-        return
-    for finer in (1, 2):
-        prepare_phases(task, finer * task.policy.refinement.intervals)
-
-
 def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     """The arcs that a mesh's torques and states say."""
     policy, equal = task.policy, attempt.knots is None
@@ -165,51 +138,6 @@ def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
     brief, near = (0.0, policy.arcs) if equal else (policy.arcs.brief, policy.arcs.at_switches)
     return merged(detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief))
-
-
-def _structure(task: Task, arcs: list[Arc], motion: Trajectory, budget: Budget | None) -> tuple[Phases | None, str]:
-    """Phases whose switching functions agree with their modes, or the last ones and why they do not.
-
-    Args:
-        task: the problem and its settings.
-        arcs: to begin with.
-        motion: a guess.
-        budget: of integrator steps, of which IPOPT's iterations take some, too; None: as many as it takes.
-    """
-    problem, numbers = task.problem, task.policy.refinement
-    guess, seen = motion, set[Structure]()
-    last: Phases | None = None
-    for _ in range(numbers.rounds):
-        if len(arcs) > numbers.most_arcs:
-            return last, f"{len(arcs)} arcs: more than {numbers.most_arcs}"
-        if budget:  # spent
-            return last, budget.word
-        size = max(numbers.intervals, 3 * len(arcs))
-        phases = solve_phases(task, arcs, guess, size, PhaseAim(density=last.density if last else None))
-        if budget is not None:
-            budget.spend(phases.iterations * size * numbers.iteration)
-        if isinstance(phases, Unresolved):
-            return last, f"the durations of {len(arcs)} arcs did not converge ({phases.message})"
-        guess, structure = phases.torques, _named(phases.arcs)
-        if structure not in seen and (fewer := without_vanished(phases, task.policy.arcs)):
-            seen.add(structure)
-            arcs = fewer
-            continue
-        last = phases
-        arcs = with_overlooked(problem, phases, task.policy.arcs) or without_idle_touches(phases)
-        if arcs and structure not in seen and not task.stop:
-            seen.add(structure)
-            continue
-        _, switching, worst = pontryagin(problem, phases)
-        if worst <= SWITCHING_TOLERANCE:
-            return phases, ""
-        arcs = by_sign(phases, switching)
-        if structure == _named(arcs):  # nothing is to be corrected but the mesh
-            return phases, ""
-        if structure in seen or task.stop:
-            break
-        seen.add(structure)
-    return last, "the switching structure did not settle"
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,8 +162,14 @@ class _Resolved:
 
     @property
     def settled(self) -> bool:
-        """Whether the best is an extremal."""
+        """Whether the best is an extremal that leaves no joint idle."""
         return bool(self.tried) and not self.tried[0][0][0]
+
+    @property
+    def idle(self) -> bool:
+        """Whether the best leaves a joint idle."""
+        best = self.tried[0][1].extremal if self.tried else None
+        return best is not None and leaves_idle(best, SWITCHING_TOLERANCE)
 
     @property
     def extremals(self) -> tuple[Extremal, ...]:
@@ -248,9 +182,7 @@ class _Resolved:
         """What the best lacks, for people; "": nothing."""
         if not self.tried:
             return "no structure was read"
-        best = self.tried[0][1]
-        idle = best.extremal is not None and leaves_idle(best.extremal, SWITCHING_TOLERANCE)
-        return _IDLE if idle else best.why
+        return _IDLE if self.idle else self.tried[0][1].why
 
     def with_tried(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
         """With what a structure leads to, within a part of a budget."""
@@ -296,14 +228,12 @@ def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterato
 
 
 def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
-    """Sorts: extremals before other motions, each by duration."""
+    """Sorts: extremals before other motions and before those that leave a joint idle, each by duration."""
     if refined.extremal is None:
         return True, np.inf
+    if leaves_idle(refined.extremal, SWITCHING_TOLERANCE):
+        return True, refined.extremal.structure.duration
     wrong = refined.wrong
     if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
         wrong = pontryagin(shooting.problem, phases_of(refined.extremal))[2]
     return wrong > SWITCHING_TOLERANCE, refined.extremal.structure.duration
-
-
-def _named(arcs: tuple[Arc, ...] | list[Arc]) -> Structure:
-    return tuple((arc.modes, arc.touches) for arc in arcs)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
@@ -238,8 +237,8 @@ def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: flo
     """Arcs on a mesh, from a solution that is near; an artefact says nothing of where to look."""
     numbers = task.policy.smooth
     density = near.density if stray < numbers.artefact else None
-    aim = PhaseAim(density=density, near=stray < numbers.warm)
-    return solve_phases(task, arcs, near.torques, max(size, 3 * len(arcs)), aim)
+    size = max(size, 3 * len(arcs))
+    return solve_phases(task, arcs, near.torques, size, near=stray < numbers.warm, density=density)
 
 
 def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:

@@ -165,7 +165,7 @@ def _guess(task: Task, way: Way) -> Curve:
     curve = Curve.along(way, _bases(task, durations), durations, speed, flying=problem.regional)
     if task.policy.curves.cruises:
         return curve
-    factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot, 1, 0))
+    factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot))
     return curve.slower(float(np.clip(factor, 0.1, 10.0)) if np.isfinite(factor) else 1.0)
 
 

@@ -64,7 +64,7 @@ class _Screened:
         task = task.about(self.branch)
         if self.curve is None or not self.chosen:
             return task
-        motion = self.curve.trajectory(self.branch.robot, 1, 0)
+        motion = self.curve.trajectory(self.branch.robot)
         return task.with_options(guesses=(*task.options.guesses, motion))
 
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.codegen.deadline import LateError
-from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
-from armdyn.optimal.path_constraints.rows import Rows, with_rows
+from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -59,8 +58,7 @@ def solve_on_mesh(
     shares = fractions
     if len(legs.intervals) > 1:
         shares = fractions * legs.durations[legs.of] / legs.durations.sum()
-    knots = Knots(np.append(0.0, np.cumsum(shares)), (0, *legs.knots.tolist()))
-    values = constraints.values(problem, knots)
+    values = constraints.values(problem)
     parameters = scales.parameters(fractions, weights, task.dynamics.last_body)
     parameters = np.concatenate([parameters, numbers_of(values)])
     x = to_unknowns(guess, layout, shares, scales)
@@ -71,7 +69,7 @@ def solve_on_mesh(
     result = solver.solve(NlpData(x, parameters, (lower, upper), (lbg, ubg)), task.stop)
     x, g = result.x, solver.equations(result.x, parameters)
     landed = result.status is Status.SOLVED
-    # Rows after the equations of motion are not looked at.
+    # StageRows after the equations of motion are not looked at.
     beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, legs.knots[:-1])]] * scales.time, 0)
     return Attempt(
@@ -126,7 +124,7 @@ def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 
-def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[Rows, ...]) -> Solver[Nlp]:
+def _solver(task: Task, intervals: int, settings: SolverSettings, rows: tuple[StageRows, ...]) -> Solver[Nlp]:
     if (flat := task.policy.program.flat) is not None:
         settings = replace(settings, acceptable=Acceptable(flat, settings.tolerance))
     return in_time(task, lambda scheme: solver_for(task, settings, with_rows, task.dynamics, scheme, intervals, rows))

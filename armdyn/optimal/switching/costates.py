@@ -9,7 +9,6 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
-from armdyn.optimal.arcs.grid import density_of
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
 from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -56,8 +55,6 @@ def phases_of(extremal: Extremal) -> Phases:
         costate=np.vstack([whole.costate[:, 0], whole.costate[-1:, -1]]),
         tau=tau,
         arc_of=arc_of,
-        laid=None,
-        density=density_of(whole.t, [(NODES, whole.x), (NODES, whole.costate)], numbers.least_density),
         stage_q=states[:, 1:, 0],
         stage_v=states[:, 1:, 1],
         stage_costate=weights * whole.costate[:, 1:],
@@ -65,7 +62,6 @@ def phases_of(extremal: Extremal) -> Phases:
         state_multiplier=impulses[:, :-1].reshape(K, -1, 2, n),
         knot_multiplier=knots.reshape(K - 1, 2, n),
         torques=motion_of(problem, arcs, arc_of, whole.t, states, tau, numbers),
-        iterations=0,
     )
 
 
@@ -144,7 +140,7 @@ class _Grid:
             own = np.flatnonzero(rollout.arc == arc)
             if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
                 continue
-            parts = own.size if curved[own[0]] else max(1, round(own.size / rollout.shooting.policy.rollout.together))
+            parts = own.size if curved[own[0]] else rollout.shooting.policy.rollout.groups(own.size)
             for steps in np.array_split(own, parts):
                 first.append(int(steps[0]))
                 count.append(steps.size)

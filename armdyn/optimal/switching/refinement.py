@@ -18,6 +18,7 @@ from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingS
 from armdyn.optimal.switching.signs import WrongSign, with_signs, without_unwanted, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,16 +51,9 @@ class RefinedExtremal:
         return replace(self, extremal=Extremal(linear), why=why)
 
 
-def has_switching(task: Task) -> bool:
-    """Whether arcs can be integrated: time alone counts, friction has no sharp turns, and every joint has a motor."""
-    problem = task.problem
-    plain = problem.effort_weight == 0 and not problem.robot.friction.present and not problem.path_constraint_names
-    return plain and not np.any(problem.limits.passive)
-
-
-def shooting_problem(task: Task, duration: float) -> ShootingProblem:
-    """Integrator of a task's structures of about so long a duration [s]."""
-    return ShootingProblem.of(task, _flow(task), duration)
+def shooting_problem(task: Task, motion: Trajectory) -> ShootingProblem:
+    """Integrator of a task's structures near a motion."""
+    return ShootingProblem.of(task, _flow(task), motion)
 
 
 def prepare_switching(task: Task) -> None:
@@ -83,11 +77,13 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
     best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
     numbers = shooting.policy.switching
     for _ in range(numbers.rounds):
-        while structure.size + 1 > shooting.most_arcs and shooting.finer is not None:
-            shooting = shooting.finer
+        while structure.size + 1 > shooting.most_arcs and (more := shooting.finer()) is not None:
+            shooting = more
         found, given_up = _tried(shooting, structure, stop, bool(others.left))
-        finer, enough = shooting.finer, numbers.drift if isinstance(found, Extremal) else numbers.astray
-        if found.linear is not None and found.linear.drift > enough and finer is not None and not stop:
+        enough = numbers.drift if isinstance(found, Extremal) else numbers.astray
+        drifts = found.linear is not None and found.linear.drift > enough and not stop
+        finer = shooting.finer(found.linear.rollout) if found.linear is not None and drifts else None
+        if found.linear is not None and finer is not None:
             shooting, structure = finer, found.linear.rollout.structure
             continue
         if isinstance(found, NoExtremal):

@@ -113,7 +113,7 @@ class ShootingEquations:
         return cls(problem, problem.torques(guess.arcs), guess.switches, scale, guess.duration)
 
     def unknowns(self, guess: BangBangExtremal) -> Array:
-        """Residual of arcs and their starts."""
+        """Scaled starts and lengths of the arcs of a guess, in one vector."""
         return np.concatenate([(guess.starts / self.scale).ravel()[self._known.size :], guess.lengths / self.time])
 
     def parts(self, unknowns: Array) -> tuple[Array, Array]:

@@ -22,10 +22,9 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, script_json
 from armdyn.show.page import joints, sections
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.carried import parts_in
 from armdyn.show.page.course import ShownMotion, course_data, until
-from armdyn.show.page.cycle import costs_section, step_data, steps_section
-from armdyn.show.page.motors import motor_section
+from armdyn.show.page.cycle import costs_section, parts_in, step_data, steps_section
+from armdyn.show.page.joints import motor_section
 from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
 from armdyn.show.page.sections import Section
 from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of

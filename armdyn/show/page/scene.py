@@ -18,7 +18,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.show.page.carried import CarriedPart, shown_parts
+from armdyn.show.page.cycle import CarriedPart, shown_parts
 from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, flag, interval, number, one_of, several, text
+from armdyn.arguments import check_fields, checked, expect, flag, interval, number, one_of, several, text
 from armdyn.arrays import Array
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
@@ -166,10 +166,10 @@ class Ramps:
 
     q_start: ArrayLike
     q_goal: ArrayLike
-    duration: tuple[float, float] = (0.1, 1.0)
+    duration: tuple[float, float] = checked(interval, (0.1, 1.0), unit="s", sign="positive")
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "duration", interval(self.duration, "duration", unit="s", sign="positive"))
+        check_fields(self)
 
     @property
     def parameter(self) -> Parameter:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from armdyn.control.tracking.run import Run
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.track import Setup
 from armdyn.models.robots.robot import Robot
 
 Index = Literal["settled", "itae", "ise"]

@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armdyn.arguments import expect, listener, number, one_of, path, whole
+from armdyn.arguments import check_fields, checked, expect, listener, number, one_of, path, whole
 from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.tracking.setup import Setup, expect_own_payload
+from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.stop import Stop, stopping
@@ -60,30 +60,19 @@ class TuneOptions:
         ProblemError: something is out of range or unknown.
     """
 
-    index: Index = "settled"
-    overshoot: float = 0.05
-    duration: float = 1.5
-    tolerance: float = 0.005
-    seed: int = 0
-    members: int = 8
-    generations: int = 60
-    time_limit: float = np.inf
-    workers: int | None = None
-    file: str | os.PathLike[str] | None = None
+    index: Index = checked(one_of, "settled", known=INDICES)
+    overshoot: float = checked(number, 0.05, sign="positive")
+    duration: float = checked(number, 1.5, unit="s", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
+    seed: int = checked(whole, 0, least=0)
+    members: int = checked(whole, 8, least=2)
+    generations: int = checked(whole, 60, least=1)
+    time_limit: float = checked(number, np.inf, unit="s", sign="positive", finite=False)
+    workers: int | None = checked(whole, None, least=1)
+    file: str | os.PathLike[str] | None = checked(path, None)
 
     def __post_init__(self) -> None:
-        one_of(self.index, INDICES, "index")
-        for name, unit in (("overshoot", ""), ("duration", "s"), ("tolerance", "rad")):
-            object.__setattr__(self, name, number(getattr(self, name), name, unit=unit, sign="positive"))
-        limit = number(self.time_limit, "time_limit", unit="s", sign="positive", finite=False)
-        object.__setattr__(self, "time_limit", limit)
-        object.__setattr__(self, "seed", whole(self.seed, "seed", least=0))
-        object.__setattr__(self, "members", whole(self.members, "members", least=2))
-        object.__setattr__(self, "generations", whole(self.generations, "generations", least=1))
-        if self.workers is not None:
-            object.__setattr__(self, "workers", whole(self.workers, "workers", least=1))
-        if self.file is not None:
-            object.__setattr__(self, "file", path(self.file, "file"))
+        check_fields(self)
 
 
 @brief

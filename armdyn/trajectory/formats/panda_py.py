@@ -6,75 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory.formats.streams import EVENT_REMARK, Stream, python_head, start_tolerance
+from armdyn.trajectory.formats.streams import EVENT_REMARK, Stream, python_program, start_tolerance
 
 if TYPE_CHECKING:
     from armdyn.trajectory.samples import Samples
-
-_PROGRAM = '''
-
-def refuse_unless_ready(panda):
-    """The arm has no error, and all targets are within the connected arm's own joint limits."""
-    panda.raise_error()
-    lower, upper = panda.get_joint_limits_lower(), panda.get_joint_limits_upper()
-    for k, q in enumerate(Q):
-        if not all(low <= x <= high for low, x, high in zip(lower, q, upper)):
-            raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the arm's joint limits")
-
-
-def run(panda, controller, first, last):
-    """Show the controller the target of each moment; panda-py raises the arm's errors, and the arm stops by itself."""
-    panda.start_controller(controller)
-    try:
-        sent = first
-        with panda.create_context(frequency=RATE) as context:
-            while context.ok() and sent <= last + SETTLING:
-                due = first + int(context.time * RATE + 0.5)  # this computer may be late: the motion is not
-                if due > sent + MOST_LATE:
-                    raise SystemExit(f"stopped: this computer was {(due - sent) / RATE:.3f} s late")
-                sent = max(sent, due)
-                row = min(sent, last)
-                controller.set_control(Q[row], V[row] if row < last else [0.0] * len(Q[row]))
-                if distance(panda.q, Q[row]) > MOST_OFF:
-                    raise SystemExit(f"stopped: a joint is more than {MOST_OFF} rad off the motion")
-                sent += 1
-    finally:
-        panda.stop_controller()
-
-
-def occur(panda, kind, name, load):
-    """Tell of an event, and set the load of its piece, which the robot takes at rest without a controller only."""
-    if kind:
-        on_event(kind, name)
-    if load is not None:
-        mass, com, (xx, yy, zz, xy, xz, yz) = joined((*PAYLOAD, [0.0] * 6), load) if PAYLOAD is not None else load
-        panda.get_robot().set_load(mass, com, [xx, xy, xz, xy, yy, yz, xz, yz, zz])
-
-
-def main():
-    asked = options("a Franka arm")
-    import panda_py
-    from panda_py import controllers
-
-    panda = panda_py.Panda(asked.host)
-    if PAYLOAD is not None:
-        panda.get_robot().set_load(*PAYLOAD, [0.0] * 9)
-    events = EVENTS[:]
-    if events and events[0][0] < 0:
-        occur(panda, *events.pop(0)[1:])
-    refuse_unless_ready(panda)
-    approach = lambda q: panda.move_to_joint_position(q, speed_factor=APPROACH_SPEED)
-    go_to_start(lambda: panda.q, approach, asked.to_start)
-    for (first, *event), last in zip([(0, "", "", None)] + events, [event[0] for event in events] + [len(Q) - 1]):
-        occur(panda, *event)
-        if last > first:
-            run(panda, controllers.JointPosition(), first, last)
-    print(f"done; a joint is {distance(panda.q, Q[-1]):.4f} rad from the goal at most")
-
-
-if __name__ == "__main__":
-    main()
-'''
 
 _REST = 0.01
 """Speed of a joint at which an arm counts as at rest [rad/s]: a sample may be a tick off a stop."""
@@ -130,4 +65,4 @@ class PandaPython(Stream):
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "V": (samples.v.tolist(), "joint velocities [rad/s], one row per tick"),
         }
-        return python_head("a Franka arm", "panda-python", samples, constants) + _PROGRAM
+        return python_program("panda_python", "a Franka arm", "panda-python", samples, constants)

@@ -1,12 +1,13 @@
 """Programs that send one target per tick: checks of their numbers, and the head of those in Python.
 
-A program has numbers and quoted texts of the motion only; the rest of it is written here.
+A program has numbers and quoted texts of the motion only; the rest of it is here and in `programs/`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from armdyn.arguments import number, several
@@ -136,52 +137,18 @@ def start_tolerance(value: object) -> float:
     return number(value, "tolerance", unit="rad", sign="positive", error=TrajectoryError)
 
 
-_ON_EVENT = '''
-
-def on_event(kind, name):
-    """Events of the motion: write here what the gripper does."""
-    print(kind, name)
+def program(name: str) -> str:
+    """A file of `programs/`: the parts of programs that no motion changes."""
+    return Path(__file__).with_name("programs").joinpath(f"{name}.txt").read_text("utf-8")
 
 
-def joined(base, load):
-    """Two bodies as one: mass, centre of mass, inertia about it."""
-    (m, c, i), (n, d, j) = base, load
-    if m + n <= 0:
-        return 0.0, [0.0] * 3, [0.0] * 6
-    x, y, z = (a - b for a, b in zip(c, d))
-    apart = [y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z]  # Steiner
-    inertia = [a + b + m * n / (m + n) * r for a, b, r in zip(i, j, apart)]
-    return m + n, [(m * a + n * b) / (m + n) for a, b in zip(c, d)], inertia
-'''
-
-_START = '''
-
-def distance(actual, wanted):
-    """Largest distance of a joint [rad]."""
-    return max(abs(a - b) for a, b in zip(actual, wanted))
-
-
-def options(arm):
-    """Arguments of this program."""
-    parser = argparse.ArgumentParser(description=f"Run a motion that armdyn planned on {arm}.")
-    parser.add_argument("host", help="IP address of the robot")
-    parser.add_argument("--to-start", action="store_true", help="first move to the start, slowly; look at that way")
-    return parser.parse_args()
-
-
-def go_to_start(where, move, asked):
-    """Refuse an arm that is not at the start, or move it there slowly with --to-start."""
-    if asked and distance(where(), Q[0]) > TOLERANCE:
-        move(Q[0])
-    if (away := distance(where(), Q[0])) > TOLERANCE:
-        raise SystemExit(f"refused: a joint is {away:.4f} rad from the start, more than {TOLERANCE} rad; --to-start")
-'''
-
-
-def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str, tuple[object, str]]) -> str:
-    """Beginning of a Python program: docstring, motion and constants as literals of ASCII, the way to the start.
+def python_program(
+    name: str, arm: str, package: str, samples: Samples, constants: Mapping[str, tuple[object, str]]
+) -> str:
+    """A Python program: docstring, motion and constants as literals of ASCII, the way to the start, and the rest.
 
     Args:
+        name: of the rest in `programs/`.
         arm: name of the arm, in words.
         package: Python package of the robot's interface, to be installed by pip.
         samples: the motion.
@@ -206,4 +173,4 @@ def python_head(arm: str, package: str, samples: Samples, constants: Mapping[str
         *(f"    {row}," for row in samples.q.tolist()),
         "]",
     ]
-    return "\n".join(lines) + "\n" + _ON_EVENT + _START
+    return "\n\n\n".join(["\n".join(lines), program("python_start").rstrip(), program(name)])

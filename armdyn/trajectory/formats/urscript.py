@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from armdyn.arguments import number
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory.formats.streams import EVENT_REMARK, PieceStart, Stream, python_head, start_tolerance
+from armdyn.trajectory.formats.streams import EVENT_REMARK, PieceStart, Stream, program, python_program, start_tolerance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -22,42 +22,6 @@ UR_RATES = (500.0, 125.0)
 
 _RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
 """Ranges of servoj's lookahead_time [s] and gain, Script manual."""
-
-_ON_EVENT = """\
-  def armdyn_event(kind, name):
-    # Write here what the gripper does, without waiting, such as:
-    # set_standard_digital_out(0, True)
-    textmsg(kind, name)
-  end
-"""
-
-_LOAD = """\
-  global armdyn_m = get_target_payload()
-  global armdyn_c = get_target_payload_cog()
-  global armdyn_i = get_target_payload_inertia()
-  def armdyn_load(m, c, i):
-    # The robot's own payload and the load as one body: mass, centre of mass, inertia about it.
-    local t = armdyn_m + m
-    if t <= 0:
-      set_target_payload(0, [0, 0, 0])
-    else:
-      local w = armdyn_m * m / t
-      local x = armdyn_c[0] - c[0]
-      local y = armdyn_c[1] - c[1]
-      local z = armdyn_c[2] - c[2]
-      local cx = (armdyn_m * armdyn_c[0] + m * c[0]) / t
-      local cy = (armdyn_m * armdyn_c[1] + m * c[1]) / t
-      local cz = (armdyn_m * armdyn_c[2] + m * c[2]) / t
-      local xx = armdyn_i[0] + i[0] + w * (y * y + z * z)
-      local yy = armdyn_i[1] + i[1] + w * (x * x + z * z)
-      local zz = armdyn_i[2] + i[2] + w * (x * x + y * y)
-      local xy = armdyn_i[3] + i[3] - w * x * y
-      local xz = armdyn_i[4] + i[4] - w * x * z
-      local yz = armdyn_i[5] + i[5] - w * y * z
-      set_target_payload(t, [cx, cy, cz], [xx, yy, zz, xy, xz, yz]TRANSITION)
-    end
-  end
-"""
 
 _PLAIN = re.compile("[^A-Za-z0-9 _.-]")
 """Characters that a name in a program does not have."""
@@ -129,9 +93,9 @@ class UrScript(Stream):
     def _functions(self, events: Sequence[PieceStart]) -> list[str]:
         """Script of the functions that events call."""
         over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
-        told = _ON_EVENT if any(event.kind for event in events) else ""
+        told = program("urscript_event") if any(event.kind for event in events) else ""
         if any(event.load is not None for event in events):
-            told += _LOAD.replace("TRANSITION", f", {_number(over)}" if over else "")
+            told += program("urscript_load").replace("TRANSITION", f", {_number(over)}" if over else "")
         return told.splitlines()
 
     def text(self, samples: Samples) -> str:
@@ -174,72 +138,6 @@ def _vector(values: list[float]) -> str:
     return f"[{', '.join(map(_number, values))}]"
 
 
-_UR_RTDE = '''
-
-def refuse_unless_ready(control, receive):
-    """The arm is not stopped, and all targets are within the limits that the controller's safety settings have."""
-    if receive.isProtectiveStopped() or receive.isEmergencyStopped():
-        raise SystemExit("refused: the arm is stopped; clear that on the pendant first")
-    for k, q in enumerate(Q):
-        if not control.isJointsWithinSafetyLimits(q):
-            raise SystemExit(f"refused: the target at {k / RATE:.3f} s is outside the controller's safety limits")
-
-
-def payload_of(receive):
-    """The payload that is set on the robot: mass, centre of mass, inertia."""
-    if PAYLOAD is not None:
-        return *PAYLOAD, [0.0] * 6
-    return receive.getPayload(), receive.getPayloadCog(), receive.getPayloadInertia()
-
-
-def occur(control, tick, base):
-    """Tell of the event of a piece that starts at a tick, and add its load to the robot's own payload."""
-    for row, kind, name, load in EVENTS:
-        if row == tick and kind:
-            on_event(kind, name)
-        if row == tick and load is not None:
-            control.setTargetPayload(*joined(base, load))
-
-
-def run(control, base):
-    """Send one target per tick; the last one until the arm has caught up."""
-    try:
-        for tick, q in enumerate(Q[1:] + [Q[-1]] * SETTLING):
-            begin = control.initPeriod()
-            occur(control, tick, base)
-            if not control.servoJ(q, 0.5, 0.5, 1 / RATE, LOOKAHEAD, GAIN):  # 0.5, 0.5: not used by the controller
-                raise SystemExit("stopped: the controller takes no more targets")
-            control.waitPeriod(begin)
-    finally:
-        control.servoStop()
-
-
-def main():
-    asked = options("a UR arm")
-    from rtde_control import RTDEControlInterface
-    from rtde_receive import RTDEReceiveInterface
-
-    receive = RTDEReceiveInterface(asked.host)
-    control = RTDEControlInterface(asked.host, RATE)
-    try:
-        if PAYLOAD is not None:
-            control.setPayload(*PAYLOAD)
-        base = payload_of(receive) if any(load for *_, load in EVENTS) else None
-        occur(control, -1, base)
-        refuse_unless_ready(control, receive)
-        approach = lambda q: control.moveJ(q, APPROACH_VELOCITY, APPROACH_ACCELERATION)
-        go_to_start(receive.getActualQ, approach, asked.to_start)
-        run(control, base)
-        print(f"done; a joint is {distance(receive.getActualQ(), Q[-1]):.4f} rad from the goal at most")
-    finally:
-        control.stopScript()
-
-
-if __name__ == "__main__":
-    main()
-'''
-
-
 @dataclass(frozen=True)
 class UrRtde(UrScript):
     """A Python program that sends a motion by ur_rtde: https://sdurobotics.gitlab.io/ur_rtde.
@@ -276,4 +174,4 @@ class UrRtde(UrScript):
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "EVENTS": ([tuple(one) for one in self.late_events(samples, rate)], EVENT_REMARK),
         }
-        return python_head("a UR arm", "ur_rtde", samples, constants) + _UR_RTDE
+        return python_program("ur_rtde", "a UR arm", "ur_rtde", samples, constants)

@@ -3,7 +3,7 @@ import pytest
 
 import armdyn as ad
 import plain_loop
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from oracles import PinDynamics, random_states
 from problems import paper_arm
 

@@ -4,7 +4,7 @@ from scipy.linalg import solve_discrete_are
 
 import armdyn as ad
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps, slopes
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import forward_dynamics
 from oracles import random_states, robot_named
 from plain_loop import stepped

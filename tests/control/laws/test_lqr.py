@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 import plain_loop
 from armdyn.control.laws.linear import loop_steps, plant_steps
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from problems import GANTRY, paper_arm
 
 ROBOT = paper_arm("rrr")

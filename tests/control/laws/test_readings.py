@@ -3,7 +3,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.control.laws.readings import reference_of
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from plain_loop import Filtered
 from problems import paper_arm
 

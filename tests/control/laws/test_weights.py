@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.control.laws.linear import Steps
-from armdyn.control.laws.weights import ErrorWeights, bearable, diagonals, lag
+from armdyn.control.laws.lqr import ErrorWeights, bearable, diagonals, lag
 from armdyn.control.stability.rate import sampled_stability
 from oracles import robot_named
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from problems import CART, paper_arm
 
 

@@ -31,6 +31,7 @@ def random_case(random):
     return robot, random.uniform(-np.pi, np.pi, 1), (kp, ki * (random.random() > 0.1), kd)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["torque", "acceleration"])
 def test_against_eigenvalues_at_random_gains(form):
     """5,000 gains for each form: no disagreement.

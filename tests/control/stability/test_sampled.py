@@ -194,6 +194,7 @@ def jury(p):
     return n == 2 or abs(p[3] ** 2 - 1) > abs(p[3] * p[1] - p[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 1])
 def test_the_double_integrator_against_jurys_conditions(delay):
     random, verdicts = np.random.default_rng(2), []

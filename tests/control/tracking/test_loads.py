@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.track import Setup
 from armdyn.errors import ProblemError
 from problems import pick_and_place
 
@@ -27,6 +27,7 @@ def reference(arm, duration=0.4):
     return there + ad.Trajectory.at_rest([0.2, -0.1], still, 0.1, arm.joint_names, model_hash=arm.model_hash) + back
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: type(one).__name__)
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_payload_that_changes_to_itself_changes_nothing(name, controller):
@@ -73,6 +74,7 @@ def test_a_dropped_payload_is_two_runs(where):
     assert (released.model_hash, run.trajectory.pieces[0].model_hash) == (bare.model_hash, loaded.model_hash)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("controller", CONTROLLERS[:2], ids=lambda one: type(one).__name__)
 def test_a_part_is_picked_and_placed(controller):
     robot, motion = pick_and_place()
@@ -88,6 +90,7 @@ def test_a_part_is_picked_and_placed(controller):
     assert [piece.load.mass for piece in rough.trajectory.pieces] == [0.0, 0.1006, 0.1006]
 
 
+@pytest.mark.slow
 def test_plants_that_do_not_fit_the_pieces():
     robot, motion = pick_and_place()
     with pytest.raises(ProblemError, match=r"plant carries 0\.2 kg, and the pieces of the reference have loads"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.loop.ticks import Ticks
+from armdyn.control.loop.references import Ticks
 from armdyn.models import urdf_from_spec
 from problems import POSES
 

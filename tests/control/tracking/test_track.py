@@ -49,6 +49,7 @@ LOOPS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("controller", [ad.Lqr(), ad.ComputedTorque(), ad.Pid(ad.PidGains(20.0, 20.0, 0.5))])
 def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controller):

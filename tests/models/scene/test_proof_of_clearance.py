@@ -7,9 +7,8 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.models.scene.motion_bounds import MotionBounds
 from armdyn.models.scene.obstacles import Box, Plane, Sphere
-from armdyn.models.scene.proof_of_clearance import prove_clearance, relative_reach
+from armdyn.models.scene.proof_of_clearance import MotionBounds, prove_clearance, relative_reach
 from oracles import robot_named
 from problems import paper_arm
 
@@ -58,6 +57,7 @@ def test_a_thin_wall_that_is_crossed_is_never_proven_clear(thick):
     assert crossed > 10
 
 
+@pytest.mark.slow
 def test_points_of_the_arm_stay_within_the_bounds_on_their_motion():
     robot = robot_named("panda")
     random, data = np.random.default_rng(0), robot.model.createData()

@@ -69,6 +69,7 @@ PLACE = [0.4, -0.9, 1.1, -1.7, -1.4, 0.3]
 WITHIN = (0.01, 0.02, 0.0, 0.0, 0.1, 0.05)
 
 
+@pytest.mark.slow
 def test_a_region_is_reached_by_other_joint_positions_than_its_pose():
     robot = robot_named("ur5")
     pose = placement(robot, robot.tip, np.array(PLACE))

@@ -150,6 +150,7 @@ def test_what_is_wrong_in_a_message_is_named(objects, more, says, tmp_path):
     assert str(caught.value).startswith(f"{tmp_path / 'scene.yaml'}: ")
 
 
+@pytest.mark.slow
 def test_hostile_yaml(tmp_path):
     path = tmp_path / "scene.yaml"
     lists = "\n".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 30))

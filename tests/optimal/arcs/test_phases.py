@@ -25,7 +25,6 @@ def test_intervals_fill_their_arcs(arm):
     phases = solved(arm).phases
     lengths = np.bincount(phases.arc_of, np.diff(phases.t))
     np.testing.assert_allclose(lengths, [arc.duration for arc in phases.arcs], rtol=1e-12)
-    assert phases.density.t[-1] == phases.duration and np.all(phases.density.mass > 0)
 
 
 @pytest.mark.parametrize("arm", ARMS)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.solving import prepare_phases, solve_phases
+from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.solve.registry import _built
 from armdyn.optimal.task.task import Task
 from problems import solved
 
@@ -22,11 +20,11 @@ def solution():
 
 def again(solution, stop=None, intervals=None, **aim):
     task, phases = Task.of(solution.problem, stop=stop), solution.phases
-    return solve_phases(task, phases.arcs, phases.torques, intervals or phases.arc_of.size, PhaseAim(**aim))
+    return solve_phases(task, phases.arcs, phases.torques, intervals or phases.arc_of.size, **aim)
 
 
 def test_another_mesh_finds_the_same_durations(solution):
-    found, before = again(solution, intervals=48, density=solution.phases.density), solution.phases
+    found, before = again(solution, intervals=48), solution.phases
     assert isinstance(found, Phases)
     lengths = [[arc.duration for arc in phases.arcs] for phases in (found, before)]
     # Ninth order: what is left is IPOPT's 1e-10, and that the first was aimed beside the goal by its own error.
@@ -37,15 +35,15 @@ def test_another_mesh_finds_the_same_durations(solution):
 
 def test_it_ends_beside_the_goal_by_what_is_asked(solution):
     offset = np.array([1e-3, -2e-3, 0.01, 0.02])
-    found = again(solution, near=True, offset=offset, density=solution.phases.laid)
+    found = again(solution, near=True, offset=offset)
     np.testing.assert_allclose(np.hstack([found.q[-1], found.v[-1]]), solution.problem.x_goal + offset, atol=1e-12)
 
 
 def test_costates_are_how_the_time_to_go_depends_on_the_state(solution):
     """Differences of t_f for goals a little beside, against the costate at the end: ρ there is −∂t_f/∂x_goal."""
-    step, laid = 1e-4, solution.phases.laid
+    step = 1e-4
     for i in range(4):
-        beside = [again(solution, near=True, offset=sign * step * np.eye(4)[i], density=laid) for sign in (1, -1)]
+        beside = [again(solution, near=True, offset=sign * step * np.eye(4)[i]) for sign in (1, -1)]
         slope = (beside[0].duration - beside[1].duration) / (2 * step)
         assert -solution.phases.costate[-1, i] == pytest.approx(slope, rel=1e-4)
 
@@ -55,17 +53,6 @@ def test_what_does_not_converge_is_of_another_type(solution):
     assert isinstance(found, Unresolved)
     assert found.message == "time limit reached" and isinstance(found.last, Phases)
     assert found.last.iterations == found.iterations
-
-
-def test_prepared_programs_are_those_that_are_solved(solution):
-    task = Task.of(solution.problem)
-    prepare_phases(task, 26)
-    before = _built.__wrapped__.cache_info().misses
-    solve_phases(task, solution.phases.arcs, solution.phases.torques, 26)
-    assert _built.__wrapped__.cache_info().misses == before
-    other = replace(task, scheme=replace(task.scheme, dynamics="inverse"))
-    prepare_phases(other, 26)
-    assert _built.__wrapped__.cache_info().misses == before + 1
 
 
 def test_more_conditions_than_unknowns_are_not_solved(solution, capfd):

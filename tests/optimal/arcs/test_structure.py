@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.structure import by_sign, with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.task.policy import Policy
 from problems import cart, solve, solved
 
@@ -29,17 +29,6 @@ def test_an_optimum_has_nothing_said_against_it(arm):
     assert with_overlooked(problem, phases, numbers(problem)) == []
     assert without_vanished(phases, numbers(problem)) == []
     assert without_idle_touches(phases) == []
-    found = by_sign(phases, solution.certificate.switching)
-    assert modes(found) == modes(phases.arcs)
-    # The switching functions' zeros between knots, by lines.
-    np.testing.assert_allclose([a.duration for a in found], [a.duration for a in phases.arcs], rtol=0.02)
-
-
-def test_signs_turned_round_turn_the_torques_round():
-    solution = solved("rr")
-    turned = by_sign(solution.phases, -solution.certificate.switching)
-    opposite = {U: L, L: U}
-    assert modes(turned) == [tuple(opposite[mode] for mode in arc.modes) for arc in solution.phases.arcs]
 
 
 def test_an_arc_that_has_vanished_goes():

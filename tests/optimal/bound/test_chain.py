@@ -67,6 +67,7 @@ def brute_force(robot, home, stops, duration):
     return np.min(sums)
 
 
+@pytest.mark.slow
 def test_two_branches_at_two_stops(two_branches):
     robot, home, stops = two_branches
     least = brute_force(*two_branches, lambda problem: ad.lower_bound(problem).duration)
@@ -82,7 +83,7 @@ def test_two_branches_at_two_stops(two_branches):
 @pytest.mark.slow
 def test_two_branches_at_two_stops_against_least_times(two_branches):
     robot, home, stops = two_branches
-    options = ad.MinimumTimeOptions(bound=False)
+    options = ad.MinimumTimeOptions(bound=False, arcs=False, calm=0.0)  # within a thousandth of the switching times'
     solved = brute_force(robot, home, stops, lambda problem: ad.solve_minimum_time(problem, options).duration)
     problems = motions([robot] * 3, [home, *np.array([[0.9, 0.5], [1.5, -0.7]]), home])
     found = chain_bound(problems, [home, *(goal for goal, _ in stops), home], upper=solved)
@@ -99,6 +100,7 @@ def test_no_chain_is_slower_than_all_that_are_known(two_branches):
     assert stopped is None or stopped.duration <= whole.duration
 
 
+@pytest.mark.slow
 def test_branches_of_a_ur5_are_those_that_inverse_kinematics_find():
     robot = ad.Robot.from_library("ur5")
     home, limits = UR5[0], robot.limits
@@ -116,6 +118,7 @@ def test_branches_of_a_ur5_are_those_that_inverse_kinematics_find():
         assert 1 <= count <= len(near)
 
 
+@pytest.mark.slow
 def test_a_motion_between_two_sets():
     """Of all branches and whole turns within the limits of a UR5."""
     robot = ad.Robot.from_library("ur5")
@@ -133,6 +136,7 @@ def test_a_motion_between_two_sets():
     assert found.duration <= passing.duration <= through.duration
 
 
+@pytest.mark.slow
 def test_a_motion_of_an_endless_arm_between_two_sets():
     """Members of the sets, other turns among them, make no faster motion."""
     robot = paper_arm("rr").with_limits(None, 2.0)
@@ -171,6 +175,7 @@ def test_via_regions_add_the_ramps_of_a_retreat():
     assert chain_bound([unbounded], [q, over]).duration == plain.duration
 
 
+@pytest.mark.slow
 def test_a_set_of_a_redundant_arm():
     """Members of the set, found by inverse kinematics from another seed, make no faster chain."""
     robot = ad.Robot.from_library("panda")

@@ -46,6 +46,7 @@ def test_the_bound_rises_with_its_programs_and_says_so(chain):
     assert lines[0] == f"proven: not below {none.duration:.4f} s; 400 linear programs are left"
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_the_proof_and_keeps_the_cycle():
     robot = paper_arm("rr").with_limits(None, 2.0)
     reach = frame_placement(robot, robot.tip, np.array([0.9, 0.5])).translation.copy()

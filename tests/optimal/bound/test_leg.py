@@ -1,6 +1,7 @@
 """Ends of legs against sampled joint positions."""
 
 import numpy as np
+import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
@@ -11,6 +12,7 @@ from armdyn.optimal.bound.leg import LegEnd
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 
+@pytest.mark.slow
 def test_the_least_of_a_redundant_end_is_below_all_its_positions_and_near_the_least_of_them():
     """Ends of a Panda, one of whose self-motions is 0.1 rad long: second-order terms are some milliradians."""
     robot = ad.Robot.from_library("panda")

@@ -119,6 +119,7 @@ def solved(straight):
     return solution, plain, passing_bound(leg, passage, plain, 0.33, lambda: False)[0]
 
 
+@pytest.mark.slow
 def test_no_motion_found_is_faster(straight, solved):
     """The bound without lines is some 20 % below the motion, that with them at most 4 %."""
     solution, plain, bound = solved
@@ -179,6 +180,7 @@ def test_multipliers_need_not_be_the_best(straight, solved):
         assert other < solution.duration
 
 
+@pytest.mark.slow
 def test_a_chain_knows_lines(straight, solved):
     problem, _, _ = straight
     solution, _, bound = solved
@@ -188,6 +190,7 @@ def test_a_chain_knows_lines(straight, solved):
     assert found.duration < solution.duration
 
 
+@pytest.mark.slow
 def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
     """Blends of 20 mm and 5 degrees: the boxes hold where the motion passes them, and each phase has a least time."""
     given, leg, _ = straight

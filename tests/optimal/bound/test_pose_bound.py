@@ -50,6 +50,7 @@ def enclosed(robot, pose, start, longest, size):
     return joined(parts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "oriented"), [("rrr", False), ("ur5", False), ("panda", False), ("ur5", True)])
 @pytest.mark.parametrize("seed", [101, 102])
 def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
@@ -65,6 +66,7 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
         assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("region", ["beside", "turned"])
 def test_no_joint_position_in_a_region_is_lost(region):
     """The goal lies at the region's edge, or is turned about the axis that is free."""
@@ -98,6 +100,7 @@ def issue():
     return ad.MinimumTimeProblem(robot, q_start=start, goal_pose=ad.GoalPose("ee_link", at)), goal
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_goal_pose_holds_for_all_joint_positions_that_reach_it():
     problem, goal = issue()
     found = ad.lower_bound(problem)

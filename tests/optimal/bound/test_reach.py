@@ -39,6 +39,7 @@ def stepped(dynamics, q, v, tau, dt):
     return q + dt * dq, v + dt * dv
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ARMS)
 @pytest.mark.parametrize("moving", [False, True])
 def test_no_admissible_motion_leaves_the_boxes(arm, moving):

@@ -81,6 +81,7 @@ BARE = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1006
 STEEP = {"joint1": [[0, 3], [1.2, 3], [4, 0.4]], "joint2": [[0, 3], [1.8, 3], [6, 0.2]]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", [(0.5, 1.5), (1.0, 0.5)])
 def test_two_joints_are_bounded_higher_and_never_above_a_motion(goal):
     problem = ad.MinimumTimeProblem(BARE, q_start=[0.0, 0.0], q_goal=goal, velocity_limit=[4.0, 6.0])

@@ -45,19 +45,15 @@ def test_stages_are_the_curves():
     job, leg, half, columns = intervals()
     stages = CurveInterval(job.dynamics).stages()
     names = ("q", "v", "a", "tau")
-    part = ca.SX.sym("part")
-    function = ca.Function(
-        "stages", [stages.y, stages.p, part], [*(getattr(stages, name) for name in names), stages.position(part)]
-    )
+    function = ca.Function("stages", [stages.y, stages.p], [getattr(stages, name) for name in names])
     np.testing.assert_array_equal(stages.c[[0, -1]], [0, 1])
     for k, y in enumerate(columns.T):
         start, h = leg.basis.breaks[k], np.diff(leg.basis.breaks)[k]
-        q, v, a, tau, between = (value.full() for value in function(y, parameters(job, leg, half, k), 0.37))
+        q, v, a, tau = (value.full() for value in function(y, parameters(job, leg, half, k)))
         s = start + h * stages.c
         for got, own in zip((q, v, a), leg.at(s), strict=True):
             # Fitted powers: 1e-14 of numbers near one, by their derivatives up to 1/h² T² of that.
             np.testing.assert_allclose(got.T, own, atol=1e-10)
-        np.testing.assert_allclose(between.ravel(), leg.at(np.array([start + 0.37 * h]))[0][0], atol=1e-12)
         torques = leg.torques(job.problem.robot, s)
         np.testing.assert_allclose(tau.T[1:-1], torques[1:-1], atol=1e-11)  # at Gauss's points those of the curve
         line = torques[1] + (s[0] - s[1]) / (s[2] - s[1]) * (torques[2] - torques[1])

@@ -84,9 +84,11 @@ def test_lines_have_the_impulses_of_the_torque():
     job = Task.of(nlp_data)
     misses = []
     for samples in (4, 8):
-        few = replace(job, policy=job.policy.changed("curves", samples=samples, steps=1, bandwidth=0.0))
+        few = replace(
+            job, policy=job.policy.changed("curves", samples=samples, most_samples=samples, steps=1, bandwidth=0.0)
+        )
         misses.append(np.max(np.abs(nlp_data.beside_goal(follow(few, sampled(few, curve))))))
-        plain = curve.trajectory(nlp_data.robot, samples, 1)
+        plain = curve.trajectory(nlp_data.robot, [samples])
         naive = np.max(np.abs(nlp_data.beside_goal(replay_torques(nlp_data.robot, plain))))
         assert misses[-1] < naive / 5 or naive < 1e-9
     assert misses[1] < misses[0] / 6 or misses[0] < 1e-9  # the ends' lines are of the third order

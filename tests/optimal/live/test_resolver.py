@@ -74,6 +74,7 @@ def test_from_rest_it_finds_the_motion_of_the_whole_search():
     assert first_motion().duration == pytest.approx(cold.duration, rel=3e-3)  # of 24 intervals
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("part", "slower"), [(0.0, 2e-3), (0.2, 2e-3), (0.5, 2e-3), (0.8, 5e-2)])
 def test_a_moved_goal_is_reached_as_fast_as_by_a_cold_solve_and_within_all_limits(part, slower):
     """Near the goal all torques are at their limits: there the motion may have to keep a margin."""

@@ -62,19 +62,8 @@ def test_names_of_the_command_line():
 
 
 def test_what_has_only_a_name_is_refused():
-    class Named:
-        name, continuous_torque, curves_alone = "names", False, False
-
-        def on(self, robot, start, goal):
-            return self
-
-        def fits(self, problem):
-            pass
-
-        def option_text(self):
-            return "names"
-
-        entry = option_text
+    class Named(PathConstraintSpec):
+        name = "names"
 
     with pytest.raises(ProblemError, match="no rows and no check"):
         path_constraints_of(rr(Named()))

@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.scene.motion_bounds import frame_accelerations
+from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import poses_reaching
 from problems import POSES, paper_arm, solve
 
@@ -34,6 +34,7 @@ def pick_and_place():
     return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, via=via, path_constraints=regions)
 
 
+@pytest.mark.slow
 def test_a_straight_retreat_and_approach_are_straight():
     problem = pick_and_place()
     solution = solve(problem)
@@ -57,6 +58,7 @@ def test_a_straight_retreat_and_approach_are_straight():
     assert solution.duration > solve(free).duration  # 2 % or so
 
 
+@pytest.mark.slow
 def test_a_part_is_lifted_from_its_table_over_a_wall():
     """The part stands 1 mm over its table at both ends, which is allowed there, and the arm keeps clear on its way."""
     box = ad.Box((0.05, 0.05, 0.05), (0.0, 0.0, 0.03), name="part")
@@ -81,6 +83,7 @@ def test_files_keep_frame_regions(tmp_path):
         ad.read_problem(file)
 
 
+@pytest.mark.slow
 def test_a_planar_arm_keeps_to_a_strip():
     strip = ad.FrameRegion(ad.GoalPose("tip", (0.2, 0.0, 0.0), ("z",), (0.29, 0, 0, 0, 0, 0)))
     robot = paper_arm("rr")

@@ -9,7 +9,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import swing
-from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 
 TOLERANCE = (0.1, 0.2, 0.0, 0.0, 0.3, 0.4)
@@ -23,7 +22,7 @@ def test_deviations_are_those_of_the_placements(region, rows):
     centre = pin.SE3.Random()
     goal = ad.GoalPose("tool0", centre, **region)
     problem = ad.MinimumTimeProblem(robot, q_start=np.zeros(6), q_goal=np.full(6, 0.1))
-    (one,), (values,) = GoalRegion(goal).rows(problem), GoalRegion(goal).values(problem, Knots(np.zeros(2), (0, 1)))
+    (one,), (values,) = GoalRegion(goal).rows(problem), GoalRegion(goal).values(problem)
     assert np.shape(values.upper) == (rows,) and np.all(np.isfinite(values.upper)) and one.where == "last"
     scale = 1 / values.numbers[12:]
     np.testing.assert_allclose(values.upper * scale, goal.deviations[np.isfinite(goal.deviations)])

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.path_constraints.constraint import Knots
 from armdyn.optimal.path_constraints.legs import legs_of
 from armdyn.optimal.path_constraints.rows import with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
@@ -17,7 +16,6 @@ from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem
 
 START, GOAL = POSES["rr"]
-KNOTS = Knots(np.array([0.0, 0.5, 1.0]), (0, 2))
 
 
 def test_a_plain_problem_has_no_rows_and_one_leg():
@@ -46,8 +44,8 @@ def test_derivatives(method, form):
         ],
     )
     scheme, constraints = Scheme(method, "linear", form, compile=False), TightenedConstraints.of(Task.of(problem))
-    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), KNOTS.intervals
-    values = constraints.values(problem, KNOTS)
+    dynamics, rows, N = ad.Dynamics(problem.robot, free_last_body=True), constraints.rows(problem), 2
+    values = constraints.values(problem)
     nlp = build_nlp(dynamics, scheme, N)
     more = with_rows(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")

@@ -44,6 +44,7 @@ def deviations(robot, region, motion, t):
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_a_blend_is_passed_and_faster_than_its_centre():
     exact = solve(ur5(), calm=0.0)
     blend = solve(ur5(tolerance=(0.02, 0.02, 0.02, 0.087, 0.087, 0.087)))
@@ -60,6 +61,7 @@ def test_a_blend_is_passed_and_faster_than_its_centre():
     assert np.array_equal(blend.problem.leg_bounds(), [0, 0])
 
 
+@pytest.mark.slow
 def test_a_small_blend_tends_to_its_centre():
     exact = solve(ur5(), calm=0.0)
     small = solve(ur5(tolerance=(1e-4,) * 6))
@@ -78,6 +80,7 @@ def test_a_planar_arm_passes_a_position(fastest):
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("region", "says"),
     [

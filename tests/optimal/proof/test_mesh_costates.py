@@ -48,6 +48,7 @@ def test_a_cart_with_a_velocity_limit_has_the_costates_of_the_closed_form():
     assert part @ costates.held[cruises, 1] / part.sum() == pytest.approx(1.0, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_slower_has_a_saving_of_no_less():
     best = of(FAST)
     assert best[3].saving < 1e-4
@@ -57,6 +58,7 @@ def test_a_motion_that_is_slower_has_a_saving_of_no_less():
         assert 0 < slower < costates.saving
 
 
+@pytest.mark.slow
 def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
     task, motion, replay, costates = of(FAST)
     robot, n = FAST.robot, 2
@@ -84,6 +86,16 @@ def test_what_time_leaves_idle_does_not_count():
     assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)
 
 
+def test_a_joint_without_a_motor_has_no_torque_to_change():
+    robot = ad.Robot.from_library("cart_pole", effort_limit=3.0)
+    problem = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=[1.0, 0.0])
+    task = Task.of(problem, ad.MinimumTimeOptions(starts=8, workers=1))
+    optimum = mesh_optimum(task, find(task).attempts[0], "")
+    assert optimum.certificate.ok, optimum.certificate.reasons
+    assert optimum.trajectory.duration == pytest.approx(1.559332194, rel=1e-5)  # docs/passive.md; less is certified
+
+
+@pytest.mark.slow
 def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
     task = Task.of(FAST, ad.MinimumTimeOptions(starts=4, workers=1))
     coarse = replace(task, policy=task.policy.changed("motion_mesh", inside=1e-3))

@@ -52,6 +52,7 @@ def test_a_limit_that_is_touched_is_named_though_the_mesh_nearly_has_it():
     assert any(arc.touches for arc in solution.arcs)
 
 
+@pytest.mark.slow
 def test_a_guess_is_looked_at_first_and_leads_where_one_start_does_not():
     problem = paper_problem("rr", 0.1219, effort_weight=1.0)
     near = ad.solve_minimum_time(paper_problem("rr", 0.1006, effort_weight=1.0)).trajectory

@@ -38,6 +38,7 @@ def test_a_goal_that_velocity_limits_put_far_behind_is_not_tried():
     assert tried[1].q[1] == pytest.approx(-0.5, abs=1e-8) and tasks[1].problem.duration_bound() > 0.7 - 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("region", [{"free": ("rz",)}, {"tolerance": (0.02, 0.02, 0.02, 0.1, 0.1, 0.1)}])
 def test_a_curve_chooses_its_end_within_a_region(region):
     robot = ad.Robot.from_library("ur5")
@@ -90,6 +91,7 @@ def test_eight_branches_of_a_ur5_are_compared_as_coarse_curves():
     assert len(others) == 7 and all(other.duration_bound() > solution.duration for other in others)
 
 
+@pytest.mark.slow
 def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pose():
     robot = paper_arm("rrr")
     start, goal = np.split(np.random.default_rng(1).uniform(-1.5, 1.5, 6), 2)

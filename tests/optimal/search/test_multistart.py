@@ -27,6 +27,7 @@ def test_few_guesses_are_never_enough(solved, optima, least):
     assert enough(solved, optima, least) == (enough(solved, optima) and solved >= least)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_two_optima_in_eighteen_guesses_are_not_all(seed):
     # With seed 0 the first 18 guesses meet two optima; the rule alone stopped there, 2.5 % above the best.

@@ -54,7 +54,7 @@ def test_another_joint_holds_a_contact_while_the_joints_own_torque_is_full():
 def test_a_contact_that_is_pushed_all_along_stays():
     problem = random_problem(53)
     solution = ad.solve_minimum_time(problem)
-    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
     found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
     assert isinstance(found, Extremal)
     assert any(mode in POSITION for modes in found.structure.modes() for mode in modes)
@@ -65,7 +65,7 @@ def test_a_contact_that_is_pushed_all_along_stays():
 def test_arcs_without_contacts_have_none_to_mend():
     problem = paper_problem("rr", 0.1006)
     solution = ad.solve_minimum_time(problem)
-    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
     found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
     assert isinstance(found, Extremal)
     assert not with_contacts(found)
@@ -95,6 +95,7 @@ def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there
     assert np.all(np.abs(inside.tau[:, 0]) < 7.6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("links", "payload", "limits", "way", "jumps"),
     [

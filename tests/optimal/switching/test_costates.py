@@ -5,7 +5,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import POSITION, outward
-from armdyn.optimal.arcs.nlp_data import PhaseAim
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.proof.sensitivity import sensitivities
@@ -14,12 +13,13 @@ from armdyn.optimal.task.task import Task
 from problems import random_problem, random_solution, solved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solution", [lambda: solved("rr"), lambda: solved("rrr"), lambda: random_solution(15)])
 def test_collocation_of_the_same_arcs_says_the_same(solution):
     # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, costates from its multipliers, sensitivities.
     own = solution()
     task = Task.of(own.problem, MinimumTimeOptions(compile=False))
-    other = solve_phases(task, own.phases.arcs, own.phases.torques, 48, PhaseAim(near=True))
+    other = solve_phases(task, own.phases.arcs, own.phases.torques, 48, near=True)
     assert isinstance(other, Phases)
     assert own.phases.duration == pytest.approx(other.duration, rel=1e-8)
     scale = np.max(np.abs(other.costate), axis=0)

@@ -21,7 +21,7 @@ from problems import random_problem, random_solution, solved
 def test_changes_that_are_missing_are_put_in():
     solution = random_solution(15)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.trajectory)
     # The short bang arc of the third joint on its upper limit near the end: 2.5 ms of 240 ms.
     edges = np.append(given.times, given.duration)
     lengths = {(s.begin, s.end): edges[s.end] - edges[s.begin] for s in given.segments() if s.begin >= 0}
@@ -53,7 +53,7 @@ def test_a_singular_arc_is_found_and_certified():
 def test_a_motion_has_the_states_of_its_steps():
     solution = solved("rr")
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.duration)
+    own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.trajectory)
     found = refine_extremal(own, given, Stop())
     assert found.why == ""
     assert found.wrong <= 1e-4
@@ -68,7 +68,7 @@ def test_refinement_stops_when_its_budget_is_spent():
     solution = solved("rrr")
     task = Task.of(solution.problem, MinimumTimeOptions(compile=False))
     budget = Budget(Stop(), 50)
-    own = replace(shooting_problem(task, solution.duration), budget=budget)
+    own = replace(shooting_problem(task, solution.trajectory), budget=budget)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     apart = replace(given, times=given.times * 0.98)  # it lands beside the optimum, and has to go down
     found = refine_extremal(own, apart, budget)

@@ -20,8 +20,8 @@ from problems import both_sides, paper_problem, random_problem, solved
 U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
 
 
-def shooting(problem, duration):
-    return shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), duration)
+def shooting(problem, motion):
+    return shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), motion)
 
 
 def freed(solution, begin=0.3, end=0.5):
@@ -40,7 +40,7 @@ def freed(solution, begin=0.3, end=0.5):
 def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
     # RR's optimum is bang-bang: what is called free goes to the limit that it was on, and the stay is put back.
     solution = solved("rr")
-    own = shooting(solution.problem, solution.duration)
+    own = shooting(solution.problem, solution.trajectory)
     full, free = structures_of(own, freed(solution), solution.phases.torques)
     assert not full.controls
     assert len(free.controls) == 1
@@ -55,14 +55,14 @@ def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
 
 def test_short_stretches_off_all_limits_are_full_torques():
     solution = solved("rr")
-    own = shooting(solution.problem, solution.duration)
+    own = shooting(solution.problem, solution.trajectory)
     (only,) = structures_of(own, freed(solution, 0.3, 0.33), solution.phases.torques)
     assert not only.controls
 
 
 def test_a_course_at_the_start_begins_after_a_stay():
     solution = solved("rr")
-    own = shooting(solution.problem, solution.duration)
+    own = shooting(solution.problem, solution.trajectory)
     _, free = structures_of(own, freed(solution, 0.0, 0.3), solution.phases.torques)
     assert F not in free.first
     (k,) = free.controls
@@ -70,7 +70,7 @@ def test_a_course_at_the_start_begins_after_a_stay():
 
 
 def test_a_course_knows_the_jump_of_another_torque():
-    own = shooting(paper_problem("rr"), 0.2)
+    own = shooting(paper_problem("rr"), ad.Trajectory.at_rest(np.zeros(2), np.zeros(2), 0.2))
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
     control = control_near(own, 1, tau, frozenset({0}), 3)
@@ -80,7 +80,7 @@ def test_a_course_knows_the_jump_of_another_torque():
 
 
 def test_a_course_keeps_within_its_limits():
-    own = shooting(paper_problem("rr"), 0.2)
+    own = shooting(paper_problem("rr"), ad.Trajectory.at_rest(np.zeros(2), np.zeros(2), 0.2))
     tau = np.column_stack([np.zeros(50), np.full(50, 3.0)])
     control = control_near(own, 1, tau, frozenset(), 3)
     np.testing.assert_allclose(own.torque_unit[1] * control.values, [0.95 * 3.0, 0, 0], atol=1e-9)
@@ -88,7 +88,7 @@ def test_a_course_keeps_within_its_limits():
 
 def test_a_course_grows_while_its_switching_function_is_not_zero():
     solution = solved("rr")
-    own = shooting(solution.problem, solution.duration)
+    own = shooting(solution.problem, solution.trajectory)
     _, free = structures_of(own, freed(solution), solution.phases.torques)
     found = Extremal(landed(own, free))  # any motion has costates, if none that are wanted
     (k,) = found.structure.controls
@@ -118,7 +118,7 @@ def key(problem, text):
 def settled_from(problem, text):
     """What arcs with free torques, as `key` reads them, come to."""
     arcs, motion = key(problem, text)
-    own = shooting(problem, motion.duration)
+    own = shooting(problem, motion)
     *_, free = structures_of(own, arcs, motion)
     return refine_extremal(own, free, Stop())
 
@@ -137,6 +137,7 @@ def test_a_course_that_meets_a_limit_on_its_way_settles():
     assert end.extremal.structure.duration == pytest.approx(0.270189425, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_singular_torque_jumps_where_another_joint_switches():
     problem = random_problem(27)
     end = settled_from(

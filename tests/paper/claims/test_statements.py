@@ -23,6 +23,7 @@ def check(item, words):
     return found[0]
 
 
+@pytest.mark.slow
 def test_what_the_paper_says_of_one_link():
     items = by_topic("r")
     assert list(items) == TOPICS

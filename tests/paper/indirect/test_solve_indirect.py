@@ -65,6 +65,7 @@ def test_time_energy_is_that_of_the_reference_by_both_methods(arm, reading, mass
     np.testing.assert_allclose(found.hamiltonian[0], found.hamiltonian[-1], atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")  # 1 kg cannot be held at RR's goal by 3 N m
 def test_artefacts_of_the_direct_mesh_are_given_up():
     found = solve_indirect(problem_of("rr", "mM", 1.0, effort_weight=1.0), options=FREE)

@@ -17,6 +17,7 @@ print(json.dumps([name for name in sys.modules if name.split(".")[0] in ("matplo
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["4, 'r', 'pid', 0.1006", "1, 'r', 'minimum_time', 0.1006"])
 def test_a_case_is_run_without_plots(case):
     done = subprocess.run([sys.executable, "-c", COMPUTE.format(case=case)], capture_output=True, text=True, check=True)

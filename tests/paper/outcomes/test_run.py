@@ -81,6 +81,7 @@ def reference_time(arm, reading, payload):
     return REFERENCE["time_energy"][arm][reading][grams(payload)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("payload", "reading"), EVERY)
 @pytest.mark.parametrize(
     ("case", "name"), [(Case(4, "r", "pid", 0), "R_Ex4"), (Case(5, "rr", "pid", 0), "RR_Ex5")], ids=["r", "rr"]
@@ -121,6 +122,7 @@ def test_eigenvalues_at_the_goal(payload, reading):
         assert case.loop().growth() == pytest.approx(value, abs=1e-6), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_the_printed_sign_of_the_derivative_is_unstable(arm):
     outcome = run_case(Case(example(arm, "pid").number, arm, "pid", 0.1006, "mM", derivative_sign="printed"))

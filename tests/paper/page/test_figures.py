@@ -108,6 +108,7 @@ def test_nothing_is_drawn_of_what_has_no_motion():
     assert paper_figures([]) == ()
 
 
+@pytest.mark.slow
 def test_files_are_pdf_and_png(tmp_path):
     drawn = picture(tmp_path / "figures", paper_figures(outcomes())[0])
     assert [path.name for path in drawn.files] == ["figure2.pdf", "figure2.png"]

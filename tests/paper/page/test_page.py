@@ -19,6 +19,8 @@ SECTIONS = [
 ]  # fmt: skip
 READY = "window.armdynPage !== undefined"
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
@@ -78,7 +80,6 @@ def test_what_failed_is_said_of_the_papers_numbers_and_not_of_ours(written):
     assert coloured and all("said" in kinds or kinds == ["bad"] for kinds in coloured)  # ✗ of holding torques
 
 
-@pytest.mark.slow
 def test_it_is_read_in_a_browser_and_the_arm_moves(chromium, written):
     folder, _ = written
     with open_page(chromium, folder / "index.html", ready=READY) as (page, requests, errors):
@@ -150,7 +151,6 @@ def test_mathematics_is_set_by_the_browser(chromium, written):
         assert not errors and not left_the_page(requests)
 
 
-@pytest.mark.slow
 def test_strings_from_elsewhere_stay_text(chromium, tmp_path):
     evil = "</script><script>window.broken = 1</script><img src=x onerror='broken=1'>{{body}}"
     case = Case(4, "r", "pid", 0.1006)
@@ -168,7 +168,6 @@ def test_strings_from_elsewhere_stay_text(chromium, tmp_path):
         assert not errors
 
 
-@pytest.mark.slow
 def test_the_same_outcomes_give_the_same_page(written, tmp_path):
     folder, _ = written
     write_page(tmp_path, outcomes(), all_rows(outcomes()))
@@ -191,7 +190,6 @@ def test_table_7_is_told_by_robot_example_and_torque():
     assert re.search(rf'<td class="first">R</td><td class="line">4</td><td class="line">{tau}</td>', page)
 
 
-@pytest.mark.slow
 def test_all_of_the_navigation_is_seen_on_a_phone(chromium, written):
     folder, _ = written
     with open_page(chromium, folder / "index.html", 390, 844, ready=READY) as (page, _, _):

@@ -11,7 +11,7 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.stability.region import GainRegion, gain_plane
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
-from armdyn.show.figures.gain_regions import plot_regions
+from armdyn.show.figures.loops import plot_regions
 from pid_loops import example
 
 KP, KD = np.geomspace(1, 300, 40), np.geomspace(0.01, 50, 40)

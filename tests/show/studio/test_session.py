@@ -127,6 +127,7 @@ def test_names_of_a_stranger_are_no_markup(tmp_path):
     assert "<img" not in answer_html(session)
 
 
+@pytest.mark.slow
 def test_the_state_is_taken_up_again(tmp_path):
     setup = setup_of()
     assert restored(setup, tmp_path) is None

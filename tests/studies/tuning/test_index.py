@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.track import Setup
 from armdyn.studies.tuning.index import Worth, index_of, worth
 from problems import POSES, paper_arm
 

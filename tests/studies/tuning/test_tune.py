@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.control.tracking.setup import Setup
+from armdyn.control.tracking.track import Setup
 from armdyn.errors import ProblemError
 from armdyn.paper import GAINS
 from armdyn.studies.tuning.index import worth

@@ -61,7 +61,7 @@ class Interval:
     @property
     def centre(self) -> Array:
         """A float in the middle of each."""
-        return np.clip(self.lower / 2 + self.upper / 2, self.lower, self.upper)
+        return np.asarray(np.minimum(np.maximum(self.lower / 2 + self.upper / 2, self.lower), self.upper))
 
     @property
     def radius(self) -> Array:

@@ -15,10 +15,11 @@ struct SparseRows {
   const double* value = nullptr;
 };
 
-// Rows on the same columns. `values` is rows x width; rows that share a slack have its index, others -1.
+// Rows on the same columns; those that share a slack have its index, others -1. `values` is bases x width: a row and its
+// negative, as the two sides of a limit are, have one base.
 struct Block {
   int slack = -1;
-  int first_row = 0, rows = 0, columns = 0, width = 0;
+  int first_row = 0, rows = 0, bases = 0, columns = 0, width = 0;
   long values = 0, column = 0;  // where they begin
 };
 
@@ -45,7 +46,9 @@ class BlockRows {
   std::vector<Block> blocks_;
   std::vector<double> values_;
   std::vector<int> columns_;
-  mutable std::vector<double> work_;
+  std::vector<int> base_;     // of each row, in its block
+  std::vector<double> sign_;  // of each row, times its base
+  mutable std::vector<double> work_, of_bases_;
 };
 
 }  // namespace armdyn

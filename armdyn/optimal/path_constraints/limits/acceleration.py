@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations, kept_by_joints
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Path
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -28,17 +28,17 @@ class AccelerationLimit(PartialLimit):
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         return 2, self.part * np.asarray(problem.acceleration_limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of accelerations at the stages of every interval, over the limits."""
         return (StageRows(_accelerations, numbers=problem.robot.nv),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         return (RowValues(-self.part, self.part, 1 / np.asarray(problem.acceleration_limit)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check accelerations by forward dynamics, within every sample."""
         t, a, _ = accelerations(problem.robot, motion)
-        return kept_by_joints(self.policy, problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
+        return self.report_on_joints(problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))

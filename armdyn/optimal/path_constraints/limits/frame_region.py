@@ -11,12 +11,12 @@ from armdyn.arguments import expect, whole
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.motion_bounds import frame_accelerations
+from armdyn.models.scene.proof_of_clearance import frame_accelerations
 from armdyn.models.scene.reaching import DIRECTIONS, GoalPose, deviations_of, moving_directions
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
@@ -99,12 +99,12 @@ class FrameRegion(PartialLimit):
                     f"in {DIRECTIONS[int(np.argmax(over))]}"
                 )
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Deviations at the stages of every interval, and where the leg begins."""
         every = region_rows(problem.robot, self.region, "every", self.leg, _STAGES)
         return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,)))
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         part = self.part * self.policy.region_part
         return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
 

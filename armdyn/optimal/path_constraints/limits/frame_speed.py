@@ -13,12 +13,11 @@ from armdyn.arguments import number, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, Path
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, Path
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.checks import SLOWEST
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
@@ -73,27 +72,24 @@ class FrameSpeedLimit(PartialLimit):
                 )
         return replace(self, frame=frame)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Squares at the stages of every interval, as parts of the limit's."""
         fixed = problem.robot.frame(str(self.frame))
         return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         return (RowValues(-np.inf, self.part**2, np.array([self.limit**-2])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check speeds by Pinocchio, at five points of every sample."""
-        t, n = pieces(motion)[0].ravel(), problem.robot.nv
+        t, n = times_within(motion), problem.robot.nv
         at = motion(t)
         speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
-        share = float(np.max(speeds)) / self.limit
-        said = f"{np.max(speeds):.5g} m/s at most, at t = {t[np.argmax(speeds)]:.4g} s"
-        name, of = f"speed of {self.frame!r}", f"{said}, of {self.limit:g} m/s"
-        if share <= 1 + self.policy.rate_tolerance:
-            return ConstraintReport(name, of, share, order=1)
+        when, share = float(t[np.argmax(speeds)]), float(np.max(speeds)) / self.limit
+        said = f"{np.max(speeds):.5g} m/s at most, at t = {when:.4g} s"
         reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
-        worst = Violation("frame speed limit", str(self.frame), float(t[np.argmax(speeds)]), share - 1)
-        return ConstraintReport(name, of, share, (reason,), worst, order=1)
+        worst = "frame speed limit", str(self.frame), when
+        return self.report(share, f"{said}, of {self.limit:g} m/s", reason, worst, f"speed of {self.frame!r}")
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit

@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations, kept_by_joints
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, accelerations
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
@@ -29,7 +29,7 @@ class JerkLimit(PartialLimit):
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
         return 3, self.part * np.asarray(problem.jerk_limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Differences between the stages as parts of the limits; the accelerations at both ends."""
         return (
             StageRows(_jerks, numbers=problem.robot.nv),
@@ -37,14 +37,14 @@ class JerkLimit(PartialLimit):
             StageRows(_acceleration_at, (-1,), where="last"),
         )
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         own = RowValues(-self.part, self.part, 1 / np.asarray(problem.jerk_limit))
         return own, RowValues(0, 0), RowValues(0, 0)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check jerks by the time derivative of forward dynamics, within every sample."""
         t, _, jerks = accelerations(problem.robot, motion)
-        return kept_by_joints(self.policy, problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
+        return self.report_on_joints(problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

@@ -5,13 +5,11 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.arrays import Array, Flags
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.task.policy.landing import PathConstraintPolicy
 from armdyn.trajectory import Trajectory
 
 _DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
@@ -24,11 +22,10 @@ _VALUES = np.vander(_PLACES, 5, increasing=True) @ _COEFFICIENTS
 _SLOPES = (np.vander(_PLACES, 4, increasing=True) * np.arange(1, 5)) @ _COEFFICIENTS[1:]
 
 
-def pieces(motion: Trajectory, dense: int = 5) -> tuple[Array, Flags]:
-    """Times evenly within samples [s], shape (samples between jumps of the torque, dense); which samples those are."""
-    steps = np.diff(motion.t)
-    flows = ~motion.jumps
-    return (motion.t[:-1, None] + steps[:, None] * np.linspace(0, 1, dense))[flows], flows
+def times_within(motion: Trajectory) -> Array:
+    """Five times evenly within every sample that is no jump of the torque [s], shape (5 samples,)."""
+    steps = np.diff(motion.t)[:, None]
+    return np.asarray((motion.t[:-1, None] + steps * np.linspace(0, 1, 5))[~motion.jumps].ravel())
 
 
 def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array]:
@@ -77,29 +74,21 @@ class PartialLimit(PathConstraint):
         """The whole limit again: the excess between the points of a mesh twice as fine is a fraction."""
         return replace(self, part=1.0)
 
+    def report_on_joints(self, robot: Robot, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
+        """Report on a derivative of the positions and its limits.
 
-def kept_by_joints(
-    policy: PathConstraintPolicy, robot: Robot, order: int, t: Array, values: Array, limits: Array
-) -> ConstraintReport:
-    """Report on a derivative of the positions and its limits.
-
-    Args:
-        policy: tuned numbers of path constraints.
-        robot: whose joints are limited.
-        order: of the derivative: 2, acceleration, or 3, jerk.
-        t: when it was looked at [s], of any shape.
-        values: what was seen then, of the same shape and (nv,).
-        limits: of its size, shape (nv,).
-    """
-    what, power = _DERIVATIVES[order]
-    seen = np.abs(values).reshape(-1, robot.nv)
-    k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
-    share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
-    unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
-    said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
-    name = f"{what} limits"
-    if share <= 1 + policy.rate_tolerance:
-        return ConstraintReport(name, said, share, order=order)
-    reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-    worst = Violation(f"{what} limit", joint, when, share - 1)
-    return ConstraintReport(name, said, share, (reason,), worst, order=order)
+        Args:
+            robot: whose joints are limited.
+            order: of the derivative: 2, acceleration, or 3, jerk.
+            t: when it was looked at [s], of any shape.
+            values: what was seen then, of the same shape and (nv,).
+            limits: of its size, shape (nv,).
+        """
+        what, power = _DERIVATIVES[order]
+        seen = np.abs(values).reshape(-1, robot.nv)
+        k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
+        share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
+        unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
+        said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
+        reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
+        return self.report(share, said, reason, (f"{what} limit", joint, when), order=order)

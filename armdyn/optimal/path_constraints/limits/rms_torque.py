@@ -14,11 +14,10 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.parsing.numbers import number as parsed
 from armdyn.reprs import brief
@@ -78,11 +77,11 @@ class RmsTorque(PartialLimit):
             raise ProblemError(f"RmsTorque has a dwell of {self.dwell:g} s at the goal, where the arm is in flight")
         return replace(self, limit=limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """∫ ((τ/limit)² - part²) dt [s] of every joint."""
         return (StageRows(_surplus, numbers=problem.robot.nv + 1, where="sum"),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         square = self.part**2
         left = self.dwell * (square - self._held(problem))
         return (RowValues(-np.inf, left, np.append(np.asarray(self.limit, dtype=float) ** -2, square)),)
@@ -95,11 +94,8 @@ class RmsTorque(PartialLimit):
         i = int(np.argmax(used))
         share, joint, most = float(used[i]), problem.robot.joint_names[i], float(np.asarray(self.limit)[i])
         said = f"{share * most:.5g} of {most:.5g} {'N' if problem.robot.slides[i] else 'N m'} at most, by {joint!r}"
-        if share <= 1 + self.policy.rate_tolerance:
-            return ConstraintReport(self.name, said, share, order=1)
         reason = f"the root mean square of the torque of joint {joint!r} exceeds its limit by {100 * (share - 1):.2g} %"
-        worst = Violation("continuous-torque limit", joint, float(motion.t[-1]), share - 1)
-        return ConstraintReport(self.name, said, share, (reason,), worst, order=1)
+        return self.report(share, said, reason, ("continuous-torque limit", joint, float(motion.t[-1])))
 
     def _held(self, problem: MinimumTimeProblem) -> Array:
         """Squares of the holding torques at the goal, over those of the limits, shape (nv,)."""

@@ -14,8 +14,8 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.per_joint import per_joint
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots, PathConstraint
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
@@ -74,7 +74,7 @@ class TorqueRateLimit(PathConstraint):
     def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
         return np.asarray(self.limit)
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rates in every interval, as parts of the limits; the torques at both ends."""
         n = problem.robot.nv
         return (
@@ -83,7 +83,7 @@ class TorqueRateLimit(PathConstraint):
             StageRows(_beside, (1.0,), numbers=n, where="last"),
         )
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Bounds of ±1, and none where the holding torque itself is out of reach."""
         ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)

@@ -9,11 +9,10 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
@@ -28,13 +27,13 @@ class TorqueSpeedLimit(PartialLimit):
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         return cls() if problem.limits.actuators.lines[0].size else None
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the torque-speed lines at the stages of every interval, over c; torques are continuous at knots."""
         slopes, _ = problem.limits.actuators.lines
         count, numbers = len(slopes), 2 * slopes.size
         return StageRows(_lines, (count, True), numbers), StageRows(_lines, (count, False), numbers, "first")
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         slopes, rest = problem.limits.actuators.lines
         own = RowValues(-self.part, self.part, np.concatenate([(1 / rest).ravel(), (slopes / rest).ravel()]))
         return own, own
@@ -46,12 +45,8 @@ class TorqueSpeedLimit(PartialLimit):
         k, i = np.unravel_index(np.argmax(used), used.shape)
         share, joint, when = float(used[k, i]), problem.robot.joint_names[i], float(motion.t[k])
         said = f"{100 * share:.4g} % of its line used at most, by {joint!r} at t = {when:.4g} s"
-        if share <= 1 + self.policy.rate_tolerance:
-            return ConstraintReport(self.name, said, share, order=1)
         reason = f"joint {joint!r} exceeds its torque-speed curve by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return ConstraintReport(
-            self.name, said, share, (reason,), Violation("torque-speed curve", joint, when, share - 1), order=1
-        )
+        return self.report(share, said, reason, ("torque-speed curve", joint, when))
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:

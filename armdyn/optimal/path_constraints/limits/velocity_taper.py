@@ -10,11 +10,10 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.presets.interface import REST_VELOCITY, VelocityTaper
-from armdyn.optimal.path_constraints.constraint import ConstraintReport, Knots
-from armdyn.optimal.path_constraints.limits.rates import PartialLimit, pieces
-from armdyn.optimal.path_constraints.rows import Rows, RowValues, StageRows
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.path_constraints.limits.rates import PartialLimit, times_within
+from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import Stages
 from armdyn.trajectory import Trajectory
 
@@ -32,28 +31,26 @@ class VelocityTaperLimit(PartialLimit):
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
         return None if problem.preset is None or problem.preset.taper is None else cls()
 
-    def rows(self, problem: MinimumTimeProblem) -> tuple[Rows, ...]:
+    def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the tapered velocity limits at the stages of every interval, over the joints' ranges."""
         return (StageRows(_beyond, numbers=4 * problem.robot.nv + 1),)
 
-    def values(self, problem: MinimumTimeProblem, knots: Knots) -> tuple[RowValues, ...]:
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         taper = _taper(problem)
         return (RowValues(-np.inf, 0.0, np.array([*taper.lower, *taper.upper, *taper.gain, *taper.offset, self.part])),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check tapered velocities at five points of every sample."""
-        t = pieces(motion)[0].ravel()
+        t = times_within(motion)
         at = motion(t)
         lower, upper = _taper(problem).at(at.q)
         shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
         k, i = np.unravel_index(np.argmax(shares), shares.shape)
         share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
         said = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
-        if share <= 1 + self.policy.rate_tolerance:
-            return ConstraintReport(self.name, said, share, order=1)
-        reason = f"joint {joint!r} exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
-        worst = Violation("velocity limit by position", joint, when, share - 1)
-        return ConstraintReport(self.name, said, share, (f"{reason} at t = {when:.4g} s",), worst, order=1)
+        beyond = f"exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
+        reason = f"joint {joint!r} {beyond} at t = {when:.4g} s"
+        return self.report(share, said, reason, ("velocity limit by position", joint, when))
 
 
 def _taper(problem: MinimumTimeProblem) -> VelocityTaper:

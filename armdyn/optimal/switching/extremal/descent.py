@@ -193,7 +193,7 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
         extremal: whose steps are too long.
         stop: asked before every step along a tangent.
     """
-    shooting = extremal.rollout.shooting.finer
+    shooting = extremal.rollout.shooting.finer(extremal.rollout)
     if shooting is not None and isinstance(stop, Budget):
         shooting = replace(shooting, budget=stop)
     found = fastest(shooting, extremal.structure, stop) if shooting else None

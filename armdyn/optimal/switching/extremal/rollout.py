@@ -8,6 +8,7 @@ import numpy as np
 from armdyn.arrays import Array, Flags, Index
 from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
+from armdyn.optimal.arcs.grid import Density, layered
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
@@ -15,6 +16,7 @@ from armdyn.optimal.switching.extremal.step_torques import Torques
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,7 @@ class ShootingProblem:
             a change's time that is moved by a second.
         offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
         steps: of a rollout.
+        layers: where steps are short since dry friction turns around; None: nowhere.
         budget: what rollouts spend their steps of; None: nobody counts.
     """
 
@@ -40,6 +43,7 @@ class ShootingProblem:
     torque_unit: Array
     offset: Array | float = 0.0
     steps: int = STEPS
+    layers: Density | None = None
     budget: Budget | None = None
 
     @property
@@ -47,16 +51,22 @@ class ShootingProblem:
         """That a rollout may have."""
         return self.steps // self.policy.rollout.per_arc
 
-    @property
-    def finer(self) -> Self | None:
-        """With twice the steps; None: with the most already."""
-        return replace(self, steps=2 * self.steps) if self.steps < self.policy.rollout.finest * STEPS else None
+    def finer(self, near: "Rollout | None" = None) -> Self | None:
+        """With twice the steps, laid for a motion that is near; None: with the most already."""
+        if self.steps >= self.policy.rollout.finest * STEPS:
+            return None
+        layers = self.layers if near is None else self._layers_of(near.motion)
+        return replace(self, steps=2 * self.steps, layers=layers)
+
+    def _layers_of(self, motion: Trajectory) -> Density | None:
+        return layered(motion, self.problem.robot.friction, self.policy.arcs)
 
     @classmethod
-    def of(cls, task: Task, flow: Flow, duration: float) -> Self:
-        """Shooting problem of a task whose motion takes about so long [s]."""
-        unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * duration)
-        return cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
+    def of(cls, task: Task, flow: Flow, motion: Trajectory) -> Self:
+        """Shooting problem of a task, to be solved near a motion."""
+        unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * motion.duration)
+        own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
+        return replace(own, layers=own._layers_of(motion))
 
     @property
     def end(self) -> Array:
@@ -72,6 +82,7 @@ class Rollout:
         shooting: the shooting problem.
         structure: the arcs.
         arc: which arc a step is in, shape (steps,); every arc has some.
+        part: of its arc that a step is, likewise.
         h: lengths of the steps [s], shape (steps,).
         start: states at the steps' starts, shape (steps, 2 nv).
         end: at their ends, likewise.
@@ -84,6 +95,7 @@ class Rollout:
     shooting: ShootingProblem
     structure: SwitchingStructure
     arc: Index
+    part: Array
     h: Array
     start: Array
     end: Array
@@ -98,7 +110,7 @@ class Rollout:
         shooting: ShootingProblem,
         structure: SwitchingStructure,
         joined: Flags | None = None,
-        arc: Index | None = None,
+        steps: tuple[Index, Array] | None = None,
     ) -> Self:
         """Integrate a structure.
 
@@ -106,13 +118,13 @@ class Rollout:
             shooting: the shooting problem.
             structure: of `ShootingProblem.most_arcs` at most.
             joined: changes whose states are not theirs, but where the arc before ends, shape (m,); None: none.
-            arc: which arc each step is in, shape (steps,); None: the longest have most.
+            steps: which arc each step is in, and its part of that arc, shape (steps,); None: the longest have most.
         """
         lengths = np.diff(np.concatenate([[0.0], structure.times, [structure.duration]]))
         curved = np.array([Mode.FREE in modes for modes in structure.modes()])
-        arc = _dealt(lengths, curved, shooting.steps, shooting.policy.rollout.per_free_arc) if arc is None else arc
-        h = (lengths / np.bincount(arc))[arc]
-        torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc)
+        arc, part = _dealt(shooting, lengths, curved) if steps is None else steps
+        h = lengths[arc] * part
+        torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc, part)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
         states = np.vstack([shooting.problem.x_start, structure.states])
         own = np.where(begins[:, None], states[arc], 0.0)
@@ -132,7 +144,7 @@ class Rollout:
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1
             structure = replace(structure, states=start[at])
-        return cls(shooting, structure, arc, h, start, end, state_transition, rate, torque_sensitivity, torques)
+        return cls(shooting, structure, arc, part, h, start, end, state_transition, rate, torque_sensitivity, torques)
 
     @property
     def finite(self) -> bool:
@@ -148,6 +160,13 @@ class Rollout:
     def times(self) -> Array:
         """Where steps start and end [s], shape (steps + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.h)])
+
+    @property
+    def motion(self) -> Trajectory:
+        """The states at the steps' ends."""
+        n, lasting = self.shooting.problem.robot.nv, np.append(True, self.h > 0)
+        x, tau = np.vstack([self.start[:1], self.end])[lasting], self.torques.tau
+        return Trajectory(self.times[lasting], x[:, :n], x[:, n:], np.vstack([tau[0][:1], tau[1]])[lasting])
 
     @cached_property
     def held_states(self) -> list[tuple[int, int, float]]:
@@ -242,7 +261,7 @@ class Rollout:
         torques, arc, h = self.torques, self.arc[own], self.h[own, None]
         before, after = self.torque_sensitivity[own, :, 0], self.torque_sensitivity[own, :, 1]
         rise = (torques.tau[1][own] - torques.tau[0][own]) / np.where(h, h, np.inf)
-        stretched = (self.rate[own] - (after @ rise[..., None])[..., 0]) / np.bincount(self.arc)[arc, None]
+        stretched = (self.rate[own] - (after @ rise[..., None])[..., 0]) * self.part[own, None]
         by = before @ torques.by[0][own] + after @ torques.by[1][own]
         steps = np.arange(own.size)
         by[steps, :, arc] += stretched
@@ -263,17 +282,30 @@ class Rollout:
             states: what the changes' states change by, shape (m, 2 nv).
         """
         there = self.structure.moved(by, self.structure.states + states, in_order=False)
-        return type(self).of(self.shooting, there, arc=self.arc)
+        return type(self).of(self.shooting, there, steps=(self.arc, self.part))
 
 
-def _dealt(lengths: Array, curved: Flags, steps: int, per_free_arc: int) -> Index:
-    """Which arc each step is in: some for every arc, more where a torque is free, and most for the longest.
+def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[Index, Array]:
+    """Which arc each step is in, and which part of that arc it is.
 
+    Some for every arc, more where a torque is free, most for the longest.
     Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.
+    Where friction has layers steps lie by these, as many of one length as the certificate takes together.
     """
-    steps *= 2 if 2 * per_free_arc * curved.sum() > steps else 1
-    own = max(2, min(per_free_arc, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
-    counts, parts = np.where(curved, own, 2), np.maximum(lengths, 0.0)
+    numbers, steps, layers = shooting.policy.rollout, shooting.steps, shooting.layers
+    steps *= 2 if 2 * numbers.per_free_arc * curved.sum() > steps else 1
+    own = max(2, min(numbers.per_free_arc, (steps - 2 * lengths.size) // max(int(curved.sum()), 1)))
+    counts, mass = np.where(curved, own, 2), np.maximum(lengths, 0.0)
+    if layers is not None:
+        ends = np.concatenate([[0.0], np.cumsum(mass)])
+        layers = replace(layers, t=layers.t * (ends[-1] / layers.t[-1]))
+        mass = np.diff(layers.up_to(ends))
     for _ in range(steps - counts.sum()):
-        counts[np.argmax(parts / counts)] += 1
-    return np.repeat(np.arange(lengths.size), counts)
+        counts[np.argmax(mass / counts)] += 1
+    arc = np.repeat(np.arange(lengths.size), counts)
+    part = 1 / counts[arc]
+    if layers is not None:
+        for k in np.flatnonzero(~curved & (lengths > 0)):
+            sizes = [group.size for group in np.array_split(np.arange(counts[k]), numbers.groups(counts[k]))]
+            part[arc == k] = np.repeat(layers.between(ends[k], ends[k + 1], len(sizes)) / sizes, sizes)
+    return arc, part

@@ -32,7 +32,7 @@ class Torques:
     by: tuple[Array, Array]
 
     @classmethod
-    def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: Index) -> Self:
+    def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: Index, part: Array) -> Self:
         """Torques of a structure's steps.
 
         Args:
@@ -40,6 +40,7 @@ class Torques:
             unit: what a coefficient of 1 in a singular control is [N m], shape (nv,).
             structure: its arcs.
             arc: which arc each step is in, shape (steps,).
+            part: of its arc that a step is, likewise.
         """
         modes = structure.modes()
         signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
@@ -61,7 +62,7 @@ class Torques:
             joint = structure.changes[k].joint
             end = structure.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
-            s, by_s = _along(structure, arc, own, (k, end))
+            s, by_s = _along(structure, arc, part, own, (k, end))
             terms, slopes = control.terms(s, np.tile(signs[own], (2, 1)))
             torque, by_coefficients = unit[joint] * (terms @ control.values), unit[joint] * terms
             by_unknowns = unit[joint] * (slopes @ control.values)[:, None] * by_s
@@ -98,21 +99,23 @@ class Torques:
         return np.concatenate(values), np.concatenate(rows)
 
 
-def _along(structure: SwitchingStructure, arc: Index, own: Index, ends: tuple[int, int]) -> tuple[Array, Array]:
+def _along(
+    structure: SwitchingStructure, arc: Index, lengths: Array, own: Index, ends: tuple[int, int]
+) -> tuple[Array, Array]:
     """Where steps start, then where they end in a segment, from 0 to 1; and by the unknowns, (2 own, width).
 
     Args:
         structure: the arcs.
         arc: which arc each step is in.
+        lengths: of the steps as parts of their arcs.
         own: the steps asked for.
         ends: changes that begin and end the segment.
     """
     edges = np.concatenate([[0.0], structure.times, [structure.duration]])
     by_edges = np.zeros((edges.size, structure.width))
     by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
-    counts, before = np.bincount(arc), np.tile(arc[own], 2)
-    number = own - np.concatenate([[0], np.cumsum(counts)])[arc[own]]
-    part = np.concatenate([number, number + 1]) / counts[before]
+    before, last = np.tile(arc[own], 2), np.cumsum(lengths)[own] - arc[own]  # the parts of an arc are 1 together
+    part = np.concatenate([last - lengths[own], last])
     t = (1 - part) * edges[before] + part * edges[before + 1]
     by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]
     (begin, end), (by_begin, by_end) = edges[np.array(ends) + 1], by_edges[np.array(ends) + 1]

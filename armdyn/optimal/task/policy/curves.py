@@ -80,20 +80,28 @@ class CurvePolicy:
     spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
     little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
     rough: float = tuned(3e-3, "of half the range", "excess that is left where time is then given for calm joints")
+    beside: float = tuned(
+        0.03,
+        "of half the range",
+        "by which a point may be within its bound where torques beside it are not",
+        "Baxter 1",
+    )
     rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
-    samples: int = tuned(16, "samples", "of an interval: replays are beside the curve by the fourth power")
-    steps: int = tuned(400, "samples", "of a leg, at least")
-    finer_ends: int = tuned(
-        2,
-        "-",
-        "multiplies the samples of the first and last interval: where a light joint reaches its velocity limit within "
-        "it, the replay exceeds that by 1e-5 instead of 8e-5, and is slowed down by as much",
+    off: float = tuned(
+        1e-5,
+        "of a velocity limit",
+        "estimated error of the replay's velocities, by which samples are chosen, and which is kept from the limits: "
+        "with 2e-6 there are 1.7 times as many samples",
         MARGINS,
     )
-    finer_with_friction: int = tuned(
+    samples: int = tuned(8, "samples", "of an interval, at least")
+    most_samples: int = tuned(64, "samples", "of an interval, by the estimate")
+    steps: int = tuned(300, "samples", "of a leg, at least")
+    finer: int = tuned(
         2,
         "-",
-        "multiplies the samples where Coulomb friction jumps between them: the replay ends 3 times nearer",
+        "multiplies the samples where Coulomb friction jumps between them, which leaves the replay 3 times nearer, "
+        "where torques may not jump, and where velocity limits do not shape the motion",
         "xArm6",
     )
     slower_again: float = tuned(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
-from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, UNRECORDED, by_kind, tuned
+from armdyn.optimal.task.policy.tuned import LARGE, PLANAR, by_kind, tuned
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,24 +30,15 @@ class RefinementPolicy:
     )
     sharp: int = tuned(18_000, "integrator steps", "to one of a mesh refined at its switches", "RR, RRR, random pairs")
     landed_of: int = tuned(4, "motions", "of one optimum are aimed at the goal at most, until one lands", "RRR")
-    iteration: int = tuned(
-        8,
-        "integrator steps",
-        "that an iteration of IPOPT counts, for each interval: about as long",
-        "random arms (RR, seed 1)",
-    )
     sure: float = tuned(
         5.0, "-", "slower by so many times what the certified one's mesh was wrong by", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "the same, at the most", "RRR, ten payloads")
-    intervals: int = tuned(24, "intervals", "of the first mesh of arcs")
-    most_intervals: int = tuned(100, "intervals", "of the finest such mesh")
+    most_intervals: int = tuned(100, "intervals", "of the finest mesh of arcs")
     most_per_arc: int = tuned(12, "intervals", "the same for each arc: 17 arcs need more than 100", "RRR, random pairs")
-    most_arcs: int = tuned(60, "arcs", "more are no structure", UNRECORDED)
     blur: int = tuned(
         20, "-", "off its limits for less than this part of a fine mesh a torque is switching", "RRR 1 kg"
     )
-    rounds: int = tuned(12, "rounds", "of structures corrected by multipliers")
     aims: int = tuned(8, "rounds", "of aiming arcs beside the goal")
     landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
     stray: float = tuned(5e-7, "-", "|H| that is as good as it can be: a hundredth of the certificate's tolerance")
@@ -142,21 +133,12 @@ class ArcsPolicy:
     )
     in_layers: float = tuned(0.5, "-", "part of the intervals that such turns get", "RR with friction")
     tolerance: float = tuned(1e-10, "scaled", "of IPOPT: durations then hold to about as much")
-    held_iterations: int = tuned(60, "iterations", "where all torques are held")
-    free_iterations: int = tuned(100, "iterations", "where some are free")
-    near_iterations: int = tuned(
-        40,
-        "iterations",
-        "where the guess solves nearly the same: what takes more comes to nothing",
-        "RRR, random pairs",
-    )
-    smooth_iterations: int = tuned(150, "iterations", "where they are to be smooth")
-    tie: float = tuned(1e-5, "of 1 for time", "cost of full torques that time leaves free: it makes them unique", "RRR")
+    iterations: int = tuned(150, "iterations", "of IPOPT")
     on_interval: int = tuned(
         8, "samples", "of constant torques: with one, cubics between were off by 0.27 rad/s of 62; so by 0.0012", "RRR"
     )
-    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs where some torques are free")
-    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near or none is")
+    barrier: float = tuned(1e-3, "scaled", "IPOPT's mu_init of arcs")
+    near_barrier: float = tuned(1e-9, "scaled", "the same, and its push, where the guess is near")
     least_share: float = tuned(1e-6, "of the time", "a limit's smaller share is none: what the multipliers resolve")
     samples: int = tuned(480, "samples", "of torques that are not constant, 4 to 16 on an interval", "RRR time-energy")
 

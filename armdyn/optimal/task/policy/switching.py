@@ -30,6 +30,10 @@ class RolloutPolicy:
         3, "steps", "of an interval of the certificate where torques are constant; where one is free it is one", PLANAR
     )
 
+    def groups(self, steps: int) -> int:
+        """Number of the certificate's intervals in an arc of constant torques of so many steps."""
+        return max(1, round(steps / self.together))
+
 
 @dataclass(frozen=True, kw_only=True)
 class DescentPolicy:

@@ -75,6 +75,7 @@ def equations(seed, curvature):
     return (J, Jm, H), (A[:, free], M[:, free], W[np.ix_(free, free)]), free, random
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_step_is_that_of_the_whole_matrix(newton_step, seed):
     parts, (A, _, W), free, random = equations(seed, 12.0)

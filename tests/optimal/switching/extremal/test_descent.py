@@ -18,8 +18,8 @@ from problems import cart, random_solution, solved
 U, L = Mode.UPPER, Mode.LOWER
 
 
-def shooting(problem, duration):
-    return shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), duration)
+def shooting(problem, motion):
+    return shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), motion)
 
 
 def beside(phases, part=0.02, seed=0):
@@ -35,16 +35,17 @@ def test_the_double_integrator_turns_round_half_way():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     t = np.linspace(0, 2.5, 21)
     guess = ad.Trajectory(t, 0.8 * t[:, None], np.full((21, 1), 0.8), np.zeros((21, 1)))
-    found = fastest(shooting(problem, 2.5), SwitchingStructure.of([Arc(1.5, (U,)), Arc(1.0, (L,))], guess), Stop())
+    found = fastest(shooting(problem, guess), SwitchingStructure.of([Arc(1.5, (U,)), Arc(1.0, (L,))], guess), Stop())
     assert isinstance(found, Extremal)
     assert found.structure.duration == pytest.approx(2 * np.sqrt(2), rel=1e-10)
     assert found.structure.times == pytest.approx([np.sqrt(2)], rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_an_optimum_is_found_again_from_beside_it(arm):
     solution = solved(arm)
-    found = fastest(shooting(solution.problem, solution.duration), beside(solution.phases), Stop())
+    found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases), Stop())
     assert isinstance(found, Extremal)
     # Eighth order in 96 steps, against ninth in 24 to 100 intervals.
     assert found.structure.duration == pytest.approx(solution.phases.duration, rel=1e-8)
@@ -55,9 +56,10 @@ def test_an_optimum_is_found_again_from_beside_it(arm):
     np.testing.assert_allclose(start, solution.phases.costate[0], rtol=1e-3, atol=1e-3 * np.max(np.abs(start)))
 
 
+@pytest.mark.slow
 def test_the_model_is_what_motions_beside_it_do():
     solution = random_solution(15)  # of nine arcs, so that its times are not all determined by the goal
-    own = shooting(solution.problem, solution.duration)
+    own = shooting(solution.problem, solution.trajectory)
     linear = landed(own, beside(solution.phases, 0.005), 16)
     assert isinstance(linear, LinearizedRollout)
     model = Model.of(linear)
@@ -82,7 +84,9 @@ def test_the_model_is_what_motions_beside_it_do():
 def test_a_schedule_with_too_few_changes_has_no_motion_near():
     solution = solved("rr")
     arcs = solution.phases.arcs[:2]
-    found = fastest(shooting(solution.problem, 0.3), SwitchingStructure.of(arcs, solution.phases.torques), Stop())
+    found = fastest(
+        shooting(solution.problem, solution.trajectory), SwitchingStructure.of(arcs, solution.phases.torques), Stop()
+    )
     assert isinstance(found, NoExtremal)
     assert "goal" in found.why
 
@@ -90,5 +94,5 @@ def test_a_schedule_with_too_few_changes_has_no_motion_near():
 def test_it_can_be_stopped():
     solution = solved("rr")
     stop = Stop(interrupted=True)
-    found = fastest(shooting(solution.problem, solution.duration), beside(solution.phases), stop)
+    found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases), stop)
     assert isinstance(found, NoExtremal)

@@ -24,12 +24,12 @@ U, L = Mode.UPPER, Mode.LOWER
 def test_a_motion_that_goes_too_far_is_told_where():
     # 1 kg, 1 N, from rest at 0: accelerates for 1 s, brakes for 2 s, and turns round at 1 m, after 2 s.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[0.5], position_limit=(-1.0, 0.9))
-    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
     t = np.linspace(0, 3, 31)
     q = np.where(t < 1, t**2 / 2, 0.5 + (t - 1) - (t - 1) ** 2 / 2)
     v = np.where(t < 1, t, 2 - t)
     tau = np.where(t < 1, 1.0, -1.0)
     guess = ad.Trajectory(t, q[:, None], v[:, None], tau[:, None])
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), guess)
     rollout = Rollout.of(shooting, SwitchingStructure.of([Arc(1.0, (U,)), Arc(2.0, (L,))], guess))
     assert excess(rollout) == pytest.approx(0.1, abs=1e-3)  # at the ends of steps, of which there are 96
     touching = with_limits(rollout)
@@ -49,7 +49,7 @@ def test_touches_are_found_on_the_way():
     problem = random_problem(5)
     solution = ad.solve_minimum_time(problem)
     assert solution.certified
-    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.duration)
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     touches = [k for k, change in enumerate(given.changes) if change.touch]
     assert len(touches) == 2
@@ -63,11 +63,11 @@ def test_touches_are_found_on_the_way():
 def test_a_velocity_limit_that_is_overlooked_is_kept():
     # Up to 0.8 m/s at 1 m/s², cruise, down: t = d/v + v/a. The bang-bang motion, of 2 √2 s, reaches √2 m/s.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
-    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), 3.0)
     t = np.linspace(0, 2 * np.sqrt(2), 41)
     v = np.minimum(t, t[-1] - t)
     q = np.where(t < np.sqrt(2), t**2 / 2, 2 - (t[-1] - t) ** 2 / 2)
     guess = ad.Trajectory(t, q[:, None], v[:, None], np.sign(np.sqrt(2) - t)[:, None])
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), guess)
     bang = SwitchingStructure.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
     assert excess(Rollout.of(shooting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
     found = fastest(shooting, bang, Stop())

@@ -10,6 +10,7 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
+from armdyn.trajectory import Trajectory
 from problems import paper_problem
 
 U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
@@ -17,7 +18,9 @@ U, L, F = Mode.UPPER, Mode.LOWER, Mode.FREE
 
 def rolled_out():
     """Two torques of RRR free at once, the first while another joint switches."""
-    own = shooting_problem(Task.of(paper_problem("rrr"), MinimumTimeOptions(compile=False)), 0.1)
+    problem = paper_problem("rrr")
+    still = Trajectory.at_rest(problem.q_start, np.zeros(3), 0.1)
+    own = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), still)
     changes = (
         Change(1, F, control=SingularControl((0.002, -0.003, 0.001), ((0, (0.004, 0.001)),))),
         Change(0, L),

@@ -7,7 +7,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from armdyn.cli.app import app
-from armdyn.cli.parsing.panels import place
+from armdyn.cli.layout import place
 
 COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 

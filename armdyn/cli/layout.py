@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from typer import Exit
 from typer.core import TyperCommand, TyperGroup
 
-from armdyn.cli.parsing.panels import OUTPUT, place
+from armdyn.cli.options.groups import LIMITS, OUTPUT, ROBOT, SCENE, SOLVER, TASK
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -26,6 +26,9 @@ THEN = "--then"
 
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
+
+_FIRST, _LAST = (TASK, ROBOT, LIMITS, SCENE), (SOLVER, OUTPUT)
+"""Panels before those of a single command, and after them."""
 
 _IN_OUTPUT = {"out", "json", "quiet", "no_figure", "no_report", "help"}
 
@@ -121,6 +124,13 @@ def _panels(params: Iterable[Any]) -> list[tuple[str, list[Any]]]:
         return -1 if name == "Arguments" else place(name), name == "Options"
 
     return [(name, found[name]) for name in sorted(found, key=order)]
+
+
+def place(panel: str) -> int:
+    """Sort key of a panel: the task first, the output last, the panels of a single command between."""
+    if panel in _FIRST:
+        return _FIRST.index(panel)
+    return len(_FIRST) + 1 + _LAST.index(panel) if panel in _LAST else len(_FIRST)
 
 
 def _told(param: Any) -> RenderableType:

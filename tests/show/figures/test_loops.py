@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from armdyn.control.tracking.envelope import Envelope
+from armdyn.control.tracking.run import Envelope
 from armdyn.errors import ProblemError
-from armdyn.show.figures.envelopes import plot_envelope
+from armdyn.show.figures.loops import plot_envelope
 from armdyn.show.plots import save_figure
 
 T = np.linspace(0.0, 1.0, 101)

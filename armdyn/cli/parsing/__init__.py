@@ -1,1 +1,0 @@
-"""Positions with units and names, as typed; layout of the help."""
