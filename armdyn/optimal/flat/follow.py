@@ -62,7 +62,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     are then off by about h³/48 of the jump of M⁻¹τ'', and by twice that at the ends of a leg.
 
     Args:
-        robot: that moves.
+        robot: the arm.
         leg: of a curve.
         speed: limits of the velocities [rad/s or m/s], shape (nv,); where infinite, the leg's largest velocity counts.
         numbers: the part, and fewest and most samples.
@@ -70,8 +70,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     Returns:
         Shape (intervals,).
     """
-    lengths = np.diff(leg.basis.breaks)
-    bends = _bends(robot, leg)
+    lengths, bends = np.diff(leg.basis.breaks), _bends(robot, leg)
     padded = np.concatenate([-bends[:1], bends, -bends[-1:]])
     jumps = np.abs(padded[1:, 0] - padded[:-1, -1])
     worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(bends), axis=1))
@@ -82,7 +81,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
 
 
 def _bends(robot: Robot, leg: CurveLeg) -> Array:
-    """Accelerations that the second derivatives of a leg's torques would give, M⁻¹τ'' [rad/s⁴ or m/s⁴], without friction.
+    """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
 
     Returns:
         At inner places of every interval, shape (intervals, 3, nv).
