@@ -25,10 +25,9 @@ from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
 from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
-from armdyn.optimal.live.last import LastMotion
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends, StepProgram, TorqueMargins
-from armdyn.optimal.live.stopping import at_rest, fallback, rest_of_last
+from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
