@@ -106,7 +106,7 @@ def _bound(solution: Solution) -> tuple[bool | None, str]:
 
 
 def standing(solution: Solution) -> dict[str, Any]:
-    """What `--require` may ask for, and why the answer is not so, "missing", by "certified", "extremal", "gap"."""
+    """Facts that `--require` compares; "missing": why the answer is not "certified", "extremal", of a smaller "gap"."""
     certificate, reasons = solution.certificate, "; ".join(solution.certificate.reasons)
     lines = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
     missing = {"certified": reasons} | {kind: lines.get(kind, reasons) for kind in ("extremal", "gap")}
