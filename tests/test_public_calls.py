@@ -89,7 +89,7 @@ INNER = {
         "on",
         "under",
     ),
-    *("rows", "tightened", "torque_rate_limit", "values", "with_stability", "without", "without_motors"),
+    *("report", "rows", "tightened", "torque_rate_limit", "values", "with_stability", "without", "without_motors"),
     "from_description",  # takes a package, and the internet
     "from_table",  # of a file that was read
 }

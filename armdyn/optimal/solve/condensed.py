@@ -23,7 +23,7 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _RELAXED = 1e-8
-"""What unknowns may exceed their bounds by."""
+"""Largest excess of an unknown over its bound that counts as none."""
 
 
 def condensable(task: Task) -> bool:
@@ -101,8 +101,12 @@ def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
 
 
 def has_stagewise(task: Task) -> bool:
-    """Whether the stagewise method solves the task's programs: it needs none of its own for each mesh."""
-    return condensable(task) and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
+    """Whether the stagewise method solves the task's programs, which needs none of its own for each mesh, in time."""
+    return (
+        not task.stop
+        and condensable(task)
+        and isinstance(_solver(task, task.options.intervals, task.fine()), Stagewise)
+    )
 
 
 def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:

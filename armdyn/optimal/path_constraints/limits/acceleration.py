@@ -38,7 +38,7 @@ class AccelerationLimit(PartialLimit):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check accelerations by forward dynamics, within every sample."""
         t, a, _ = accelerations(problem.robot, motion)
-        return self.report_on_joints(problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
+        return self._report_on_joints(problem.robot, 2, t, a, np.asarray(problem.acceleration_limit))
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.sqrt(np.max(np.abs(path.ddq) / np.asarray(problem.acceleration_limit))))

@@ -44,7 +44,7 @@ class JerkLimit(PartialLimit):
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check jerks by the time derivative of forward dynamics, within every sample."""
         t, _, jerks = accelerations(problem.robot, motion)
-        return self.report_on_joints(problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
+        return self._report_on_joints(problem.robot, 3, t, jerks, np.asarray(problem.jerk_limit))
 
 
 def _jerks(stages: Stages, over_limit: ca.SX) -> ca.SX:

@@ -74,7 +74,7 @@ class PartialLimit(PathConstraint):
         """The whole limit again: the excess between the points of a mesh twice as fine is a fraction."""
         return replace(self, part=1.0)
 
-    def report_on_joints(self, robot: Robot, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
+    def _report_on_joints(self, robot: Robot, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
         """Report on a derivative of the positions and its limits.
 
         Args:
