@@ -34,7 +34,8 @@ for arguments in json.loads(sys.argv[1]):
     try:
         main()
     except SystemExit:
-        print("\\n" + json.dumps([arguments, list(sys.modules)]))"""
+        pass
+    print("\\n" + json.dumps([arguments, list(sys.modules)]), flush=True)"""
 
 
 def loaded(*arguments, **environment):
