@@ -24,7 +24,7 @@ Stop = Callable[[], bool]
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """What a leg passes on its way.
+    """Regions and lines that a leg passes, in order.
 
     Attributes:
         regions: passed at any velocity, in this order.

@@ -1,4 +1,4 @@
-"""What is changed by hand in the studio, as a value: to and from JSON, and as a problem."""
+"""State that a user changes in the studio: a value, to and from JSON, and the problem that it poses."""
 
 from __future__ import annotations
 
