@@ -1,5 +1,7 @@
 """Eigenvalues of a continuous PID loop, linearised at its goal."""
 
+from __future__ import annotations
+
 from typing import NamedTuple, Self
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Inverse kinematics: joint positions that bring a frame of an arm to a pose."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
