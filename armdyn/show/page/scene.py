@@ -128,11 +128,6 @@ def short_names(names: Sequence[str]) -> list[str]:
     return [name[stem:].removesuffix("_joint") or name for name in names]
 
 
-def finite_pairs(lower: Array, upper: Array) -> list[list[float | None]]:
-    """Lower and upper limit of every joint; None where there is none."""
-    return [[float(x) if np.isfinite(x) else None for x in pair] for pair in zip(lower, upper, strict=True)]
-
-
 def playing_speed(durations: Sequence[float]) -> float:
     """Playing time over real time, a round number: motions of very different length meet halfway."""
     wanted = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
