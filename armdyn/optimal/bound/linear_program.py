@@ -1,7 +1,5 @@
 """Linear programs that are put together from blocks, and the marginals of their equations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,7 +7,7 @@ import _armdyn_enclosure as enclosure
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
-from scipy.sparse import csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from armdyn.arrays import Array
 
@@ -101,19 +99,33 @@ class LinearProgram:
             tolerance: of the cost, relative to 1 and to its size.
         """
         bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
-        matrix = _matrix(self.entries, len(bounds)).tocsc()
-        found, _, _, marginals = enclosure.solve(
-            start=matrix.indptr,
-            row=matrix.indices,
-            value=matrix.data,
-            right=np.concatenate(self.right, axis=None),
-            cost=np.concatenate(self.costs),
-            lower=bounds[:, 0].copy(),
-            upper=bounds[:, 1].copy(),
-            tolerance=tolerance,
-            most=_MOST,
-        )
-        return np.asarray(marginals) if found else None
+        right, cost = np.concatenate(self.right, axis=None), np.concatenate(self.costs)
+        return marginals_in_boxes(_matrix(self.entries, len(bounds)).tocsc(), right, cost, bounds, tolerance)
+
+
+def marginals_in_boxes(matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float) -> Array | None:
+    """The marginals of the equations matrix x = right, at the x within bounds of the least cost; None: not found.
+
+    Args:
+        matrix: rows that have an unknown in common are near each other, or among the last few.
+        right: sides of the equations.
+        cost: of each unknown.
+        bounds: of each unknown, finite, shape (unknowns, 2).
+        tolerance: of the cost, relative to 1 and to its size.
+    """
+    matrix.sort_indices()
+    found, _, _, marginals = enclosure.solve(
+        start=matrix.indptr,
+        row=matrix.indices,
+        value=matrix.data,
+        right=right,
+        cost=cost,
+        lower=bounds[:, 0].copy(),
+        upper=bounds[:, 1].copy(),
+        tolerance=tolerance,
+        most=_MOST,
+    )
+    return np.asarray(marginals) if found else None
 
 
 def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:

@@ -1,4 +1,4 @@
-"""What a change of a motion saves to first order, at most, whatever its switching structure: by a linear program.
+"""Upper bound on the time that a change of a motion saves to first order, whatever its switching structure.
 
 Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that it
 comes near (Bryson and Ho, Applied Optimal Control, section 3.9). Other torques within their limits, and another pace,
@@ -20,11 +20,11 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import linprog
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
+from armdyn.optimal.bound.linear_program import marginals_in_boxes
 from armdyn.optimal.landing.shooting import Shooting
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.adjoint import Along
@@ -176,20 +176,31 @@ class _StationarityProgram:
         )
 
     def solved(self) -> MeshCostates | None:
-        """Solve the linear program, and integrate the adjoint equations with its multipliers."""
+        """Solve the linear program, and integrate the adjoint equations with its multipliers.
+
+        Its unknowns are changes of the motion in boxes, its equations say how the states' follow and what limits leave,
+        and their marginals are the costates and the multipliers of the limits.
+        """
         stretches = self._stretches()
-        G, n = len(stretches.carried), self.width.size
-        columns, E = 2 * n * (G + 1), len(stretches.source)
-        rows, right, weights = self._conditions(stretches)
-        equal, R = _adjoint(stretches), right.size
-        cost = np.concatenate([np.zeros(columns), stretches.distance, weights])
-        least = np.concatenate([np.full(columns, -np.inf), np.zeros(E + R)])
-        bounds = np.column_stack([least, np.full(cost.size, np.inf)])
-        rows, equal = sp.hstack([rows, -sp.eye(R)]), sp.hstack([equal, sp.csr_matrix((equal.shape[0], R))])
-        found = linprog(cost, rows, right, equal, np.zeros(equal.shape[0]), bounds, method="highs-ipm")
-        if found.x is None:
+        G, n, E = len(stretches.carried), self.width.size, len(stretches.distance)
+        changes, cost, bounds = self._changes(stretches)
+        furthest, own = self.numbers.furthest / self.motion.t[-1], 2 * n * (G + 1)
+        states = np.full((2 * n * G, 2), (-furthest, furthest))
+        spare = stretches.distance + furthest * np.abs(stretches.source).sum(axis=1)
+        matrix = [changes, _adjoint(stretches), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
+        order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), stretches.source_of[0]), kind="stable")
+        marginals = np.empty(own + E)
+        found = marginals_in_boxes(
+            sp.vstack(matrix, format="csr")[:, order].T.tocsc(),
+            np.append(np.zeros(own), -stretches.distance)[order],
+            np.append(cost, np.zeros(len(states) + E)),
+            np.concatenate([bounds, states, np.stack([np.zeros(E), spare], axis=1)]),
+            self.numbers.converged,
+        )
+        if found is None:
             return None
-        return self._measured(stretches, found.x[columns - 2 * n : columns], found.x[columns : columns + E])
+        marginals[order] = found
+        return self._measured(stretches, marginals[own - 2 * n : own], np.maximum(marginals[own:], 0.0))
 
     def _stretches(self) -> _Stretches:
         """Intervals together until they are as long as a stretch."""
@@ -223,32 +234,28 @@ class _StationarityProgram:
             np.array(sources).reshape(-1, 2 * n), np.array(distances),
         )  # fmt: skip
 
-    def _conditions(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
-        """Rows and right-hand sides of H ≤ 0, H ≥ 0 and of the signs of S, and their parts of the duration.
+    def _changes(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
+        """Rows of H and S, costs, and bounds of the changes of the pace and the torques that they belong to.
 
-        H is asked at the start of every stretch, S at its ends, as of the intervals beside them; one shorter than
-        the numbers' `brief` counts for its part of that.
+        The pace changes along every stretch, torques at its ends, as those of the intervals beside them may;
+        an interval shorter than the numbers' `brief` counts for its part of that.
         """
-        G, n, E = len(stretches.carried), self.width.size, len(stretches.source)
-        t, ends = self.motion.t / self.motion.t[-1], stretches.ends
+        G, n = len(stretches.carried), self.width.size
+        t, ends, m = self.motion.t / self.motion.t[-1], stretches.ends, 2 * n
+        width, lengths = m * (G + 1) + len(stretches.distance), np.diff(t[ends])
+        places = np.repeat(np.arange(G), m), np.arange(G * m)
+        pace = sp.csr_matrix((-self.rate[0][ends[:-1]].ravel(), places), shape=(G, width))
+        velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
+        places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
+        torques = sp.csr_matrix((-self.into[ends].ravel(), places), shape=(n * (G + 1), width))
+        beside = (np.append(lengths, 0.0) + np.append(0.0, lengths))[:, None] / 2
         counts = np.minimum(np.diff(t)[:, None] / self.numbers.brief, 1.0)
-        m, width, blocks, right, weights = 2 * n, 2 * n * (G + 1) + E, [], [], []
-        rate, into, lengths = self.rate[0][ends[:-1]], self.into[ends], np.diff(t[ends])
-        beside = (np.append(lengths, 0.0) + np.append(0.0, lengths)) / 2
-        for side in (1.0, -1.0):
-            places = (np.repeat(np.arange(G), m), np.arange(G * m))
-            blocks.append(sp.csr_matrix(((side * rate).ravel(), places), shape=(G, width)))
-            right.append(np.full(G, -side))
-            weights.append(lengths)
-            asked = counts * (self.share if side > 0 else 1 - self.share)
-            most = np.maximum(np.vstack([asked, asked[-1:]]), np.vstack([asked[:1], asked]))[ends]
-            end, joint = np.nonzero(most > 0)
-            values = side * most[end, joint, None] * into[end, joint]
-            places = (np.repeat(np.arange(end.size), n), (m * end[:, None] + n + np.arange(n)).ravel())
-            blocks.append(sp.csr_matrix((values.ravel(), places), shape=(end.size, width)))
-            right.append(np.zeros(end.size))
-            weights.append(beside[end])
-        return sp.vstack(blocks, format="csr"), np.concatenate(right), np.concatenate(weights)
+        falls, rises = (
+            beside * np.maximum(np.vstack([part, part[-1:]]), np.vstack([part[:1], part]))[ends]
+            for part in (counts * self.share, counts * (1 - self.share))
+        )
+        bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
+        return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
 
     def _measured(self, stretches: _Stretches, last: Array, multipliers: Array) -> MeshCostates:
         """The costates from the last one, and what is missed at the worse end of every interval."""

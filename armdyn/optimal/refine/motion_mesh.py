@@ -36,7 +36,7 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
         return None
     inside = task.problem.variant(velocity_limit=(1 - numbers.inside) * task.problem.limits.velocity)
     within = replace(task, problem=inside)
-    settings = replace(task.sharp(), max_iterations=numbers.iterations)
+    settings = replace(task.sharp(), max_iterations=numbers.iterations, barrier=numbers.barrier)
 
     def solve(guess: Trajectory, knots: Array) -> Attempt:
         return solve_on_knots(within, guess, knots, settings, numbers.tie)

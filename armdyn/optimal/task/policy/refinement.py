@@ -80,6 +80,7 @@ class MotionMeshPolicy:
     most: int = tuned(3000, "knots", "more take a second")
     rounds: int = tuned(5, "meshes", "a switch is then located to 1e-6 of the duration")
     iterations: int = tuned(200, "iterations", "at most: most take 40 to 90, some 150")
+    barrier: float = tuned(1e-6, "scaled", "first of the interior-point method: the guess is near")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
     bow: float = tuned(2e-5, "of a velocity limit", "by which a constant torque strays from it within an interval")
