@@ -1,5 +1,6 @@
 """Bounded reading and atomic writing of files; files sealed by a checksum."""
 
+import csv
 import errno
 import hashlib
 import io
@@ -7,7 +8,7 @@ import json
 import os
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import NoReturn
@@ -127,6 +128,13 @@ def _finite(text: str) -> float:
 def _whole(text: str) -> int:
     _finite(text)
     return int(text)
+
+
+def csv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Rows of cells as CSV; Python's floats with as many digits as they need, None as an empty cell."""
+    content = io.StringIO(newline="")
+    csv.writer(content, lineterminator="\n").writerows(rows)
+    return content.getvalue()
 
 
 _SEAL = hashlib.sha256().digest_size

@@ -114,7 +114,7 @@ def values() -> dict[Callable[..., object], Right]:
         ad.LinkSpec: LINK,
         ad.ArmSpec: {"name": "a", "links": [ad.LinkSpec(**LINK)], "position_limit": 3.0, "velocity_limit": 9.0}
         | {"effort_limit": 3.0},
-        ad.Payload: BODY | {"offset": None},
+        ad.Payload: BODY,
         ad.Tool: BODY | {"tip": (0, 0, 0)},
         ad.Cycle: {"robot": RR, "start": START, "steps": [ad.Move(GOAL)], "closed": False, "order": "given"},
         ad.Grasp: {"part": ad.Payload(mass=0.1), "dwell": 0.1, "name": "take"},

@@ -138,6 +138,7 @@ def assert_all_end(pids, folder, deadline=5.0):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize("robot", [UR5, RRR], ids=["in the background", "awaited"])
 def test_a_compiler_ends_with_its_owner(robot, how, tmp_path):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import armdyn as ad
 from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, table, working
 from armdyn.cli.options.groups import argument, flag, option
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
 from armdyn.errors import ProblemError
@@ -44,7 +44,7 @@ def doctor(
         "tip, missing limits. Nothing is written without --out."
     ),
     out: Path | None = option("FILE", "With --repair: write the URDF with physical inertias, marked as repaired."),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """Check the installation, or a robot as armdyn reads it.
 

@@ -14,7 +14,7 @@ from armdyn.cli.console import NOT_USABLE, answering, console, escape
 from armdyn.cli.motion.check import show_check
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
@@ -135,7 +135,7 @@ def export(
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
 

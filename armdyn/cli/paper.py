@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armdyn.arguments import one_of
 from armdyn.cli.console import INTERRUPTED, answering, console, escape, progress_bar, table
 from armdyn.cli.options.groups import argument, flag, option
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import numbers
@@ -30,7 +30,7 @@ def reproduce(
         "When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
         show_default="last_entry_first_joint, the paper's",
     ),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """The whole paper: every example, table and figure, the published numbers beside ours.
 
@@ -103,7 +103,7 @@ def urdf(
     arm: str = argument("ARM", "r, rr or rrr."),
     payload: float = option("KG", "Point mass at the tip \\[kg].", default=0.0),
     out: Path | None = option("DIR", "Write a file there instead of printing."),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """The URDF of one of the paper's arms, with its payload as a link at the tip.
 

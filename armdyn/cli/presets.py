@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import Answer, answering, console, facts_table, table
-from armdyn.cli.options.groups import argument
+from armdyn.cli.options.groups import argument, flag
 from armdyn.cli.options.preset import known_presets, preset_named
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,7 +21,7 @@ def presets(
         default=None,
         autocompletion=known_presets,
     ),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """Conditions that robots' controllers put on motions, as far as documents make them public.
 

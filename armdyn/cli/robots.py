@@ -8,7 +8,7 @@ import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.options.groups import argument, flag
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
 
@@ -28,7 +28,7 @@ def robots(
         autocompletion=known_names,
     ),
     everything: bool = flag("Also the library's robots of several limbs, and those armdyn refuses.", name="--all"),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """The robots that go by a name: the paper's arms, benchmarks of joints without a motor, and example-robot-data's.
 

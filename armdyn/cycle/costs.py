@@ -28,7 +28,7 @@ MORE = 0.1
 
 @dataclass(frozen=True)
 class CycleCost:
-    """What one condition of a cycle costs, all others kept.
+    """Time that one condition of a cycle costs, all others kept.
 
     Attributes:
         step: number of the step, from 1 on; 0: the whole cycle.

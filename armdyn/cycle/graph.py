@@ -10,9 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array, Flags
-from armdyn.cycle.branches import shortest
 from armdyn.cycle.cycle import Cycle
-from armdyn.cycle.order import EXACT, best_order, order_of_many, through
+from armdyn.cycle.order import EXACT, best_order, order_of_many, shortest, through
 from armdyn.cycle.posing import check_ways, problem_of
 from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError

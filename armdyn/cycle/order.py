@@ -1,6 +1,7 @@
-"""The order of a cycle's jobs: exactly by dynamic programming, for many jobs by an integer program."""
+"""The shortest way through layers of branches, and the order of a cycle's jobs.
 
-from __future__ import annotations
+Both are found exactly by dynamic programming; the order of many jobs by an integer program.
+"""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -26,6 +27,32 @@ _SECONDS = 5.0
 def through(first: Array, second: Array) -> Array:
     """Lengths of the shortest ways through two layers, shapes (a, b) and (b, c), to (a, c)."""
     return np.asarray(np.min(first[:, :, None] + second[None], axis=1))
+
+
+def shortest(lengths: Sequence[Array], closed: bool) -> tuple[float, tuple[int, ...]]:
+    """The shortest way through all layers, by dynamic programming.
+
+    Args:
+        lengths: between the branches of neighbouring layers, each of shape (branches, next branches); inf: no way.
+        closed: whether the way ends at the branch of the last layer that has the number of the first one's.
+
+    Returns:
+        Its length, inf: there is none; and the number of its branch in every layer, shape (layers,).
+    """
+    best, way = np.inf, tuple([0] * (len(lengths) + 1))
+    for first in range(len(lengths[0])):
+        reached, came = np.where(np.arange(len(lengths[0])) == first, 0.0, np.inf), []
+        for between in lengths:
+            through = reached[:, None] + between
+            came.append(np.argmin(through, axis=0))
+            reached = np.min(through, axis=0)
+        last = first if closed else int(np.argmin(reached))
+        if reached[last] < best:
+            best, path = float(reached[last]), [last]
+            for back in reversed(came):
+                path.append(int(back[path[-1]]))
+            way = tuple(path[::-1])
+    return best, way
 
 
 def best_order(lengths: Lengths, closed: bool) -> tuple[float, tuple[int, ...]]:

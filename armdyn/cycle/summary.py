@@ -1,7 +1,5 @@
 """A solved cycle as plain values, for result files: steps with their times, limits that decide these, and remedies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any

@@ -49,6 +49,7 @@ def test_what_is_not_wanted_is_not_written(options, missing, tmp_path):
     assert set(json.loads((tmp_path / "result.json").read_text())["files"]) == written
 
 
+@pytest.mark.slow
 def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
     words = " ".join(run_here("pid", "r", "--duration", 1, "--no-report", "--out", "here", cwd=tmp_path).stdout.split())
     assert "results here" in words
@@ -241,7 +242,8 @@ def test_interrupt_is_exit_130_with_partial_results(tmp_path):
         "--json",
     ]
     process = subprocess.Popen([*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not psutil.Process(process.pid).children() and process.poll() is None:  # the search has no workers yet
+    searcher = psutil.Process(process.pid)
+    while process.poll() is None and searcher.cpu_times().user < 3:  # its start takes one second, its search minutes
         time.sleep(0.05)
     os.kill(process.pid, signal.SIGINT)
     output, errors = process.communicate(timeout=120)

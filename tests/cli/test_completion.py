@@ -33,6 +33,7 @@ def install(shell, home):
     return subprocess.run(asked, env=home, capture_output=True, text=True, timeout=LONG)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("bash"), reason="needs bash")
 def test_completion_installs_for_bash_and_works(home, tmp_path):
     bash = ["bash", "--norc", "-c"]

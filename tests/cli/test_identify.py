@@ -39,6 +39,7 @@ def written(arrays, folder):
     return file
 
 
+@pytest.mark.slow
 def test_a_payload_is_identified_and_the_arm_is_planned_with(log, tmp_path):
     told = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path / "x", "--json"))
     assert told["status"] == "identified"
@@ -55,6 +56,7 @@ def test_a_payload_is_identified_and_the_arm_is_planned_with(log, tmp_path):
     assert "combinations measured" in said and "root mean square" in said
 
 
+@pytest.mark.slow
 def test_an_identified_arm_is_planned_with_at_once(tmp_path):
     log = table_of(robot_named("r").with_payload(ad.Payload(mass=0.1)).with_friction(0.02, 0.03), tmp_path)
     ends = ["--q-start", "0", "--q-goal", "1"]
@@ -73,6 +75,7 @@ def test_an_identified_arm_is_planned_with_at_once(tmp_path):
     assert many["settled"] == many["count"] == 6 and many["worst"]["payload"] == 1
 
 
+@pytest.mark.slow
 def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
     links = {
         joint: 1.5 * body.toDynamicParameters()
@@ -94,6 +97,7 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
     assert "The logs ask for other inertias of the links" in Path(told["files"][1]).read_text()
 
 
+@pytest.mark.slow
 def test_what_follows_is_run_only_after_success(log, tmp_path):
     line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
     assert run_here(*line, "--then", "bnd").returncode == 2
@@ -104,6 +108,7 @@ def test_what_follows_is_run_only_after_success(log, tmp_path):
     assert "[[robot.likely]]" not in (tmp_path / "identified.toml").read_text()
 
 
+@pytest.mark.slow
 def test_the_file_has_as_many_likely_arms_as_can_be_read_again(log, tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.parsing.toml.MAX_BYTES", 5000)
     told = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path, "--json"))
@@ -144,6 +149,7 @@ def test_an_exciting_motion_is_written(tmp_path):
     assert motion.duration == pytest.approx(2.0) and not np.any(motion.v[[0, -1]])
 
 
+@pytest.mark.slow
 def test_an_exciting_motion_is_clear_of_obstacles_and_accepted_by_the_preset(tmp_path):
     scene = ["--obstacle", "plane:0,0,1@0,0,-0.05", "--self-collision", "--clearance", "0.008", "--preset", "ur5"]
     told = answer(run_here("identify", "ur5", "--exciting", 2, "--payload-only", *scene, "--out", tmp_path, "--json"))

@@ -72,6 +72,7 @@ def test_within_an_import_for_a_machine():
     assert json.loads(done.stdout) == {"schema": "armdyn-json-1", "command": "", **ended}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("then", ["pass", "while True: pass"])
 def test_within_a_command(then):
     ends_in_a_line(python(AT_CALL.format(then=then)))

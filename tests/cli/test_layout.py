@@ -1,6 +1,7 @@
 """Help fits 80 columns without narrow ones, in panels."""
 
 import re
+from functools import cache
 
 import pytest
 from typer.main import get_command
@@ -12,6 +13,7 @@ from armdyn.cli.layout import place
 COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]
 
 
+@cache
 def help_of(*words, columns=80):
     return CliRunner().invoke(app, [*words, "--help"], prog_name="armdyn", env={"COLUMNS": str(columns)}).stdout
 

@@ -20,6 +20,7 @@ def many(folder, *more, code=0):
     return answer(run_here(*MANY, "--json", "--out", folder, *more), code)
 
 
+@pytest.mark.slow
 def test_a_study_is_written_and_gone_on_with(tmp_path):
     told = many(tmp_path, "--count", 8, "--within", 0.5)
     assert told["success"] is True
@@ -79,6 +80,7 @@ def test_ranges_that_are_none_are_bad_input(tmp_path, more, message):
     assert message in many(tmp_path, *more, code=2)["message"]
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_rows(tmp_path):
     command = [*COMMAND, *MANY, "--count", "100000", "--out", str(tmp_path)]
     study = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -106,6 +108,7 @@ def test_tune_writes_what_it_has_chosen(tmp_path):
     assert json.loads((tmp_path / "result.json").read_text())["values"] == told["values"]
 
 
+@pytest.mark.slow
 def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(tmp_path):
     arms = "".join(f"[[robot.likely]]\npayload = {{ mass = {0.1 + k / 1000} }}\n" for k in range(5))
     file = tmp_path / "identified.toml"
@@ -124,6 +127,7 @@ def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(
     assert "this one has no likely arms" in answer(run_here(*none), 2)["message"]
 
 
+@pytest.mark.slow
 def test_tune_tells_people_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
     done = run_here(*TUNE, "--controller", "computed-torque", "--out", tmp_path, "--duration", "0.6")
     words = " ".join(done.stdout.split())

@@ -64,6 +64,7 @@ def test_no_message_gives_a_keyword_of_python():
     assert not wrong
 
 
+@pytest.mark.slow
 def test_arguments_that_are_options_stand_in_backticks():
     """At the beginning of a message they are translated as they are."""
     names = options()

@@ -57,6 +57,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
         assert facts["on_no_limit"]["joint1"] == pytest.approx(float(api.idle[0]), abs=0.01)  # cells of a grid
 
 
+@pytest.mark.slow
 def test_what_it_says_and_writes(motion, here):
     motion.save(here / "own.npz")
     done = run_here("optimality", "rr", "own.npz", "--search", "quick", "--no-report", "--out", "out")
@@ -111,6 +112,7 @@ def test_an_own_file_with_such_a_number(motion, here):
     assert "the most is 1e+12" in answer(run_here("optimality", "rr", "large.npz", *QUICK), 2)["message"]
 
 
+@pytest.mark.slow
 def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, here):
     motion.save(here / "own.npz")
     free, bound = (

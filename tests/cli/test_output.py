@@ -167,6 +167,7 @@ def _r():
     return ad.ArmSpec.paper("r")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
 def test_a_full_disk_under_standard_output():
     with Path("/dev/full").open("w") as full:

@@ -1,10 +1,14 @@
 """What the command line does not load before it must, told by modules rather than by the clock."""
 
+import json
 import os
 import subprocess
 import sys
 
 import pytest
+from typer.main import get_command
+
+from armdyn.cli.app import app
 
 HEAVY = (
     "numpy",
@@ -23,6 +27,15 @@ atexit.register(lambda: print(*sys.modules, file=sys.stderr))
 from armdyn.cli import main
 sys.argv[0] = "armdyn"
 main()"""
+SPY_EACH = """import json, sys
+from armdyn.cli import main
+for arguments in json.loads(sys.argv[1]):
+    sys.argv = ["armdyn", *arguments]
+    try:
+        main()
+    except SystemExit:
+        pass
+    print("\\n" + json.dumps([arguments, list(sys.modules)]), flush=True)"""
 
 
 def loaded(*arguments, **environment):
@@ -34,36 +47,15 @@ def loaded(*arguments, **environment):
     return set(done.stderr.split()), done.stdout
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("--version",),
-        ("--help",),
-        *(
-            (command, "--help")
-            for command in (
-                "mintime",
-                "bound",
-                "pid",
-                "sweep",
-                "report",
-                "compare",
-                "replay",
-                "export",
-                "reproduce",
-                "urdf",
-                "doctor",
-            )
-        ),
-        ("mintime",),
-        ("mintime", "rr", "--no-such-option"),
-    ],
-    ids=" ".join,
-)
-def test_help_and_version_do_without_the_sciences(arguments):
-    there, _ = loaded(*arguments)
-    assert "typer" in there
-    assert not there & set(HEAVY)
+@pytest.mark.slow
+def test_help_and_version_do_without_the_sciences():
+    """In one process, as what one command loads stays."""
+    commands = [("--version",), ("--help",), ("mintime",), ("mintime", "rr", "--no-such-option")]
+    commands += [(name, "--help") for name in get_command(app).commands]
+    done = subprocess.run([sys.executable, "-c", SPY_EACH, json.dumps(commands)], capture_output=True, text=True)
+    told = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[[")]
+    assert [arguments for arguments, _ in told] == list(map(list, commands)), done.stderr
+    assert [arguments for arguments, there in told if "typer" not in there or set(there) & set(HEAVY)] == []
 
 
 def test_version_does_without_rich():
@@ -84,6 +76,7 @@ def test_a_robot_is_looked_at_without_the_solver():
     assert not there & {"scipy.integrate", "scipy.optimize", "matplotlib", "meshcat"}
 
 
+@pytest.mark.slow
 def test_without_figure_and_replay_nothing_that_draws_is_loaded(tmp_path):
     there, _ = loaded("pid", "r", "--duration", "0.1", "--no-figure", "--no-report", "--json", "--out", str(tmp_path))
     assert "scipy.optimize" in there

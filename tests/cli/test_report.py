@@ -82,6 +82,7 @@ def test_a_bare_motion(tracked, tmp_path):
     assert "moves 2 joints" in report(tmp_path / "mine.npz", "--robot", "rrr", code=2)["message"]
 
 
+@pytest.mark.slow
 def test_a_motion_whose_payload_changes(tmp_path):
     pick_and_place()[1].save(tmp_path / "cycle.npz")
     told = report(tmp_path / "cycle.npz", "--robot", "rr", "--payload", "0.2")
@@ -106,6 +107,7 @@ def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):
     assert "Torque and speed" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_side_by_side(tracked, loop, tmp_path):
     told = answer(run_here("compare", tracked, loop, "--until", "0.4", "--json", "--out", tmp_path))
     first, second = told["motions"]
@@ -139,6 +141,7 @@ def planned(tracked, folder):
     return [folder / name for name in ("toppra.npz", "table.csv", "ros.json", "ros.yaml")]
 
 
+@pytest.mark.slow
 def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
     files = planned(tracked, tmp_path)
     told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path / "out"))
@@ -159,6 +162,7 @@ def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
     assert "+" in words and "Keeps its" in words  # of narrow columns
 
 
+@pytest.mark.slow
 def test_only_motions_of_other_planners(tracked, tmp_path):
     toppra, table, *_ = planned(tracked, tmp_path)
     for command in (("compare", toppra, table), ("report", toppra)):
@@ -174,6 +178,7 @@ def test_only_motions_of_other_planners(tracked, tmp_path):
     assert "--lock is of a robot that --robot names" in message
 
 
+@pytest.mark.slow
 def test_joints_of_a_bigger_robot(tmp_path):
     """Of a Panda whose last joints are locked, a file has the others."""
     robot = ad.Robot.from_library("panda", arm=("panda_joint1", "panda_joint4"))
@@ -183,6 +188,7 @@ def test_joints_of_a_bigger_robot(tmp_path):
     assert "of 7 joints" in answer(run_here("report", tmp_path / "a.csv", *named[:2], "--json"), 2)["message"]
 
 
+@pytest.mark.slow
 def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_path):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1))
     reference = ad.Trajectory.load(tracked / "reference.npz")
@@ -272,6 +278,7 @@ def test_bad_input(tracked, tmp_path):
     assert "one arm only" in told["message"]
 
 
+@pytest.mark.slow
 def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     answer(run_here("urdf", "rr", "--out", ".", "--json"))
@@ -289,6 +296,7 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
     assert "rr.urdf is not the arm that moved" in answer(done, 2)["warnings"][0]
 
 
+@pytest.mark.slow
 def test_a_motion_stands_beside_its_tracking_on_another_arm(tracked, tmp_path):
     fast = ("--no-figure", "--no-report", "--json")
     loop = ("--payload", "0.1", "--ramp", "0.5", "--plant-payload", "0.12")

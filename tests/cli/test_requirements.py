@@ -6,11 +6,12 @@ import pytest
 
 from armdyn.cli.motion.requirements import missing_of, requirements_of
 from armdyn.errors import ProblemError
+from armdyn.optimal.answer.words import standing
 from problems import solved
 
 
 def missing(solution, *texts):
-    return missing_of(requirements_of(texts), solution)
+    return missing_of(requirements_of(texts), solution.usable, standing(solution))
 
 
 def gap(part, solution=None):

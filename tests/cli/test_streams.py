@@ -19,6 +19,7 @@ def shell(line, **environment):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["--help", "robots", "urdf rr", "doctor --json"])
 def test_a_reader_that_has_gone_is_no_error(command):
     done = shell(f"armdyn {command} | true; echo ${{PIPESTATUS[0]}}")
@@ -31,12 +32,14 @@ def test_closed_standard_output_is_named():
     assert done.stderr == "armdyn: standard output is closed; to hear nothing, send it to /dev/null\n"
 
 
+@pytest.mark.slow
 def test_closed_standard_error_disturbs_nobody():
     done = shell("armdyn urdf rr 2>&- <&-")
     assert done.returncode == 0 and done.stdout.rstrip().endswith("</robot>")
     assert shell("armdyn urdf rrrr 2>&-").returncode == 2
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
 @pytest.mark.parametrize("command", ["urdf rr", "robots"])
 def test_full_standard_output_is_said_once(command):
@@ -54,6 +57,7 @@ def test_a_terminal_without_unicode_gets_escapes(encoding, tmp_path):
     assert r"\xe9\u86c7\U0001f9be" in done.stdout
 
 
+@pytest.mark.slow
 def test_robots_are_listed_in_ascii():
     done = shell("armdyn robots", PYTHONIOENCODING="ascii")
     assert done.returncode == 0 and "* of all joints, + of some, - of none" in " ".join(done.stdout.split())

@@ -11,6 +11,7 @@ from problems import pick_and_place
 BARE = ("--no-figure", "--no-report")
 
 
+@pytest.mark.slow
 def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
     done = run_here("track", "rr", "--payload", "0.1", "--reserve", "0.2", "--plant-payload", "0.12",
                     "--plant-friction", "0.06", "--json", "--out", tmp_path)  # fmt: skip
@@ -47,6 +48,7 @@ def test_a_saved_motion(tmp_path):
     assert told["reference_duration"] == 0.3
 
 
+@pytest.mark.slow
 def test_a_motion_whose_payload_changes(tmp_path):
     motion = pick_and_place()[1]
     motion.save(tmp_path / "cycle.npz")
@@ -85,6 +87,7 @@ def test_bad_options(given, words, tmp_path):
     assert words in told["message"]
 
 
+@pytest.mark.slow
 def test_mintime_chooses_its_reserve(tmp_path):
     told = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-report", "--json",
                            "--out", tmp_path))  # fmt: skip

@@ -5,8 +5,7 @@ from itertools import pairwise, permutations
 import numpy as np
 import pytest
 
-from armdyn.cycle.branches import shortest
-from armdyn.cycle.order import best_order, order_of_many
+from armdyn.cycle.order import best_order, order_of_many, shortest
 
 
 def random_lengths(jobs, branches, seed):

@@ -97,6 +97,7 @@ def test_a_cycle_in_which_every_branch_touches_something_says_where():
     assert np.isnan(solved.duration)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("passed", "said"),
     [
@@ -117,6 +118,7 @@ def test_a_way_that_cannot_be_is_said_at_once(passed, said):
         ad.solve_cycle(cycle, QUICK)
 
 
+@pytest.mark.slow
 def test_without_a_bound_none_is_proven():
     solved = ad.solve_cycle(planar(), replace(QUICK, bound=False))
     assert solved.duration == pytest.approx(planar_solved().duration, abs=1e-9)

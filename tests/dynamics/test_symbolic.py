@@ -112,7 +112,7 @@ def test_one_joint_keeps_its_shapes():
     ("name", "frame"), [("rr", "tip"), ("rrr", "link2"), ("panda", "panda_hand_tcp"), ("z1", "gripperStator")]
 )
 def test_symbolic_payload_is_the_robots_payload(name, frame):
-    payload = Payload(mass=0.7, offset=(0.02, -0.03, 0.05), inertia=(1e-3, 2e-3, 2.5e-3), frame=frame)
+    payload = Payload(mass=0.7, com=(0.02, -0.03, 0.05), inertia=(1e-3, 2e-3, 2.5e-3), frame=frame)
     bare = robot_named(name)
     symbolic_payload = Dynamics(bare, payload_frame=frame)
     p = symbolic_payload.payload_parameters(payload_inertia(payload))

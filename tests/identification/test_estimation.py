@@ -55,6 +55,7 @@ def test_noise_free_logs_give_the_arm_back(name):
     np.testing.assert_allclose(estimate.robot.friction.damping, true.friction.damping, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_all_bodies_are_physical_and_errors_fall_on_data_held_out():
     prior = robot_named("panda")
     estimate = identify(prior, simulated_log(stirred(prior, 1), noise=0.01, duration=6.0))
@@ -80,6 +81,7 @@ def test_payload(name):
     np.testing.assert_allclose(np.take(found.com, seen), np.take(payload.com, seen), atol=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["payload", "friction"])
 def test_a_payload_or_friction_that_makes_up_for_wrong_inertias_is_warned_of(what):
     prior = robot_named("ur5")
@@ -90,6 +92,7 @@ def test_a_payload_or_friction_that_makes_up_for_wrong_inertias_is_warned_of(wha
     assert identify(prior, simulated_log(wrong, duration=4.0), "all", QUICK).warnings == ()
 
 
+@pytest.mark.slow
 def test_confidence_covers_the_truth():
     prior, hits = robot_named("rrr"), []
     for seed in range(25):
@@ -106,6 +109,7 @@ def test_confidence_covers_the_truth():
     assert 0.92 <= np.mean(hits) <= 0.98  # some 300 numbers: two standard deviations are 0.025
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "what"), [("rrr", "payload"), ("panda", "all")])
 def test_likely_arms_are_physical_and_differ_as_the_confidence_says(name, what):
     prior = robot_named(name)
@@ -134,6 +138,7 @@ def test_the_given_robot_is_what_an_estimate_is_compared_with():
     assert before["damping of joint2"] == 0.01 and before["coulomb of joint3"] == 0.02
 
 
+@pytest.mark.slow
 def test_several_logs_friction_alone_and_a_joint_that_stands_still():
     prior = robot_named("rrr")
     true = prior.with_friction([0.02, 0.03, 0.01], [0.05, 0.02, 0.04])

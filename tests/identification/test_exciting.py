@@ -20,6 +20,7 @@ def test_it_rests_at_both_ends_and_keeps_margin_and_limits():
     assert ControllerPreset.named("ur5").check(motion).ok
 
 
+@pytest.mark.slow
 def test_it_is_better_conditioned_than_random_motions():
     robot = robot_named("rrr")
     random, best = (

@@ -40,14 +40,14 @@ def test_pinocchio_and_casadi_agree_with_the_hand_derivation(arm):
 
 
 def test_payload_with_its_own_inertia_ahead_of_the_tip():
-    payload = Payload(mass=0.3, offset=(0.05, 0.0, 0.0), inertia=(2e-4, 3e-4, 4e-4))
+    payload = Payload(mass=0.3, com=(0.05, 0.0, 0.0), inertia=(2e-4, 3e-4, 4e-4))
     assert_same_mechanics(ArmSpec.paper("rrr"), payload)
 
 
 positive = st.floats(0.05, 2.0)
 a_link = st.builds(LinkSpec, length=positive, com=st.floats(-0.5, 1.5), mass=positive, inertia=positive)
 a_payload = st.builds(
-    lambda mass, along, moment: Payload(mass=mass, offset=(along, 0, 0), inertia=(moment, moment, moment)),
+    lambda mass, along, moment: Payload(mass=mass, com=(along, 0, 0), inertia=(moment, moment, moment)),
     st.floats(0.0, 2.0),
     st.floats(-1.0, 1.0),
     st.floats(0.0, 0.5),
@@ -121,8 +121,8 @@ def test_zero_payload_is_none():
 @pytest.mark.parametrize(
     "payload",
     [
-        Payload(mass=0.1, offset=(0, 0, 0.1)),
-        Payload(mass=0.1, offset=(0, 0.1, 0)),
+        Payload(mass=0.1, com=(0, 0, 0.1)),
+        Payload(mass=0.1, com=(0, 0.1, 0)),
         Payload(mass=0.1, frame="link1"),
     ],
 )

@@ -171,6 +171,7 @@ def test_nothing_outside_the_panels_lies_on_them_or_off_the_page(joints):
     assert not boxes[0].overlaps(boxes[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix, magic", [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_the_same_figure_gives_the_same_bytes(tmp_path, suffix, magic):
     paths = [plots.save_figure(plots.plot_trajectories([bang_bang()]), tmp_path / f"{i}.{suffix}") for i in range(2)]

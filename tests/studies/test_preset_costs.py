@@ -28,6 +28,7 @@ def solved(tmp_path, acceleration, **more):
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick"))
 
 
+@pytest.mark.slow
 def test_what_an_acceleration_limit_costs(tmp_path):
     solution = solved(tmp_path, 10.0)
     own = {cost.condition: cost for cost in condition_costs(solution)}

@@ -75,6 +75,7 @@ def test_a_table_of_a_load_that_is_not_known(tmp_path):
     assert rows[1][-1] == "" and read_planned(tmp_path / "m.csv", UR.joint_names).t.size == samples.t.size
 
 
+@pytest.mark.slow
 def test_the_events_of_ros2_stand_beside_the_message(tmp_path):
     samples = UR.resample(250)
     text = Ros2().text(samples)

@@ -121,6 +121,7 @@ def test_what_no_message_can_say():
         Samples([0.0, 3e9], rest, rest, rest, rest, ("a",)).to_joint_trajectory()
 
 
+@pytest.mark.slow
 @given(
     trajectories(), st.lists(FINITE, min_size=3, max_size=3), st.text(max_size=8).filter(lambda name: _sayable(name))
 )

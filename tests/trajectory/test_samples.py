@@ -23,6 +23,7 @@ def impulse(motion):
     return np.trapezoid(motion.tau, motion.t, axis=0)
 
 
+@pytest.mark.slow
 @given(trajectories(), RATES)
 def test_stamps_increase_and_means_add_up(motion, rate):
     samples = motion.resample(rate)

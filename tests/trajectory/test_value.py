@@ -345,6 +345,7 @@ def test_damaged_files_raise_nothing_else(motion, tmp_path):
             assert str(path) in str(error)
 
 
+@pytest.mark.slow
 def test_zip_bomb_is_refused_unread(tmp_path):
     """300 MiB of zeros in a third of a MiB of file."""
     path = tmp_path / "bomb.npz"

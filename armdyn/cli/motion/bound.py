@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.options.groups import flag
 from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.cli.options.task import ProblemOptions
 
 
 def bound(
     task: ProblemOptions,
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """Lower bound on the duration between two poses, proven: no motion is faster.
 

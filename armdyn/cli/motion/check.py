@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import answering, console, escape, table
-from armdyn.cli.options.groups import argument, option
+from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.preset import known_presets, preset_named
-from armdyn.cli.options.results import Json
+from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
 
@@ -45,7 +45,7 @@ def check(
         "Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
         autocompletion=known_names,
     ),
-    json: Json = False,
+    json: bool = flag(JSON),
 ) -> None:
     """Check whether a robot's controller accepts a motion, any planner's.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
@@ -18,7 +16,7 @@ from armdyn.cli.motion.words import missing_words
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, option
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.errors import FileError, ProblemError
-from armdyn.files import write_whole
+from armdyn.files import csv_text, write_whole
 from armdyn.trajectory.formats import FORMATS
 from armdyn.trajectory.formats.streams import Stream
 
@@ -197,7 +195,7 @@ def _write(
         return Written(files=save_results(folder, robot, {"title": title, **summary, **invocation()}, []), seconds=0.0)
     motion, obstacles = replace(solution.trajectory, name=name), _obstacles(solution)
     written = results.write(folder, robot, {"trajectory": motion}, summary, title, obstacles, progress=progress)
-    files = [write_whole(folder / _STEPS, _steps_csv(summary["steps"]).encode())]
+    files = [write_whole(folder / _STEPS, csv_text([_COLUMNS, *map(_cells, summary["steps"])]).encode())]
     suffixes = [FORMATS[each].suffix for each in formats]
     for kind in (FORMATS[each] for each in formats):
         samples, _, _ = sampled(kind(), motion, None, usual_rate(kind))
@@ -227,14 +225,6 @@ def _cells(step: dict[str, Any]) -> list[str]:
     ]
 
 
-def _steps_csv(steps: Sequence[dict[str, Any]]) -> str:
-    content = io.StringIO(newline="")
-    writer = csv.writer(content, lineterminator="\n")
-    writer.writerow(_COLUMNS)
-    writer.writerows([*map(_cells, steps)])
-    return content.getvalue()
-
-
 def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
     """The whole cycle as `facts_table` shows it."""
     from armdyn.optimal.proof.certificate import percent
@@ -253,13 +243,8 @@ def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
         words["lower bound"] = f"no cycle through these steps takes less than {solution.lower_bound:.6f} s"
     if summary["order"] != sorted(summary["order"]):
         words["order"] = ", ".join(map(str, summary["order"]))
-    words |= {name: said for name, _, said in _checked(summary)}
+    words |= {one["name"]: one["said"] for one in summary["checks"] if one["name"] == "clear of obstacles"}
     if costs := summary["costs"]:
         words["without it"] = "\n".join(cost["said"] for cost in costs[:_MOST_COSTS])
     words["solved in"] = f"{solution.solve_time:.1f} s, {solution.branches} motions"
     return words
-
-
-def _checked(summary: dict[str, Any]) -> list[tuple[str, Any, str]]:
-    known = ("clear of obstacles",)
-    return [(one["name"], one["holds"], one["said"]) for one in summary["checks"] if one["name"] in known]

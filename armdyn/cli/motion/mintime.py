@@ -197,6 +197,7 @@ def mintime(
     with answering(results.output.json) as answer:
         required = requirements_of(require or ())
         from armdyn.optimal.answer.summary import minimum_time_summary
+        from armdyn.optimal.answer.words import standing
 
         try:
             problem, options = task.problem()
@@ -216,7 +217,7 @@ def mintime(
             written = results.write(
                 folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
             ).with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
-        missing = missing_of(required, solution)
+        missing = missing_of(required, solution.usable, standing(solution))
         answer.facts |= {
             "robot": arm.name,
             **carried_facts(arm),

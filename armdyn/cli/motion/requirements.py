@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Any
 
 from armdyn.cli.options.groups import TASK, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import number
-
-if TYPE_CHECKING:
-    from armdyn.optimal import Solution
 
 REQUIRE = option(
     "certified|extremal|gap:X",
@@ -20,7 +17,7 @@ REQUIRE = option(
     rich_help_panel=TASK,
 )
 
-_PLAIN: tuple[Literal["certified", "extremal"], ...] = ("certified", "extremal")
+_PLAIN = ("certified", "extremal")
 
 
 @dataclass(frozen=True)
@@ -29,19 +26,13 @@ class Requirement:
 
     Attributes:
         text: as it was given.
-        kind: which.
+        kind: "certified", "extremal" or "gap".
         most: the largest gap, as a part of the lower bound; of the others not looked at.
     """
 
     text: str
-    kind: Literal["certified", "extremal", "gap"]
+    kind: str
     most: float = 0.0
-
-    def met_by(self, solution: Solution) -> bool:
-        """Whether a solution meets it."""
-        if self.kind == "gap":
-            return solution.gap_proven and solution.gap is not None and solution.gap <= self.most
-        return solution.certified if self.kind == "certified" else solution.certificate.extremal
 
 
 def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
@@ -53,34 +44,25 @@ def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
     return tuple(_requirement(text.strip()) for text in texts)
 
 
-def missing_of(required: Sequence[Requirement], solution: Solution) -> list[str]:
-    """Requirements that a solution does not meet, with remedies; of a motion that is not usable, all."""
+def missing_of(required: Sequence[Requirement], usable: bool, reached: Mapping[str, Any]) -> list[str]:
+    """Requirements that a motion does not meet, with remedies; of a motion that is not usable, all.
+
+    Args:
+        required: of the motion.
+        usable: whether it is.
+        reached: as `words.standing` says.
+    """
+    gap, held = reached["gap"] if reached["gap_proven"] else None, {kind: reached[kind] for kind in _PLAIN}
     return [
-        f"{one.text} is missing: {_why(one, solution)}"
+        f"{one.text} is missing: {reached['missing'][one.kind] if usable else 'the motion is not usable'}"
         for one in required
-        if not (solution.usable and one.met_by(solution))
+        if not (usable and held.get(one.kind, gap is not None and gap <= one.most))
     ]
 
 
-def _why(one: Requirement, solution: Solution) -> str:
-    """Why a requirement is not met, or a remedy."""
-    from armdyn.optimal.answer.advice import advice
-    from armdyn.optimal.proof.certificate import percent
-
-    if not solution.usable:
-        return "the motion is not usable"
-    if one.kind == "certified":
-        return "; ".join(solution.certificate.reasons)
-    if one.kind == "gap" and solution.gap_proven and solution.gap is not None:
-        return f"the gap is {percent(solution.gap)}"
-    lines = advice(solution.problem, solution.certificate, solution.constraint_reports, solution.phases is not None)
-    return lines.get(one.kind, "; ".join(solution.certificate.reasons))
-
-
 def _requirement(text: str) -> Requirement:
-    for plain in _PLAIN:
-        if text == plain:
-            return Requirement(text, plain)
+    if text in _PLAIN:
+        return Requirement(text, text)
     kind, colon, rest = text.partition(":")
     if kind.strip() != "gap" or not colon:
         raise ProblemError(f"--require {text!r}: write certified, extremal or gap:X, such as gap:0.5%")

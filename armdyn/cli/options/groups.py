@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import MISSING, Field, field, fields, is_dataclass
+from dataclasses import MISSING, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
 from itertools import chain
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 from typer.models import OptionInfo
@@ -24,15 +24,14 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
     A group is a frozen dataclass. Its fields, and the parameters of a command, are an `option`, a `flag` or an
-    `argument`, are annotated as typer has it where several share them, `Annotated[type, typer.Option(…)] = default`, or
-    are groups themselves; they become the command's options in their order. All options of a group stand in the help
-    panel that its class attribute `panel` names, if it has one. After them come the options that every command has:
-    --quiet, and --degrees where there are angles.
+    `argument`, or are groups themselves; they become the command's options in their order. All options of a group stand
+    in the help panel that its class attribute `panel` names, if it has one. After them come the options that every
+    command has: --quiet, and --degrees where there are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
     """
-    hints = get_type_hints(command, include_extras=True)
+    hints = get_type_hints(command)
     hints.pop("return", None)
     flat: dict[str, Parameter] = {}
     own = (
@@ -97,44 +96,23 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
         told = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
         flags.insert(0, ("degrees", f"{told} All other options stay as they are.", TASK))
     for name, about, panel in flags:
-        hint = Annotated[bool, typer.Option(f"--{name}", metavar="", help=about, rich_help_panel=panel)]
-        yield Parameter(name, Parameter.KEYWORD_ONLY, default=False, annotation=hint)
+        yield from _expanded(name, bool, flag(about, rich_help_panel=panel), None)
 
 
-def _expanded(name: str, hint: Any, default: Any, panel: str | None) -> Iterator[Parameter]:
-    """A parameter itself, or the options of a group."""
+def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Parameter]:
+    """A parameter itself as typer has it, or the options of a group; flags have no --no-… beside them."""
     if is_dataclass(hint):
-        hints = get_type_hints(hint, include_extras=True)
-        for one in fields(hint):
-            yield from _expanded(one.name, hints[one.name], one, getattr(hint, "panel", panel))
+        hints = get_type_hints(hint)
+        for each in fields(hint):
+            yield from _expanded(each.name, hints[each.name], each, getattr(hint, "panel", panel))
         return
-    if isinstance(default, Field):
-        hint = _annotated(name, hint, default)
-        default = Parameter.empty if default.default is MISSING else default.default
-    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=_shown(hint, panel))
-
-
-def _annotated(name: str, hint: Any, one: Field[Any]) -> Any:
-    """The annotation of an `option`, a `flag` or an `argument` as typer has it."""
-    told = one.metadata.get("option")
-    if told is None:
-        return hint
-    if one.default is False and told.default is ...:  # it has no name of its own; typer adds --no-… to that
-        told = copy(told)
-        told.param_decls = (f"--{name.replace('_', '-')}",)
-    return Annotated[hint, told]
-
-
-def _shown(hint: Any, panel: str | None) -> Any:
-    """The annotation with the option's panel of help; flags show no value."""
-    if get_origin(hint) is not Annotated:
-        return hint
-    told = tuple(copy(info) for info in hint.__metadata__)
-    for info in told:
-        if isinstance(info, OptionInfo):
-            info.rich_help_panel = info.rich_help_panel or panel
-            info.metavar = "" if info.metavar is None and hint.__origin__ is bool else info.metavar
-    return Annotated[(hint.__origin__, *told)]
+    told = copy(one.metadata["option"])
+    if isinstance(told, OptionInfo):
+        told.rich_help_panel = told.rich_help_panel or panel
+        if one.default is False and told.default is ...:  # it has no name of its own; typer adds --no-… to that
+            told.param_decls = (f"--{name.replace('_', '-')}",)
+    default = Parameter.empty if one.default is MISSING else one.default
+    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, told])
 
 
 def _flowing(help_text: str) -> str:
@@ -147,5 +125,5 @@ def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
     """The value of a parameter, or the group of its options' values."""
     if not (isinstance(hint, type) and is_dataclass(hint)):
         return values[name]
-    hints = get_type_hints(hint, include_extras=True)
+    hints = get_type_hints(hint)
     return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})

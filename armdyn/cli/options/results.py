@@ -7,9 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
-
-import typer
+from typing import TYPE_CHECKING, Self
 
 from armdyn.cli.invocation import invocation
 from armdyn.cli.options.groups import flag, option
@@ -21,10 +19,8 @@ if TYPE_CHECKING:
     from armdyn.show.report import Part
     from armdyn.trajectory import Trajectory
 
-Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output, nothing else.")]
-NoFigure = Annotated[
-    bool, typer.Option("--no-figure", help="Write no figure.png and figure.pdf: a second or two less.")
-]
+JSON = "One JSON object on standard output, nothing else."
+NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +28,7 @@ class OutputOptions:
     """Folder of the results, and form of the answer on standard output."""
 
     out: Path | None = option("DIR", "Folder for the results. By default results/COMMAND-ROBOT.")
-    json: Json = False
+    json: bool = flag(JSON)
 
     def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
         """The requested folder, else results/COMMAND-ROBOT; checked before the work begins.
@@ -83,7 +79,7 @@ class ResultOptions:
     """Files of one motion, and their folder."""
 
     output: OutputOptions = field(default_factory=OutputOptions)
-    no_figure: NoFigure = False
+    no_figure: bool = flag(NO_FIGURE)
     no_report: bool = flag("Write no report.html: about a second less.")
 
     def folder(self, command: str, name: str, motions: Iterable[str] = ("trajectory",)) -> Path:

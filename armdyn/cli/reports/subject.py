@@ -57,15 +57,6 @@ class SubjectSpec:
             raise ProblemError(f"{'--lock' if self.part.lock else '--arm'} is of a robot that --robot names: give both")
 
 
-def subject_named(robot: str, spec: SubjectSpec) -> Subject:
-    """The arm of a report, as the user names it.
-
-    Raises:
-        ArmdynError: there is no such robot.
-    """
-    return Subject.of(_built(robot, Facts(), spec))
-
-
 def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     """The arm of a result.
 
@@ -81,7 +72,8 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = spec.robot or _library_name(options.text("robot")) or _file(options.text("robot"))
+    said = options.text("robot")
+    named = spec.robot or (said if _NAME.fullmatch(said) or _is_file(said) else None)
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, joints)
@@ -101,20 +93,15 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         _warn(f"{saved.path}: the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    if spec.robot is None and _file(named) and not is_motion_of(arm, saved.motion):
+    if spec.robot is None and _is_file(named) and not is_motion_of(arm, saved.motion):
         _warn(f"{saved.path}: {named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))
 
 
-def _library_name(name: str) -> str | None:
-    """The text if it has the form of a library robot's name, otherwise None."""
-    return name if _NAME.fullmatch(name) else None
-
-
-def _file(name: str) -> str | None:
-    """The name, if it is that of a robot's file that exists; else None."""
-    return name if name.lower().endswith(_ROBOT_FILES) and Path(name).is_file() else None
+def _is_file(name: str) -> bool:
+    """Whether the name is that of a robot's file that exists."""
+    return name.lower().endswith(_ROBOT_FILES) and Path(name).is_file()
 
 
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
@@ -131,7 +118,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     held = tool_from(tool) if tool else None
     if spec.part.lock or spec.part.part:
         part = spec.part
-    if spec.robot is not None or name in PLANAR_ARMS or _file(name):
+    if spec.robot is not None or name in PLANAR_ARMS or _is_file(name):
         arm = part.read(name, carried, held)
     else:
         arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.ends())
@@ -151,20 +138,13 @@ def _given(facts: Facts) -> dict[str, Any]:
 
 def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
     """The limits that a result says; None if it does not."""
-    count, curves = len(joints), model.part("torque_speed").values
-    given = model.part("limits").values
-    ends = {"position_lower": -np.inf, "position_upper": np.inf, "velocity": np.inf} | {
-        "effort_lower": -np.inf,
-        "effort_upper": np.inf,
-    }
-    columns: dict[str, list[float]] = {}
-    for name, open_end in ends.items():
-        values = model.part("limits").numbers(name)
-        if name not in given or len(values) != count:
+    curves, given, columns = model.part("torque_speed").values, model.part("limits"), dict[str, Any]()
+    for name in ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper"):
+        values, none = given.numbers(name), -np.inf if name.endswith("lower") else np.inf
+        if name not in given or len(values) != len(joints):
             return None
-        columns[name] = [open_end if x is None else x for x in values]
-    arrays: dict[str, Any] = {name: np.array(values) for name, values in columns.items()}
-    found = JointLimits(**arrays)
+        columns[name] = np.array([none if x is None else x for x in values])
+    found = JointLimits(**columns)
     with suppress(ArmdynError):  # what was written by others may be no curves
         if curves:
             own = TorqueSpeed(found.effort_lower, found.effort_upper, joints=joints, curves=curves)
@@ -247,7 +227,7 @@ def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> 
         raise ProblemError(
             f"{paths[0]} does not say of which robot it is: name it by --robot, or give a result of armdyn beside it"
         )
-    return subject_named(spec.robot, spec)
+    return Subject.of(_built(spec.robot, Facts(), spec))
 
 
 def _planned(path: Path, subject: Subject) -> Saved:

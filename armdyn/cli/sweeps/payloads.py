@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from armdyn.cli.console import Answer, console, errors, escape, table, working
 from armdyn.cli.invocation import in_options
+from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     import armdyn as ad
-    from armdyn.cli.motion.requirements import Requirement
     from armdyn.cli.sweeps.study import SweepResults
     from armdyn.studies.rows import StudyRow
     from armdyn.studies.tasks.task import CaseResult
@@ -61,7 +61,11 @@ def run_payloads(
         figure = figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")
         files = write_sweep(folder, arm, rows, motions, f"{arm.name}: minimum time over payload", figure=figure)
-    missing = [text for row in found for text in _missing(required, row)]
+    missing = [
+        f"{1e3 * row.settings['payload']:g} g: {text}"
+        for row in found
+        for text in missing_of(required, row.good, row.facts)
+    ]
     answer.facts |= {
         "success": status == "done",
         "status": status,
@@ -138,18 +142,6 @@ def _status(found: Sequence[StudyRow], wanted: int) -> str:
     if len(found) < wanted or any(row.status == "interrupted" for row in found):
         return "interrupted"
     return "done" if all(row.facts["landed"] for row in found) else "not_landed"
-
-
-def _missing(required: Sequence[Requirement], row: StudyRow) -> list[str]:
-    """Requirements that a motion does not meet, with remedies."""
-    facts, grams = row.facts, 1e3 * row.settings["payload"]
-    proven = facts["gap"] if facts["gap_proven"] else None
-    missed = {"certified": not facts["certified"], "extremal": not facts["extremal"]}
-    return [
-        f"{grams:g} g: {one.text} is missing: {facts['missing'][one.kind] if row.good else 'the motion is not usable'}"
-        for one in required
-        if not row.good or missed.get(one.kind, proven is None or proven > one.most)
-    ]
 
 
 def _complain(status: str, missing: Sequence[str]) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, facts_table, progress_bar
 from armdyn.cli.options.groups import flag, option
-from armdyn.cli.options.results import NoFigure, OutputOptions
+from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 
 if TYPE_CHECKING:
     from armdyn.studies.executors.executor import ExecutorOf
@@ -63,7 +63,7 @@ class SweepResults:
     """Files of a sweep, and their folder."""
 
     output: OutputOptions
-    no_figure: NoFigure = False
+    no_figure: bool = flag(NO_FIGURE)
 
 
 def run_file(path: str, options: StudyOptions, results: SweepResults, answer: Answer) -> None:

@@ -9,8 +9,8 @@ from typing import ClassVar
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.options.groups import TASK, option
-from armdyn.cli.options.results import NoFigure, OutputOptions
+from armdyn.cli.options.groups import TASK, flag, option
+from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.cli.options.task import FastArmOptions, likely_arms
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
@@ -84,7 +84,7 @@ def monte_carlo(
     arms: ArmsOptions,
     study: CountOptions,
     output: OutputOptions,
-    no_figure: NoFigure = False,
+    no_figure: bool = flag(NO_FIGURE),
 ) -> None:
     """How often a controller settles on arms that differ from its model: in payload, friction and start.
 

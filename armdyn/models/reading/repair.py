@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -81,40 +82,30 @@ def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os
     text = with_inertias(text, inertias) if inertias else text
     lock = _gripping(root)
     chain = _longest_chain(root, lock)
-    reading, refusal = None, ""
+    found: dict[str, Any] = {"without_effort": {}}
     try:
         reading = read_arm(text, source, lock, chain)
+        found = _unlimited(reading)
         check_inertia(reading.model, source)
     except ArmdynError as error:
-        refusal = str(error)
-    limits = None if reading is None else reading.limits
-    return UrdfRepair(
-        source=source,
-        text=text,
-        inertias=inertias,
-        packages=_packages(root, file, folders_of(package_dirs)),
-        lock=lock,
-        arm=chain,
-        tip="" if reading is None else reading.tip,
-        without_effort={} if reading is None else _unlimited(reading),
-        without_velocity=()
-        if reading is None or limits is None
-        else tuple(
-            name for name, most in zip(list(reading.model.names)[1:], limits.velocity, strict=True) if np.isinf(most)
-        ),
-        refusal=refusal,
-    )
+        found["refusal"] = str(error)
+    packages = _packages(root, file, folders_of(package_dirs))
+    return UrdfRepair(source=source, text=text, inertias=inertias, packages=packages, lock=lock, arm=chain, **found)
 
 
-def _unlimited(reading: Reading) -> dict[str, float]:
-    """Joints without a torque limit, to the largest torque that holds them still [N m or N]."""
+def _unlimited(reading: Reading) -> dict[str, Any]:
+    """The tip, and the joints without limits, as fields of a `UrdfRepair`."""
     model, limits = reading.model, reading.limits
     data = model.createData()
     lower, upper = (np.clip(each, -np.pi, np.pi) for each in (limits.position_lower, limits.position_upper))
     poses = np.random.default_rng(0).uniform(lower, upper, (_POSES, model.nv))
     held = [np.abs(pin.computeGeneralizedGravity(model, data, configuration(model, q))) for q in poses]
     names, most = list(model.names)[1:], np.max(held, axis=0)
-    return {name: float(most[i]) for i, name in enumerate(names) if np.isinf(limits.effort_upper[i])}
+    return {
+        "tip": reading.tip,
+        "without_effort": {name: float(most[i]) for i, name in enumerate(names) if np.isinf(limits.effort_upper[i])},
+        "without_velocity": tuple(name for name, most in zip(names, limits.velocity, strict=True) if np.isinf(most)),
+    }
 
 
 def _moving(root: Element) -> dict[str, Element]:

@@ -142,7 +142,6 @@ class Payload:
         frame: str | None = None,
         shapes: Iterable[BodyShape] = (),
         name: str = "payload",
-        offset: ArrayLike | None = None,
     ):
         """A payload from its mass, and inertia in one of several forms.
 
@@ -153,7 +152,6 @@ class Payload:
             frame: see above.
             shapes: see above.
             name: see above.
-            offset: the older name of `com`.
 
         Raises:
             SpecError: not finite, of another shape, or no body has such an inertia.
@@ -164,10 +162,9 @@ class Payload:
                 f"payload shapes have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))"
             )
         mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
-        called, given = ("com", com) if offset is None else ("offset", offset)
-        centre = numbers(given, f"payload {called}", "three finite numbers [m]", error=SpecError)
+        centre = numbers(com, "payload com", "three finite numbers [m]", error=SpecError)
         if centre.shape != (3,) or not np.all(np.isfinite(centre)):
-            raise SpecError(f"payload {called} is {shown(centre)} m; it must be three finite numbers")
+            raise SpecError(f"payload com is {shown(centre)} m; it must be three finite numbers")
         if frame is not None:
             text(frame, "payload frame", error=SpecError)
         object.__setattr__(self, "mass", mass)
@@ -180,11 +177,6 @@ class Payload:
         slack = 1e-9 * max(abs(a), abs(c))
         if a < -slack or a + b < c - slack:
             raise SpecError(f"payload inertia {self.inertia} kg m² is negative or breaks the triangle inequality")
-
-    @property
-    def offset(self) -> tuple[float, ...]:
-        """The older name of `com`."""
-        return self.com
 
     @property
     def tensor(self) -> Array:

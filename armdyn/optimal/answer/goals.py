@@ -8,14 +8,16 @@ from functools import partial
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.assembly import ended_in_time, with_certificate
-from armdyn.optimal.answer.slid_end import slid_end
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
-from armdyn.optimal.proof.transversality import transversality
+from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
+from armdyn.optimal.proof.transversality import end_gradient, transversality
 from armdyn.optimal.search.goals import GoalTried, screened
+from armdyn.optimal.task.policy.search import GoalPolicy
 from armdyn.optimal.task.task import Task
 
 Solve = Callable[[Task, float], Solution]
@@ -42,7 +44,7 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
         tried[i] = GoalTried(np.asarray(branch.problem.q_goal), found, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     if problem.goal_pose is not None and best.status is Status.SOLVED:
-        best = slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
+        best = _slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
         tried.append(GoalTried(goal, best.duration, refined=True))
@@ -62,6 +64,47 @@ def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> 
     task.progress("the goal moved along the joint positions that reach its pose")
     near = task.about(known.problem.variant(q_goal=q))
     return solve(near.with_options(guesses=(known.trajectory,), starts=1), until - time.perf_counter())
+
+
+def _slid_end(
+    best: Solution, goal: GoalPose, numbers: GoalPolicy, solve: Callable[[Solution, Array], Solution | None]
+) -> Solution:
+    """The fastest solution met on the way down the duration, with steps of Barzilai and Borwein (1988).
+
+    Args:
+        best: a solution at one of the joint positions that reach the pose. It comes back where its costates are not
+            known, or say that no neighbour is faster.
+        goal: the pose.
+        numbers: of the policy.
+        solve: from a solution and another goal, shape (nv,), the solution there; None: the time is up.
+    """
+    step = numbers.end_first
+    for _ in range(numbers.end_solves):
+        q = best.problem.x_goal[: best.problem.robot.nv]
+        missed = transversality(best.problem, goal, q, best.phases)
+        if (
+            best.phases is None
+            or missed is None
+            or missed == np.inf
+            or missed <= TRANSVERSALITY_TOLERANCE / 10
+            or step < numbers.end_least
+        ):
+            break
+        slope = end_gradient(best.problem.robot, goal, q, best.phases)
+        steepest = float(np.linalg.norm(slope))
+        by = -min(step, numbers.end_farthest) / steepest * slope
+        moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
+        other = None if moved is None else solve(best, moved)
+        if moved is None or other is None:
+            break
+        if not other.success or other.phases is None or other.duration >= best.duration:
+            step /= 4
+            continue
+        turned = end_gradient(best.problem.robot, goal, moved, other.phases)
+        away, bent = moved - q, float((moved - q) @ (turned - slope))
+        step = float(away @ away) / bent * float(np.linalg.norm(turned)) if bent > 0 else 2 * step
+        best = other
+    return best
 
 
 def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:

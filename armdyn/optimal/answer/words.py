@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate, percent
 
@@ -102,6 +103,22 @@ def _bound(solution: Solution) -> tuple[bool | None, str]:
         return None, "none is known"
     above = f"{percent(max(solution.gap, 0.0))} above the lower bound of {solution.lower_bound:.6f} s"
     return solution.gap_proven, f"at most {above}" if solution.gap_proven else f"about {above}, not proven"
+
+
+def standing(solution: Solution) -> dict[str, Any]:
+    """Facts that `--require` compares; "missing": why the answer is not "certified", "extremal", of a smaller "gap"."""
+    certificate, reasons = solution.certificate, "; ".join(solution.certificate.reasons)
+    lines = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
+    missing = {"certified": reasons} | {kind: lines.get(kind, reasons) for kind in ("extremal", "gap")}
+    if solution.gap_proven and solution.gap is not None:
+        missing["gap"] = f"the gap is {percent(solution.gap)}"
+    return {
+        "certified": solution.certified,
+        "extremal": certificate.extremal,
+        "gap": solution.gap,
+        "gap_proven": solution.gap_proven,
+        "missing": missing,
+    }
 
 
 def paragraph(solution: Solution) -> str:

@@ -15,19 +15,16 @@ bound of the velocity there is lost. The multipliers are those of a linear progr
 positions at the nodes, and the elastic cells' ways and lengths, whose sum is minimised. Any others would do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from armdyn.arrays import Array
 from armdyn.optimal.bound.course import Course, Phase
 from armdyn.optimal.bound.course_program import CourseMultipliers, relaxed_course
 from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.reach import End
+from armdyn.optimal.bound.reach import at_ends
 from armdyn.optimal.bound.terms import terms_over
 
 
@@ -71,7 +68,7 @@ def _proven(
     steps = (Interval.at(w[1:][fixed]) - Interval.at(w[:-1][fixed])) / lengths[:, None]
     both = np.stack([w[:-1][fixed], w[1:][fixed]], axis=2)
     rates = forces[fixed].rate(both, way[fixed][:, :, None], steps[:, :, None])
-    made = (lengths * ((rates[:, 0] + rates[:, 1]) * Interval.at(0.5))).sum(0) + _at_ends(leg, w)
+    made = (lengths * ((rates[:, 0] + rates[:, 1]) * Interval.at(0.5))).sum(0) + at_ends(leg, w)
     free = forces[elastic].rate(w[:-1][elastic][:, :, None], way[elastic][:, :, None])
     left = float((Interval.at(_least_ways(ends, by)) - made).lower)
     rate = float(np.max(free.upper))
@@ -91,14 +88,3 @@ def _least_ways(ends: Sequence[LegEnd | None], by: CourseMultipliers) -> float:
             beside = rounding(2, np.abs(jump) @ end.q.magnitude)
             total = total + Interval.at(end.least(jump, combination) - beside)
     return float(total.lower)
-
-
-def _at_ends(leg: BoundLeg, w: Array) -> Interval:
-    """w(0)ᵀ p(0) − w(T)ᵀ p(T)."""
-    total = Interval.at(0.0)
-    for outward, node in ((1, 0), (-1, -1)):
-        end = End.at(leg, outward)
-        if end is not None:
-            share = (end.momentum * Interval.at(w[node])).sum(0)
-            total = total + (share if outward > 0 else -share)
-    return total

@@ -25,7 +25,7 @@ from armdyn.optimal.bound.rates import least_times
 Stop = Callable[[], bool]
 
 NOTHING, PASSAGE, MOMENTUM = range(3)
-"""What may still improve the bound of an edge: nothing, what is passed on the way, momentum and then that."""
+"""Next improvement of an edge's bound: none, by the regions that are passed, or by momentum and then by these."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,6 @@ w is constant and the integrand at most some ρ. A motion of duration h + c, h t
 way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below. Of many starts and goals those with the least λᵀ Δq count.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +20,7 @@ from armdyn.optimal.bound.enclosure.interval import Interval, down, stacked
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
-from armdyn.optimal.bound.reach import End
+from armdyn.optimal.bound.reach import at_ends
 from armdyn.optimal.bound.relaxation import Multipliers
 from armdyn.optimal.bound.torque_speed import rate_by_lines
 
@@ -39,7 +37,7 @@ def proven(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> floa
     speed, most = np.abs(by.speed), _finite(accelerations(leg, cells))
     accelerated = (Interval.at(speed[:-1]) + Interval.at(speed[1:])) * Interval.at(most[outer])
     mean = rates.sum(1) / Interval.at(float(w.shape[2])) + accelerated.sum(1) * Interval.at(0.5)
-    made = (lengths * mean).sum(0) + _at_ends(leg, by)
+    made = (lengths * mean).sum(0) + at_ends(leg, by.momentum, by.speed)
     inner, own = by.momentum[k][None, :, None], by.shares[:, k][:, None, :, None]
     middle = rate_by_lines(motors, forces[k : k + 1], inner, own, way[None, :, None])[0, 0]
     middle = middle + (Interval.at(speed[k]) * Interval.at(most[k])).sum(0)
@@ -74,18 +72,6 @@ def _controls(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> t
         slopes,
         np.stack([both[0], (both[0] + both[1]) / 2, both[1]], axis=3),
     )
-
-
-def _at_ends(leg: BoundLeg, by: Multipliers) -> Interval:
-    """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for the speeds that accelerations change."""
-    total = Interval.at(0.0)
-    for outward, node in ((1, 0), (-1, -1)):
-        end = End.at(leg, outward)
-        if end is not None:
-            share = (end.momentum * Interval.at(by.momentum[node])).sum(0)
-            share = share + (Interval.at(end.v) * Interval.at(by.speed[node])).sum(0)
-            total = total + (share if outward > 0 else -share)
-    return total
 
 
 def _differences(nodes: Array) -> Interval:

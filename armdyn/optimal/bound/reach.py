@@ -111,3 +111,22 @@ def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
         columns.append(solved)
         joints.append(free)
     return np.concatenate(columns, axis=1), np.concatenate(joints)
+
+
+def at_ends(leg: BoundLeg, w: Array, speed: Array | None = None) -> Interval:
+    """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for the speeds that accelerations change, if there are multipliers.
+
+    Args:
+        leg: whose ends.
+        w: multipliers of the momentum at the nodes, shape (nodes, nv).
+        speed: of the speeds, likewise.
+    """
+    total = Interval.at(0.0)
+    for outward, node in ((1, 0), (-1, -1)):
+        end = End.at(leg, outward)
+        if end is not None:
+            share = (end.momentum * Interval.at(w[node])).sum(0)
+            if speed is not None:
+                share = share + (Interval.at(end.v) * Interval.at(speed[node])).sum(0)
+            total = total + (share if outward > 0 else -share)
+    return total

@@ -88,12 +88,12 @@ def solve_step(problem: ConvexStep) -> QpSolution:
     found, _, cost, *numbers = curves.solve(
         place=problem.place,
         gradient=problem.gradient,
-        curvature=_compressed(problem.curvature),
-        squares=_compressed(problem.squares[0]),
+        curvature=compressed(problem.curvature),
+        squares=compressed(problem.squares[0]),
         square_weight=problem.squares[1],
         lower=problem.bounds[0],
         upper=problem.bounds[1],
-        rows=_compressed(sp.vstack([hard, *(rows.jacobian for rows in soft)], format="csr")),
+        rows=compressed(sp.vstack([hard, *(rows.jacobian for rows in soft)], format="csr")),
         top=np.concatenate([top, *(rows.upper for rows in soft)]),
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),
@@ -106,6 +106,6 @@ def solve_step(problem: ConvexStep) -> QpSolution:
     return QpSolution(found and bool(np.all(np.isfinite(step))), step, cost, each, bounds)
 
 
-def _compressed(matrix: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
+def compressed(matrix: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
     """Compressed rows, as the bridge takes them."""
     return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data

@@ -156,7 +156,7 @@ class Tightening:
         return least + margin.lower, most - margin.upper
 
     def _idle(self, spare: Array, beyond: Array | float) -> Array:
-        """What a point is within its bound by, where torques beside it are not: margins up to there change nothing."""
+        """Distance of a torque from its bound where torques beside it exceed theirs: such margins change nothing."""
         idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.beside)
         return np.where(idle, spare, 0.0)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from armdyn.dynamics.numeric import inverse_dynamics_derivatives
+from armdyn.dynamics.numeric import InverseDerivatives, inverse_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import DEGREE
 from armdyn.optimal.flat.curve import Curve
@@ -27,6 +27,30 @@ class TorqueParts:
 
     tau: Array
     jacobian: csr_matrix
+
+
+def linear_torques(
+    torques: InverseDerivatives, local: Array, points: Array, duration: Array | float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Torques at places of a curve, linear in the control points of their windows and in the duration.
+
+    Args:
+        torques: inverse dynamics with derivatives.
+        local: values and derivatives of the windows' splines, shape (places, 3, WINDOW).
+        points: control points of the windows [rad or m], shape (places, WINDOW, nv).
+        duration: of the curve [s], or of each place's leg, shape (places, 1).
+
+    Returns:
+        Positions, velocities and torques, each of shape (places, nv); derivatives of the torques by the points, shape
+        (places, nv, WINDOW, nv), and by the duration, shape (places, nv).
+    """
+    q, dq, ddq = np.einsum("kdj,kjn->dkn", local, points)
+    v, a = dq / duration, ddq / duration**2
+    tau, by_q, by_v, inertia = torques(q, v, a)
+    basis, T = local[:, :, None, :, None], np.reshape(duration, (-1, 1, 1))
+    by_points = basis[:, 0] * by_q[:, :, None] + basis[:, 1] * (by_v / T)[:, :, None]
+    by_points += basis[:, 2] * (inertia / T**2)[:, :, None]
+    return q, v, tau, by_points, -(by_v @ v[..., None] + 2 * inertia @ a[..., None])[..., 0] / duration
 
 
 class TorqueRows:
@@ -58,14 +82,9 @@ class TorqueRows:
 
     def at(self, x: Array) -> TorqueParts:
         """Linearise the torques at unknowns x, shape (unknowns,), of which the torques count for nothing."""
-        local, T = self._local, x[self._duration][:, None]
-        q, dq, ddq = np.einsum("kdj,kjn->dkn", local, x[self._points])
-        v, a = dq / T, ddq / T**2
-        tau, by_q, by_v, inertia = self._torques(q, v, a)
-        basis, T = local[:, :, None, :, None], T[:, :, None]
-        by_points = basis[:, 0] * by_q[:, :, None] + basis[:, 1] * (by_v / T)[:, :, None]
-        by_points += basis[:, 2] * (inertia / T**2)[:, :, None]
-        by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None]) / T
-        values = np.concatenate([by_points.reshape(*tau.shape, -1), by_duration], axis=2) / self.half_range[:, None]
+        T = x[self._duration][:, None]
+        _, _, tau, by_points, by_duration = linear_torques(self._torques, self._local, x[self._points], T)
+        columns = [by_points.reshape(*tau.shape, -1), by_duration[..., None]]
+        values = np.concatenate(columns, axis=2) / self.half_range[:, None]
         matrix = csr_matrix((values.ravel(), self._columns, self._starts), (tau.size, self.size), copy=False)
         return TorqueParts(tau / self.half_range, matrix)

@@ -17,8 +17,10 @@ from armdyn.dynamics.numeric import InverseDerivatives
 from armdyn.locks import cached_property
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
+from armdyn.optimal.flat.convex_step import compressed
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
+from armdyn.optimal.flat.torque_rows import linear_torques
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.task.policy.live import LivePolicy
 
@@ -165,14 +167,8 @@ class StepProgram:
             torques: inverse dynamics with derivatives.
             clear: distances that are asked for; None: none.
         """
-        local, T = self.mesh.local, duration
-        q, dq, ddq = np.einsum("kdj,kjn->dkn", local, points[self.mesh.window])
-        v, a = dq / T, ddq / T**2
-        tau, by_q, by_v, inertia = torques(q, v, a)
-        basis = local[:, :, None, :, None]
-        by_points = basis[:, 0] * by_q[:, :, None] + basis[:, 1] * (by_v / T)[:, :, None]
-        by_points += basis[:, 2] * (inertia / T**2)[:, :, None]
-        by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None])[..., 0] / T
+        windows = points[self.mesh.window]
+        q, v, tau, by_points, by_duration = linear_torques(torques, self.mesh.local, windows, duration)
         lead = self._lead(ends)
         for first in (0, 1):
             own = self.mesh.first == first
@@ -342,8 +338,10 @@ class StepProgram:
         self._place[free] = np.arange((count - 4) * nv)
         self._place[-1] = (count - 4) * nv
         matrix = sp.kron(sp.csr_matrix(self._smoothing), sp.diags(1 / self._scale**2), format="csr")
-        self._curvature = _compressed(sp.block_diag([matrix, sp.csr_matrix((1, 1))], format="csr"))
-        self._nothing = _compressed(sp.csr_matrix((0, self.size)))
+        curvature = sp.block_diag([matrix, sp.csr_matrix((1, 1))], format="csr")
+        curvature.sort_indices()
+        self._curvature = compressed(curvature)
+        self._nothing = compressed(sp.csr_matrix((0, self.size)))
 
     def _factors(self, order: int) -> Array:
         """Factors from control points to those of a derivative, shape (count - order, order + 1)."""
@@ -359,9 +357,3 @@ class StepProgram:
         second = np.zeros((self.mesh.places.size, self.count))
         np.put_along_axis(second, self.mesh.window, self.mesh.local[:, 2], axis=1)
         return np.asarray(self.policy.smooth * (second.T * self.mesh.weights) @ second)
-
-
-def _compressed(matrix: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
-    """Compressed rows, as `_armdyn_curves` takes them."""
-    matrix.sort_indices()
-    return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data

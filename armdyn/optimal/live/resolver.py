@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,9 @@ from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
 from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
-from armdyn.optimal.live.last import LastMotion
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends, StepProgram, TorqueMargins
-from armdyn.optimal.live.stopping import at_rest, fallback, rest_of_last
+from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
@@ -164,13 +163,8 @@ class Resolver:
     def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
         """The problem, checked."""
         end: dict[str, Any] = {"goal_pose": goal} if isinstance(goal, GoalPose) else {"q_goal": goal}
-        problem = MinimumTimeProblem(
-            self.robot, q_start=q, v_start=v, **end, effort_limit=self.effort_limit,
-            velocity_limit=self.velocity_limit, position_limit=self.position_limit, reserve=self.reserve,
-            velocity_reserve=self.velocity_reserve, acceleration_limit=self.acceleration_limit,
-            obstacles=self.obstacles, self_collision=self.self_collision, clearance=self.clearance,
-            allowed_contacts=self.allowed_contacts,
-        )  # fmt: skip
+        kept: dict[str, Any] = {own.name: getattr(self, own.name) for own in fields(self) if own.init}
+        problem = MinimumTimeProblem(**kept, q_start=q, v_start=v, **end)
         check_motors_everywhere(self.robot, problem.limits, "a Resolver plans curves")
         return problem
 
@@ -220,18 +214,12 @@ class Resolver:
 
 def _alike(program: StepProgram, limits: JointLimits, acceleration: Array) -> bool:
     """Whether a program has these limits."""
-    own = program.limits
-    if type(own.actuators) is not type(limits.actuators) or not np.array_equal(program.acceleration, acceleration):
-        return False
-    pairs = (
-        (own.position_lower, limits.position_lower),
-        (own.position_upper, limits.position_upper),
-        (own.velocity, limits.velocity),
-        (own.actuators.lower, limits.actuators.lower),
-        (own.actuators.upper, limits.actuators.upper),
-        *zip(own.actuators.lines, limits.actuators.lines, strict=True),
+    own, other = (
+        (*each.rows.values(), *each.actuators.lines, most)
+        for each, most in ((program.limits, program.acceleration), (limits, acceleration))
     )
-    return all(np.array_equal(a, b) for a, b in pairs)
+    alike = type(program.limits.actuators) is type(limits.actuators)
+    return alike and all(np.array_equal(a, b) for a, b in zip(own, other, strict=True))
 
 
 def _solution(

@@ -1,4 +1,4 @@
-"""What a change of a motion saves to first order, at most, whatever its switching structure: by a linear program.
+"""Upper bound on the time that a change of a motion saves to first order, whatever its switching structure.
 
 Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that it
 comes near (Bryson and Ho, Applied Optimal Control, section 3.9). Other torques within their limits, and another pace,

@@ -162,7 +162,7 @@ class _Resolved:
 
     @property
     def why(self) -> str:
-        """What the best lacks, for people; "": nothing."""
+        """Violated condition of the best structure, in words; "": none."""
         if not self.tried:
             return "no structure was read"
         return _IDLE if self.idle else self.tried[0][1].why

@@ -23,7 +23,7 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _RELAXED = 1e-8
-"""What unknowns may exceed their bounds by."""
+"""Largest excess of an unknown over its bound that counts as none."""
 
 
 def condensable(task: Task) -> bool:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.files import writing_whole
+from armdyn.files import csv_text, write_whole
 from armdyn.show.results import save_results
 
 if TYPE_CHECKING:
@@ -84,11 +83,8 @@ def write_sweep(
     Raises:
         OSError: the folder cannot be written.
     """
-    with writing_whole(folder / "sweep.csv") as scratch, scratch.open("w", newline="") as text:
-        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    files = [*motions, folder / "sweep.csv"]
+    table = csv_text([rows[0], *(row.values() for row in rows)])
+    files = [*motions, write_whole(folder / "sweep.csv", table.encode())]
     if figure:
         from armdyn.show.plots import save_figure
 

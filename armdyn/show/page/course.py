@@ -1,7 +1,5 @@
 """Positions, velocities and torques over time, as the report's plots take them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

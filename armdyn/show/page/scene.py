@@ -1,7 +1,5 @@
 """Scene of a page as data: shapes as meshcat's commands, joint poses per frame. `assets/scene.js` draws it."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Verdict on a run in words, with its numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -77,9 +75,7 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
         if (gap := facts.number("gap")) is not None:
             sure = "proven" if facts.true("gap_proven") else "not proven"
             tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", sure))
-        if decides := facts.parts("decides"):
-            most, part = decides[0], decides[0].number("part") or 0.0
-            tiles.append(Tile("decided most by", f"{100 * part:.3g} %", f"{most.text('joint')}, {most.text('limit')}"))
+        tiles += _deciding(facts)
         if (gram := facts.part("sensitivities").number("payload_mass")) is not None:
             tiles.append(Tile("1 g more at the tip", f"{gram:+.3g} ms"))
         near = facts.part("clearance")
@@ -114,22 +110,20 @@ def seconds(time: float | None) -> str:
 
 
 def _of_minimum_time(facts: Facts) -> Verdict:
-    checks = tuple((one.text("name"), _holds(one), one.text("said")) for one in facts.parts("checks"))
     found, usable, certified = facts.number("duration") is not None, facts.true("usable"), facts.true("certified")
     level: Level = "bad" if not usable else "good" if certified else "fair"
     headline = "Certified" if certified else "Executable, not certified"
     if not usable:
         headline = "Not executable" if found else "No motion found"
-    return Verdict(level, headline, facts.text("assessment"), checks, tuple(facts.texts("what_to_do")))
+    return Verdict(level, headline, facts.text("assessment"), _checks(facts), tuple(facts.texts("what_to_do")))
 
 
 def _of_cycle(facts: Facts) -> Verdict:
     """Verdict on a cycle of steps."""
-    checks = tuple((one.text("name"), _holds(one), one.text("said")) for one in facts.parts("checks"))
     gap = facts.number("gap")
     level: Level = "bad" if not facts.true("usable") else "good" if gap is not None and gap <= NEAR else "fair"
     headline = "Executable" if gap is None else f"Executable, at most {percent(max(gap, 0.0))} above the fastest"
-    return Verdict(level, headline if level != "bad" else "Not executable", facts.text("assessment"), checks)
+    return Verdict(level, headline if level != "bad" else "Not executable", facts.text("assessment"), _checks(facts))
 
 
 def _cycle_tiles(facts: Facts, duration: float) -> list[Tile]:
@@ -141,14 +135,20 @@ def _cycle_tiles(facts: Facts, duration: float) -> list[Tile]:
         tiles.append(Tile("above the lower bound", f"≤ {percent(max(gap, 0.0))}", "proven, all branches"))
     longest = max(steps, key=lambda one: one.number("duration") or 0.0)
     tiles.append(Tile("longest step", seconds(longest.number("duration")), longest.text("name")))
-    if decides := facts.parts("decides"):
-        most, part = decides[0], decides[0].number("part") or 0.0
-        tiles.append(Tile("decided most by", f"{100 * part:.3g} %", f"{most.text('joint')}, {most.text('limit')}"))
+    tiles += _deciding(facts)
     return tiles
 
 
-def _holds(check: Facts) -> bool | None:
-    return check.true("holds") if isinstance(check.values.get("holds"), bool) else None
+def _deciding(facts: Facts) -> list[Tile]:
+    """The limit that decides most of the time; none: it is not known."""
+    shares = [(one, 100 * (one.number("part") or 0.0)) for one in facts.parts("decides")[:1]]
+    return [Tile("decided most by", f"{x:.3g} %", f"{one.text('joint')}, {one.text('limit')}") for one, x in shares]
+
+
+def _checks(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
+    """The checks of a run; what is no truth value is not known."""
+    found = [(one.text("name"), one.values.get("holds"), one.text("said")) for one in facts.parts("checks")]
+    return tuple((name, holds if isinstance(holds, bool) else None, said) for name, holds, said in found)
 
 
 def _of_pid(facts: Facts) -> Verdict:
@@ -174,7 +174,7 @@ def _of_given(facts: Facts) -> Verdict:
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """Whether the arm can do a motion that came from elsewhere."""
     worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
-    led = "they diverge" if end is None else f"replayed without feedback, they end {_small(end)} rad or m beside it"
+    led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m beside it"
     if growth is not None and growth > OPEN_LOOP_GROWTH:
         led += f"; unstable open loop (growth {growth:.2g}): other integrators end elsewhere"
     return (
@@ -215,7 +215,3 @@ def _of_tracking(facts: Facts) -> Verdict:
 
 def _sentence(text: str) -> str:
     return text[:1].upper() + text[1:] + ("." if text and not text.endswith(".") else "")
-
-
-def _small(number: float | None) -> str:
-    return "–" if number is None else f"{number:.1e}"

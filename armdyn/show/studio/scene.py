@@ -90,7 +90,7 @@ _PATH_COLOR = (232, 113, 10)
 
 
 class SceneView:
-    """What a session's scene shows; handles of viser's scene."""
+    """View of a session: the handles of viser's scene."""
 
     def __init__(self, scene: SceneApi, session: Session):
         self._scene, self._session = scene, session

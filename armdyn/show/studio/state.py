@@ -1,6 +1,4 @@
-"""What is changed by hand in the studio, as a value: to and from JSON, and as a problem."""
-
-from __future__ import annotations
+"""State that a user changes in the studio: a value, to and from JSON, and the problem that it poses."""
 
 import warnings
 from collections.abc import Mapping, Sequence

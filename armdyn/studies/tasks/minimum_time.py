@@ -1,7 +1,5 @@
 """Study task "minimum-time": the fastest motion of every case."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
@@ -11,8 +9,8 @@ import numpy as np
 from armdyn.arguments import expect, one_of
 from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
-from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, percent
+from armdyn.optimal.answer.words import standing
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE
 from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.search import SamePolicy
@@ -126,23 +124,13 @@ def _facts(solution: Solution) -> dict[str, Any]:
 def _chain_facts(solution: Solution) -> dict[str, Any]:
     """Facts by which the optima of a chain are compared, and which `--require` asks for."""
     by, weight = solution.sensitivities(), solution.problem.effort_weight
-    certificate = solution.certificate
-    reasons = "; ".join(certificate.reasons)
-    help_ = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
-    gap = help_.get("gap", reasons)
-    if solution.gap_proven and solution.gap is not None:
-        gap = f"the gap is {percent(solution.gap)}"
-    return {
+    # Where effort is paid for torques are on no limit, and their arcs say nothing.
+    arcs = () if solution.problem.pays_effort else solution.arcs
+    return standing(solution) | {
         "ms_per_gram": by.payload_mass if by else None,
         "landed": solution.success,
-        "extremal": certificate.extremal,
-        "gap_proven": solution.gap_proven,
-        # Where effort is paid for torques are on no limit, and their arcs say nothing.
-        "arcs": ""
-        if solution.problem.pays_effort
-        else "; ".join(", ".join(mode.value for mode in arc.modes) for arc in solution.arcs),
+        "arcs": "; ".join(", ".join(mode.value for mode in arc.modes) for arc in arcs),
         "cost": solution.duration + trajectory_cost(solution.trajectory, weight) - solution.trajectory.duration,
-        "missing": {"certified": reasons, "extremal": help_.get("extremal", reasons), "gap": gap},
     }
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from armdyn.errors import MissingPackageError
+from armdyn.files import csv_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,12 +30,8 @@ class CsvTable:
 
     def text(self, samples: Samples) -> str:
         """A head with names and units, a row per stamp."""
-        content = io.StringIO(newline="")
-        writer = csv.writer(content, lineterminator="\n")
-        writer.writerow(columns(samples))
-        rows = _rows(samples).tolist()  # Python's floats are written with as many digits as they need
-        writer.writerows([*row, *more] for row, more in zip(rows, _piece_rows(samples), strict=True))
-        return content.getvalue()
+        rows = zip(_rows(samples).tolist(), _piece_rows(samples), strict=True)
+        return csv_text([columns(samples), *([*row, *more] for row, more in rows)])
 
 
 def columns(samples: Samples) -> list[str]:

@@ -1,30 +1,30 @@
 import json
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from armdyn.cli.options.groups import with_options
+from armdyn.cli.options.groups import argument, flag, option, with_options
 
 
 @dataclass(frozen=True, kw_only=True)
 class Speed:
     panel: ClassVar[str] = "How"
 
-    speed: Annotated[float, typer.Option(metavar="V", help="How fast.")] = 1.0
-    backwards: Annotated[bool, typer.Option("--backwards", help="The other way.")] = False
+    speed: float = option("V", "How fast.", default=1.0)
+    backwards: bool = flag("The other way.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ride:
-    name: Annotated[str, typer.Argument(metavar="NAME")]
+    name: str = argument("NAME", "")
     speed: Speed = field(default_factory=Speed)
-    stop: Annotated[list[str] | None, typer.Option(help="On the way.")] = None
+    stop: list[str] | None = option("S", "On the way.")
 
 
-def ride(ride: Ride, loud: Annotated[bool, typer.Option("--loud")] = False) -> None:
+def ride(ride: Ride, loud: bool = flag("")) -> None:
     """A ride in a docstring
     of two lines.
 

@@ -143,6 +143,7 @@ def test_weights_are_values():
     assert hash(replace(ad.Lqr(), velocity=0.02)) == hash(ad.Lqr(velocity=0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_it_settles_six_arms_that_it_does_not_know(arm):
     # Payload by ±20 %, with and without friction: 0.258 and 0.286 s, of motions of 0.221 and 0.237 s; with gains as

@@ -27,6 +27,7 @@ def check(text):
     assert robot.frame(robot.tip).name == robot.tip
 
 
+@pytest.mark.slow
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.sampled_from(TEXTS), choice=st.randoms(use_true_random=False))
 def test_mutated(text, choice):

@@ -30,7 +30,7 @@ def test_limits_are_read_only():
 
 
 def test_spec_payload_is_pins_appended_inertia():
-    payload = Payload(mass=0.3, offset=(0.05, 0.01, 0.02), inertia=(1e-4, 2e-4, 2.5e-4))
+    payload = Payload(mass=0.3, com=(0.05, 0.01, 0.02), inertia=(1e-4, 2e-4, 2.5e-4))
     robot = Robot.from_spec(ArmSpec.paper("rr"), payload)
     bare = Robot.from_spec(ArmSpec.paper("rr"))
     tip = bare.frame("tip")
@@ -57,7 +57,7 @@ def test_spec_payload_on_what_does_not_move_is_refused(frame):
 
 @pytest.mark.parametrize("frame", [None, "panda_link4", "panda_hand"])
 def test_urdf_payload_on_a_frame(frame):
-    payload = Payload(mass=1.5, offset=(0.0, 0.02, 0.1), inertia=(1e-3, 2e-3, 2.5e-3), frame=frame)
+    payload = Payload(mass=1.5, com=(0.0, 0.02, 0.1), inertia=(1e-3, 2e-3, 2.5e-3), frame=frame)
     bare, loaded = robot_named("panda"), Robot.from_library("panda", payload)
     place = bare.frame(frame or bare.tip)
     model = bare.model.copy()

@@ -27,6 +27,7 @@ def inside_of_parts(parts, points):
     return np.any(within, axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mesh", "most"),
     [

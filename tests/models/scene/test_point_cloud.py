@@ -30,6 +30,7 @@ def noisy_table():
     return table + random.normal(scale=0.003, size=table.shape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.02, 0.05])
 def test_boxes_contain_the_points_and_reach_a_cube_further_at_most(size):
     points = noisy_table()

@@ -95,11 +95,6 @@ def test_payload_inertia_as_a_matrix():
         Payload(mass=1.0, inertia=np.triu(matrix))
 
 
-def test_offset_is_the_older_name_of_com():
-    assert Payload(mass=1.0, offset=(1, 2, 3)) == Payload(mass=1.0, com=(1, 2, 3))
-    assert Payload(mass=1.0, com=(1, 2, 3)).offset == (1.0, 2.0, 3.0)
-
-
 def test_payload_inertia_of_a_thin_rod_is_allowed():
     assert Payload(mass=1.0, inertia=(0, 1, 1)).inertia == (0.0, 1.0, 1.0)
 
@@ -108,5 +103,5 @@ def test_payload_inertia_of_a_thin_rod_is_allowed():
 def test_payload_at_last_com(arm):
     spec = ArmSpec.paper(arm)
     payload = Payload.at_last_com(spec, 0.2)
-    assert spec.links[-1].length + payload.offset[0] == pytest.approx(spec.links[-1].com, abs=1e-16)
+    assert spec.links[-1].length + payload.com[0] == pytest.approx(spec.links[-1].com, abs=1e-16)
     assert (payload.mass, payload.inertia) == (0.2, (0.0, 0.0, 0.0))

@@ -60,7 +60,7 @@ def test_text_passes_the_check_and_has_no_negative_zero():
 
 def test_payload_is_a_link_of_its_own():
     spec = ArmSpec.paper("rr")
-    payload = Payload(mass=0.3, offset=(0.01, 0.02, 0.03), inertia=(1e-4, 2e-4, 2.5e-4))
+    payload = Payload(mass=0.3, com=(0.01, 0.02, 0.03), inertia=(1e-4, 2e-4, 2.5e-4))
     root = ElementTree.fromstring(urdf_from_spec(spec, payload))
     inertial = root.find("link[@name='payload']/inertial")
     assert float(inertial.find("mass").get("value")) == 0.3

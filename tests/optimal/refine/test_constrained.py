@@ -121,6 +121,7 @@ def test_start_and_goal_in_contact_are_named():
         rr(clearance=-1.0)
 
 
+@pytest.mark.slow
 def test_a_via_point_is_passed_in_flight():
     via = [-0.7, 0.8]
     solution = solve(rr(via=[via]), starts=4)

@@ -33,6 +33,7 @@ def test_double_integrator_in_closed_form():
     assert cost(problem, phases) == pytest.approx(4 / 3 * duration, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_optima_come_by_cost_and_the_first_is_not_the_fastest():
     problem = paper_problem("rr", effort_weight=1.0)
     found = search(problem, 6)
@@ -97,6 +98,7 @@ def test_effort_says_how_many_guesses_there_are(monkeypatch, effort, count):
     assert counts == [count]
 
 
+@pytest.mark.slow
 def test_where_costates_stray_from_the_adjoint_equations_the_replay_is_finer(monkeypatch):
     task = Task.of(paper_problem("rr", effort_weight=1.0, effort_limit=30.0))
     (plain,), _ = time_energy(task)

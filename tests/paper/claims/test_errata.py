@@ -14,11 +14,11 @@ from armdyn.paper.claims.first_approach import THETA_START, OneLink, printed_law
 from armdyn.paper.closed_form import PlanarArm
 from armdyn.paper.indirect.canonical import canonical_system
 from armdyn.paper.outcomes.case import Case
-from armdyn.paper.outcomes.run import run_case
 from armdyn.paper.printed import published
 from armdyn.paper.printed.law import PRINTED
 from armdyn.paper.tables.integrals import torque_integral, trapezoidal_integral
 from oracles import random_states
+from paper.computed import outcome
 
 DOCS = Path(__file__).parents[3] / "docs" / "paper.md"
 ARMS = {1: "r", 2: "rr", 3: "rrr"}
@@ -154,7 +154,7 @@ def test_the_index_of_equation_31_leaves_nothing_to_optimise():
 
 
 def test_a_step_of_one_second_in_equation_35_is_too_long():
-    loop = run_case(Case(4, "r", "pid", 0.1006))
+    loop = outcome(Case(4, "r", "pid", 0.1006))
     exact = torque_integral(loop.trajectory, loop.time)
     coarse, fine = (trapezoidal_integral(loop.trajectory, loop.time, step=step) for step in (1.0, 1e-3))
     assert np.abs(coarse / exact - 1) > 100 * np.abs(fine / exact - 1)
@@ -165,7 +165,7 @@ def test_table_7_repeats_a_number():
     two, three = published.total_torque(2), published.total_torque(3)
     assert three[0].text == two[1].text
     # Under ±3 N m a torque that is always on its bound gives 3 t_f: two arms would have to be equally fast.
-    arm = run_case(Case(2, "rr", "minimum_time", 0.1006))
+    arm = outcome(Case(2, "rr", "minimum_time", 0.1006))
     np.testing.assert_allclose(torque_integral(arm.trajectory), 3 * arm.time, rtol=1e-12)
     assert two[0].value + two[1].value < 3 * arm.time
     assert published.time_in_text(3).value > 1.5 * published.time_in_text(2).value

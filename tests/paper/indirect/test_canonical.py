@@ -8,7 +8,7 @@ from armdyn.paper.indirect.canonical import canonical_system, columns
 from armdyn.paper.indirect.law import MINIMUM, TorqueLaw
 from oracles import PinDynamics, random_states, robot_named
 
-ARMS = ("r", "rr", "rrr", "double_pendulum", "ur5")
+ARMS = ("r", "rr", "rrr", "double_pendulum", pytest.param("ur5", marks=pytest.mark.slow))
 W = 0.7
 """Effort weight [1/(N m)²]."""
 OTHER = TorqueLaw("other", lambda symbols: -symbols.rho_v, lambda symbols: ca.SX(1), minimises=False)

@@ -11,12 +11,13 @@ from armdyn.paper import example
 from armdyn.paper.outcomes import run
 from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.run import run_case
+from paper import computed
 from paper.references import EVERY, REFERENCE, grams, reference
 
 
 @pytest.mark.parametrize(("payload", "reading"), EVERY)
 def test_one_link_is_exact_and_the_indirect_method_agrees(payload, reading):
-    outcome = run_case(Case(1, "r", "minimum_time", payload, reading))
+    outcome = computed.outcome(Case(1, "r", "minimum_time", payload, reading))
     assert outcome.success and outcome.facts["certified"]
     assert outcome.time == pytest.approx(reference("minimum_time_r", reading, payload), abs=1e-8)
     # Newton's method on the switching times stops at 1e-10.
@@ -26,7 +27,7 @@ def test_one_link_is_exact_and_the_indirect_method_agrees(payload, reading):
 
 @pytest.mark.parametrize(("payload", "reading"), EVERY)
 def test_time_energy_of_one_link(payload, reading):
-    outcome = run_case(Case(1, "r", "time_energy", payload, reading))
+    outcome = computed.outcome(Case(1, "r", "time_energy", payload, reading))
     _check_time_energy(outcome, reference_time("r", reading, payload))
 
 
@@ -35,14 +36,14 @@ def test_time_energy_of_one_link(payload, reading):
     ("payload", "reading"), [(0.0212, "tip"), (0.1006, "tip"), (0.5, "tip"), (0.1006, "mM"), (0.5, "mM")]
 )
 def test_time_energy_of_two_links(payload, reading):
-    outcome = run_case(Case(2, "rr", "time_energy", payload, reading))
+    outcome = computed.outcome(Case(2, "rr", "time_energy", payload, reading))
     _check_time_energy(outcome, reference_time("rr", reading, payload))
 
 
 @pytest.mark.slow
 def test_two_links_with_1_kg_cost_less_than_the_references():
     """The reference is another local optimum: J = 1.2197794 in 0.408996 s."""
-    outcome = run_case(Case(2, "rr", "time_energy", 1.0, "mM"))
+    outcome = computed.outcome(Case(2, "rr", "time_energy", 1.0, "mM"))
     assert outcome.facts["certified"]
     assert outcome.facts["objective"] < 0.97 * 1.2197794
     # J is flat in the time there: the two methods, of 1e-10, hold it to 1e-9.
@@ -87,7 +88,7 @@ def reference_time(arm, reading, payload):
     ("case", "name"), [(Case(4, "r", "pid", 0), "R_Ex4"), (Case(5, "rr", "pid", 0), "RR_Ex5")], ids=["r", "rr"]
 )
 def test_arrivals(case, name, payload, reading):
-    outcome = run_case(Case(case.example, case.arm, "pid", payload, reading))
+    outcome = computed.outcome(Case(case.example, case.arm, "pid", payload, reading))
     expected = reference("pid_arrival", reading, payload)[name]
     if expected is None:
         assert outcome.time is None and outcome.facts["max_real_eigenvalue"] > 0
@@ -97,8 +98,8 @@ def test_arrivals(case, name, payload, reading):
 
 @pytest.mark.parametrize("payload", [0.0212, 0.1006, 0.5, 1.0])
 def test_three_links_settle_by_the_printed_equations_alone(payload):
-    lagrangian = run_case(Case(6, "rrr", "pid", payload, "mM"))
-    printed = run_case(Case(6, "rrr", "pid", payload, "mM", "printed"))
+    lagrangian = computed.outcome(Case(6, "rrr", "pid", payload, "mM"))
+    printed = computed.outcome(Case(6, "rrr", "pid", payload, "mM", "printed"))
     assert lagrangian.time is None and lagrangian.facts["max_real_eigenvalue"] > 0
     expected = reference("pid_arrival", "mM", payload)["RRR_Ex6_eq7_literal"]
     if expected is None or expected > 10:
@@ -125,13 +126,13 @@ def test_eigenvalues_at_the_goal(payload, reading):
 @pytest.mark.slow
 @pytest.mark.parametrize("arm", PLANAR_ARMS)
 def test_the_printed_sign_of_the_derivative_is_unstable(arm):
-    outcome = run_case(Case(example(arm, "pid").number, arm, "pid", 0.1006, "mM", derivative_sign="printed"))
+    outcome = computed.outcome(Case(example(arm, "pid").number, arm, "pid", 0.1006, "mM", derivative_sign="printed"))
     assert outcome.time is None and outcome.status == "diverged" and outcome.facts["max_real_eigenvalue"] > 5
 
 
 def test_other_arrival_rules_are_read_from_the_same_motion():
     times = {
-        rule: run_case(Case(5, "rr", "pid", 0.1006, arrival_rule=rule)).time
+        rule: computed.outcome(Case(5, "rr", "pid", 0.1006, arrival_rule=rule)).time
         for rule in ("first_crossing", "last_entry_first_joint", "last_entry_all_joints")
     }
     assert times["first_crossing"] < times["last_entry_first_joint"] < times["last_entry_all_joints"]

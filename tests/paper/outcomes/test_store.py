@@ -8,7 +8,6 @@ import pytest
 from armdyn.models.values.spec import ArmSpec, LinkSpec
 from armdyn.paper.outcomes import store
 from armdyn.paper.outcomes.case import Case
-from armdyn.paper.outcomes.run import run_case
 from armdyn.paper.outcomes.store import fingerprint, load_outcome, save_outcome
 from armdyn.trajectory import Trajectory
 from paper import computed
@@ -18,7 +17,7 @@ CASE = Case(4, "r", "pid", 0.1006)
 
 @pytest.fixture(scope="module")
 def outcome():
-    return run_case(CASE)
+    return computed.outcome(CASE)
 
 
 def test_what_is_saved_is_loaded(tmp_path, outcome):

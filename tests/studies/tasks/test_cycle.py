@@ -30,6 +30,7 @@ def study(tmp_path):
     return write
 
 
+@pytest.mark.slow
 def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_path):
     asked = study()
     assert asked.task.options.seed == 3 and asked.task.options.search == "quick"

@@ -23,6 +23,7 @@ STIFFNESS = ad.ControllerFamily(
 SHORT = {"duration": 0.8, "generations": 6, "members": 8}
 
 
+@pytest.mark.slow
 def test_the_search_is_as_good_as_a_grid():
     found = ad.tune(ROBOT, RAMP, STIFFNESS, ARMS, options=ad.TuneOptions(**SHORT))
     grid = []

@@ -22,7 +22,7 @@ _OPERATIONS = {
          ca.OP_ADD, ca.OP_SUB, ca.OP_MUL)
     )
 }  # fmt: skip
-"""What inertia and gravity of an arm, and their derivatives, are made of: numbers of `_enclosure/program.hpp`."""
+"""Operations in the inertia and gravity of an arm, and in their derivatives: numbers of `_enclosure/program.hpp`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,6 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
 from armdyn.optimal.task.policy.live import LivePolicy
-from armdyn.optimal.task.policy.problem_class import is_speed_limited
 from armdyn.optimal.task.policy.refinement import (
     AdjointPolicy,
     ArcsPolicy,
@@ -23,7 +22,7 @@ from armdyn.optimal.task.policy.refinement import (
 )
 from armdyn.optimal.task.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
-from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy
+from armdyn.optimal.task.policy.strategy import Method, StrategyPolicy, is_speed_limited
 from armdyn.optimal.task.policy.switching import (
     ContactPolicy,
     DescentPolicy,

@@ -1,8 +1,12 @@
-"""Strategy: by which methods a kind of problem is solved, chosen once."""
+"""Strategy: by which methods a kind of problem is solved, chosen once; speed-limited or torque-limited problems."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
+import pinocchio as pin
+
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.curves import TRAINED
 from armdyn.optimal.task.policy.tuned import by_kind
 
@@ -34,3 +38,22 @@ class StrategyPolicy:
     def curves_alone(self) -> bool:
         """Whether curves are the only method."""
         return self.methods == ("curves",)
+
+
+def is_speed_limited(problem: MinimumTimeProblem) -> bool:
+    """Whether velocity limits shape the fastest motion, by an estimate.
+
+    They do if the joint that they keep longest on its way reaches its limit on it: alone, from and to rest, with the
+    inertia that it has at the start of its leg and half the range of its torque.
+
+    Args:
+        problem: any.
+    """
+    ways, limits, robot = np.abs(np.diff(problem.poses, axis=0)), problem.limits, problem.robot
+    times = ways / limits.velocity
+    leg, j = np.unravel_index(int(np.argmax(times)), times.shape)
+    if times[leg, j] == 0:
+        return False
+    inertia = pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[leg]))[j, j]
+    torque = limits.actuators.half_range[j]
+    return bool(limits.velocity[j] ** 2 * inertia <= ways[leg, j] * torque)
