@@ -1,6 +1,5 @@
 """What misses a limit by little becomes usable whatever its strategy; what keeps its limits stays as it is."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
