@@ -1,7 +1,5 @@
 """Settings that all study tasks with a controller share: the controller, its loop, and the motion that it follows."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

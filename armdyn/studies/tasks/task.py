@@ -1,7 +1,5 @@
 """Work on one case of a study, its result, and how its motion is packed."""
 
-from __future__ import annotations
-
 import time
 import warnings
 import zlib
