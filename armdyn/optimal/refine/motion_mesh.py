@@ -6,15 +6,17 @@ constant torque strays, and where collocation is not exact enough.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from armdyn.arrays import Array
+from armdyn.arrays import Array, Flags
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import SAVING_TOLERANCE
-from armdyn.optimal.proof.mesh_costates import mesh_costates
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
+from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.solve.attempt import Attempt
@@ -31,19 +33,29 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
         task: its problem; torques are constant in the intervals.
         attempt: a solution near it.
     """
-    numbers = task.policy.motion_mesh
+    numbers, within = task.policy.motion_mesh, _within(task)
     if not has_stagewise(task):
         return None
-    inside = task.problem.variant(velocity_limit=(1 - numbers.inside) * task.problem.limits.velocity)
-    within = replace(task, problem=inside)
-    settings = replace(task.sharp(), max_iterations=numbers.iterations, barrier=numbers.barrier)
-
-    def solve(guess: Trajectory, knots: Array) -> Attempt:
-        return solve_on_knots(within, guess, knots, settings, numbers.tie)
-
-    knots = mesh(numbers.intervals)
+    solve, knots = partial(_solved, within), mesh(numbers.intervals)
     found = list(on_finer_meshes(task, attempt, knots, numbers, solve, lambda one: _finer(within, one, numbers)))
     return found[-1] if found else None
+
+
+def _within(task: Task) -> Task:
+    """The task a little within its limits of velocity."""
+    velocity = (1 - task.policy.motion_mesh.inside) * task.problem.limits.velocity
+    return replace(task, problem=task.problem.variant(velocity_limit=velocity))
+
+
+def _solved(task: Task, guess: Trajectory, knots: Array) -> Attempt:
+    """A solution on a mesh; where joints are idle for long, so that none converges, with a larger cost of torques."""
+    numbers = task.policy.motion_mesh
+    settings = replace(task.sharp(), max_iterations=numbers.iterations, barrier=numbers.barrier)
+    found = solve_on_knots(task, guess, knots, settings, numbers.tie)
+    if found.usable or task.stop:
+        return found
+    longer = replace(settings, max_iterations=max(numbers.iterations, numbers.work // (knots.size - 1)))
+    return solve_on_knots(task, found.trajectory, knots, longer, numbers.firm)
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -76,7 +88,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # of the fifth order; not known where a motion diverges
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
-    more = [knots[k] + lengths[k] * np.arange(1, counts[k]) / counts[k] for k in np.flatnonzero(counts > 1)]
+    more = [_in_parts(knots, counts)]
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # of the interval, before the switch
         place = np.clip(share, numbers.margin, 1 - numbers.margin) + numbers.shrink * np.array([-0.5, 0.5])
@@ -84,6 +96,13 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)
     return np.asarray(found[apart | (found == 0)])
+
+
+def _in_parts(knots: Array, counts: Array) -> Array:
+    """Knots of a mesh with its intervals in so many equal parts each."""
+    own = np.repeat(np.arange(counts.size), counts)
+    part = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
 def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
@@ -97,9 +116,24 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
     Returns:
         None: no mesh converges, or its motion does not land.
     """
-    problem = task.problem
-    mesh = resolved_motion(task, attempt)
-    motion = None if mesh is None else landed(task, mesh)
+    mesh, within, best = resolved_motion(task, attempt), _within(task), None
+    for _ in range(1 + task.policy.motion_mesh.again):
+        found = None if mesh is None else _landed(task, mesh, remark)
+        if mesh is None or found is None:
+            break
+        best, rough = found
+        if not np.any(rough) or task.stop:
+            break
+        again = _solved(
+            within, mesh.trajectory, _in_parts(mesh.mesh, np.where(rough, task.policy.motion_mesh.parts, 1))
+        )
+        mesh = again if again.usable else None
+    return best
+
+
+def _landed(task: Task, attempt: Attempt, remark: str) -> tuple[Optimum, Flags] | None:
+    """The motion of a mesh, landed, and the intervals that keep it from being certified; None: it does not land."""
+    problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
@@ -107,8 +141,9 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
     if not found.certificate.on_goal:
         return None
     costates = mesh_costates(problem, motion, replay, task.policy)
+    rough = _rough(task, motion, replay, costates)
     if costates is None or costates.saving > SAVING_TOLERANCE:
-        return found
+        return found, rough
     certificate = replace(
         found.certificate,
         remark="",
@@ -117,4 +152,20 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
         costate=costates.costate,
         switching=costates.switching,
     )
-    return replace(found, certificate=certificate)
+    return replace(found, certificate=certificate), rough
+
+
+def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
+    """Intervals to be divided where a motion is nearly certified: of most of its saving, or beyond a limit."""
+    numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
+    beyond = excesses(task.problem.limits, replay)
+    if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:
+        return rough
+    if costates.saving > SAVING_TOLERANCE:
+        order = np.argsort(costates.missed)[::-1][: numbers.divided]
+        left = costates.saving - np.cumsum(costates.missed[order])
+        rough[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
+    for one in beyond:
+        at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
+        rough[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, rough.size - 1)] = True
+    return rough & (np.diff(motion.t) > numbers.least * motion.t[-1])

@@ -92,6 +92,15 @@ class MotionMeshPolicy:
     tie: float = tuned(
         3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
     )
+    firm: float = tuned(
+        3e-4, "of 1 for time", "the same where a mesh does not converge: joints are idle for long", "random arms (RRR)"
+    )
+    work: int = tuned(240_000, "intervals", "times iterations of such a solve: a second", "random arms (RRR)")
+    again: int = tuned(2, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    nearly: float = tuned(
+        1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
+    )
+    divided: int = tuned(400, "intervals", "of such a mesh at most", "random arms (RRR)")
     margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
     shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
 
