@@ -5,8 +5,8 @@ optimum does: about jumps of a torque that is off its limits, along limits of ve
 constant torque strays, and where collocation is not exact enough.
 """
 
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,9 +19,11 @@ from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
+from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
+from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -33,29 +35,92 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
         task: its problem; torques are constant in the intervals.
         attempt: a solution near it.
     """
-    numbers, within = task.policy.motion_mesh, _within(task)
-    if not has_stagewise(task):
-        return None
-    solve, knots = partial(_solved, within), mesh(numbers.intervals)
-    found = list(on_finer_meshes(task, attempt, knots, numbers, solve, lambda one: _finer(within, one, numbers)))
+    found = list(_Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(attempt))
     return found[-1] if found else None
 
 
-def _within(task: Task) -> Task:
-    """The task a little within its limits of velocity."""
-    velocity = (1 - task.policy.motion_mesh.inside) * task.problem.limits.velocity
-    return replace(task, problem=task.problem.variant(velocity_limit=velocity))
+class ResolvedMotions:
+    """Motions of one problem that meshes were resolved to: what begins on the same motion is not resolved again.
+
+    Attributes:
+        left: intervals times iterations that may still be solved: the same on every machine.
+    """
+
+    def __init__(self, numbers: MotionMeshPolicy) -> None:
+        self.left = numbers.work
+        self._known: list[tuple[Attempt, Optimum | None]] = []
+
+    def add(self, first: Attempt, optimum: Optimum | None) -> None:
+        """Add what came of the solution on the first mesh; None: nothing."""
+        self._known.append((first, optimum))
+
+    def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
+        """What came of the same solution on the first mesh; None: it was none yet."""
+        for known, optimum in self._known:
+            if len(distinct([known, first], same.resolved, same.apart)) == 1:
+                return (optimum,)
+        return None
 
 
-def _solved(task: Task, guess: Trajectory, knots: Array) -> Attempt:
-    """A solution on a mesh; where joints are idle for long, so that none converges, with a larger cost of torques."""
-    numbers = task.policy.motion_mesh
-    settings = replace(task.sharp(), max_iterations=numbers.iterations, barrier=numbers.barrier)
-    found = solve_on_knots(task, guess, knots, settings, numbers.tie)
-    if found.usable or task.stop:
-        return found
-    longer = replace(settings, max_iterations=max(numbers.iterations, numbers.work // (knots.size - 1)))
-    return solve_on_knots(task, found.trajectory, knots, longer, numbers.firm)
+class _Meshes:
+    """Solutions on meshes, a little within limits of velocity.
+
+    Attributes:
+        task: the problem and its settings.
+        resolved: whose work they are a part of.
+        tie: cost of full torques that the last one took.
+    """
+
+    def __init__(self, task: Task, resolved: ResolvedMotions) -> None:
+        self.task, self.resolved, self.tie = task, resolved, task.policy.motion_mesh.tie
+
+    def finer(self, attempt: Attempt) -> Iterator[Attempt]:
+        """Solutions of one optimum on finer and finer meshes."""
+        numbers, within = self.task.policy.motion_mesh, self._within()
+
+        def solve(guess: Trajectory, knots: Array) -> Attempt:
+            return self._solved(within, guess, knots, numbers.tie)
+
+        def finer(one: Attempt) -> Array:
+            knots = _finer(within, one, numbers)
+            return knots if self.worth(knots) else one.mesh
+
+        if has_stagewise(self.task):
+            yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+
+    def again(self, attempt: Attempt, rough: Flags, further: float) -> Attempt | None:
+        """The solution on a mesh of which some intervals are divided; None: there is none, or no work is left.
+
+        Args:
+            attempt: the solution before.
+            rough: intervals to be divided, shape (K,).
+            further: within limits of velocity, as a part of them.
+        """
+        knots = _in_parts(attempt.mesh, np.where(rough, self.task.policy.motion_mesh.parts, 1))
+        if not (np.any(rough) and self.worth(knots)) or self.task.stop:
+            return None
+        found = self._solved(self._within(further), attempt.trajectory, knots, self.tie)
+        return found if found.usable else None
+
+    def worth(self, knots: Array) -> bool:
+        """Whether enough work is left for a mesh."""
+        return self.resolved.left >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
+
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: float) -> Attempt:
+        """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
+        numbers, self.tie = self.task.policy.motion_mesh, tie
+        iterations = numbers.iterations if tie < numbers.firm else numbers.firm_iterations
+        most = max(numbers.fewest, min(iterations, self.resolved.left // (knots.size - 1)))
+        settings = replace(task.sharp(), max_iterations=most, barrier=numbers.barrier)
+        found = solve_on_knots(task, guess, knots, settings, tie)
+        self.resolved.left -= found.iterations * (knots.size - 1)
+        if found.usable or task.stop or tie == numbers.firm or most < iterations or not self.worth(knots):
+            return found
+        return self._solved(task, found.trajectory, knots, numbers.firm)
+
+    def _within(self, further: float = 0.0) -> Task:
+        velocity = (1 - self.task.policy.motion_mesh.inside - further) * self.task.problem.limits.velocity
+        return replace(self.task, problem=self.task.problem.variant(velocity_limit=velocity))
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -105,34 +170,64 @@ def _in_parts(knots: Array, counts: Array) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
+def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions | None = None) -> Optimum | None:
     """The motion of a resolved mesh, landed by multiple shooting, with what a change of it could save to first order.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near it.
         remark: why its arcs are not known.
+        resolved: motions of the problem that are known; more are added.
 
     Returns:
         None: no mesh converges, or its motion does not land.
     """
-    mesh, within, best = resolved_motion(task, attempt), _within(task), None
-    for _ in range(1 + task.policy.motion_mesh.again):
-        found = None if mesh is None else _landed(task, mesh, remark)
-        if mesh is None or found is None:
-            break
-        best, rough = found
-        if not np.any(rough) or task.stop:
-            break
-        again = _solved(
-            within, mesh.trajectory, _in_parts(mesh.mesh, np.where(rough, task.policy.motion_mesh.parts, 1))
-        )
-        mesh = again if again.usable else None
+    resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
+    meshes = _Meshes(task, resolved)
+    finer = meshes.finer(attempt)
+    first = next(finer, None)
+    if first is None:
+        return None
+    if (known := resolved.like(first, task.policy.same)) is not None:
+        return known[0]
+    best = _divided_until_certified(meshes, [first, *finer][-1], remark)
+    resolved.add(first, best)
     return best
 
 
-def _landed(task: Task, attempt: Attempt, remark: str) -> tuple[Optimum, Flags] | None:
-    """The motion of a mesh, landed, and the intervals that keep it from being certified; None: it does not land."""
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """The motion of a mesh, landed.
+
+    Attributes:
+        optimum: the motion, with its certificate.
+        saving: what a change of it saves at most, as a part of the duration; infinite: it is not known.
+        rough: intervals to be divided where it is nearly certified, shape (K,).
+    """
+
+    optimum: Optimum
+    saving: float
+    rough: Flags
+
+
+def _divided_until_certified(meshes: _Meshes, mesh: Attempt | None, remark: str) -> Optimum | None:
+    """The best motion of a mesh, and of those divided where the one before is not yet certified."""
+    task, best, numbers = meshes.task, None, meshes.task.policy.motion_mesh
+    for k in range(1 + numbers.again):
+        found = None if mesh is None else _judged(task, mesh, remark)
+        if (
+            mesh is None
+            or found is None
+            or (best and found.saving > max(numbers.better * best.saving, SAVING_TOLERANCE))
+        ):
+            break
+        best, excess = found, found.optimum.certificate.limit_violation
+        mesh = meshes.again(mesh, best.rough, excess if k else 0.0)  # shorter intervals exceed limits by less
+    return None if best is None else best.optimum
+
+
+def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
+    """The motion of a mesh, landed; None: it does not land."""
     problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
@@ -143,7 +238,7 @@ def _landed(task: Task, attempt: Attempt, remark: str) -> tuple[Optimum, Flags] 
     costates = mesh_costates(problem, motion, replay, task.policy)
     rough = _rough(task, motion, replay, costates)
     if costates is None or costates.saving > SAVING_TOLERANCE:
-        return found, rough
+        return _Judged(found, np.inf if costates is None else costates.saving, rough)
     certificate = replace(
         found.certificate,
         remark="",
@@ -152,7 +247,7 @@ def _landed(task: Task, attempt: Attempt, remark: str) -> tuple[Optimum, Flags] 
         costate=costates.costate,
         switching=costates.switching,
     )
-    return replace(found, certificate=certificate), rough
+    return _Judged(replace(found, certificate=certificate), costates.saving, rough)
 
 
 def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:

@@ -95,8 +95,16 @@ class MotionMeshPolicy:
     firm: float = tuned(
         3e-4, "of 1 for time", "the same where a mesh does not converge: joints are idle for long", "random arms (RRR)"
     )
-    work: int = tuned(240_000, "intervals", "times iterations of such a solve: a second", "random arms (RRR)")
-    again: int = tuned(2, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    firm_iterations: int = tuned(500, "iterations", "at most, with that", "random arms (RRR)")
+    work: int = tuned(
+        1_300_000,
+        "intervals",
+        "times iterations of all meshes of a problem: 3 to 4 s with three joints",
+        "random arms (RRR)",
+    )
+    fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
+    again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    better: float = tuned(0.8, "-", "part of what one lacks that the next may still lack", "random arms (RRR)")
     nearly: float = tuned(
         1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
     )
