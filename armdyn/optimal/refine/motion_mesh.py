@@ -14,6 +14,7 @@ from armdyn.arrays import Array, Flags
 from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
@@ -68,22 +69,22 @@ class _Meshes:
     Attributes:
         task: the problem and its settings.
         resolved: whose work they are a part of.
-        tie: cost of full torques that the last one took.
+        tie: number of the tie that the last one took.
     """
 
     def __init__(self, task: Task, resolved: ResolvedMotions) -> None:
-        self.task, self.resolved, self.tie = task, resolved, task.policy.motion_mesh.tie
+        self.task, self.resolved, self.tie = task, resolved, 0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Solutions of one optimum on finer and finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within()
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
-            return self._solved(within, guess, knots, numbers.tie)
+            return self._solved(within, guess, knots, 0)
 
         def finer(one: Attempt) -> Array:
             knots = _finer(within, one, numbers)
-            return knots if self.worth(knots) else one.mesh
+            return knots if self.worth(knots, numbers.spare) else one.mesh
 
         if has_stagewise(self.task):
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
@@ -102,21 +103,22 @@ class _Meshes:
         found = self._solved(self._within(further), attempt.trajectory, knots, self.tie)
         return found if found.usable else None
 
-    def worth(self, knots: Array) -> bool:
-        """Whether enough work is left for a mesh."""
-        return self.resolved.left >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
+    def worth(self, knots: Array, spare: int = 0) -> bool:
+        """Whether enough work is left for a mesh, and some to spare."""
+        return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
-    def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: float) -> Attempt:
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
         """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
-        numbers, self.tie = self.task.policy.motion_mesh, tie
-        iterations = numbers.iterations if tie < numbers.firm else numbers.firm_iterations
-        most = max(numbers.fewest, min(iterations, self.resolved.left // (knots.size - 1)))
+        numbers, self.tie, size = self.task.policy.motion_mesh, tie, knots.size - 1
+        iterations = numbers.tied_iterations if tie else numbers.iterations
+        most = min(iterations, max(numbers.fewest, self.resolved.left // size))
         settings = replace(task.sharp(), max_iterations=most, barrier=numbers.barrier)
-        found = solve_on_knots(task, guess, knots, settings, tie)
-        self.resolved.left -= found.iterations * (knots.size - 1)
-        if found.usable or task.stop or tie == numbers.firm or most < iterations or not self.worth(knots):
+        found = solve_on_knots(task, guess, knots, settings, numbers.ties[tie])
+        self.resolved.left -= found.iterations * size
+        if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
             return found
-        return self._solved(task, found.trajectory, knots, numbers.firm)
+        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
+        return self._solved(task, near, knots, tie + 1)
 
     def _within(self, further: float = 0.0) -> Task:
         velocity = (1 - self.task.policy.motion_mesh.inside - further) * self.task.problem.limits.velocity
@@ -222,7 +224,8 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt | None, remark: str)
         ):
             break
         best, excess = found, found.optimum.certificate.limit_violation
-        mesh = meshes.again(mesh, best.rough, excess if k else 0.0)  # shorter intervals exceed limits by less
+        if k < numbers.again:
+            mesh = meshes.again(mesh, best.rough, excess if k else 0.0)  # shorter intervals exceed limits by less
     return None if best is None else best.optimum
 
 
