@@ -72,7 +72,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
             beaten = min(beaten, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
         slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
-        if left and (task.stop or slower):
+        if left and (task.stop or slower or (shared and shared.spent)):
             break
         if left:
             task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
@@ -153,9 +153,9 @@ def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]
 
 
 def _enough(task: Task, step: _Reached) -> bool:
-    """Whether a finer mesh has nothing to give."""
-    if step.best is None:
-        return False
+    """Whether a finer mesh has nothing to give, or is hopeless."""
+    if step.best is None or step.resolved.spent:
+        return step.best is not None
     certificate, numbers = step.best.certificate, task.policy.refinement
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)

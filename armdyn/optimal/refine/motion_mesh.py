@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.arrays import Array, Flags
+from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
@@ -48,8 +48,13 @@ class ResolvedMotions:
     """
 
     def __init__(self, numbers: MotionMeshPolicy) -> None:
-        self.left = numbers.work
+        self.left, self._spare = numbers.work, numbers.spare
         self._known: list[tuple[Attempt, Optimum | None]] = []
+
+    @property
+    def spent(self) -> bool:
+        """Whether no work is left, but for divided meshes: other solutions of the problem are hopeless."""
+        return self.left < self._spare
 
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
         """Add what came of the solution on the first mesh; None: nothing."""
@@ -165,7 +170,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     return np.asarray(found[apart | (found == 0)])
 
 
-def _in_parts(knots: Array, counts: Array) -> Array:
+def _in_parts(knots: Array, counts: Index) -> Array:
     """Knots of a mesh with its intervals in so many equal parts each."""
     own = np.repeat(np.arange(counts.size), counts)
     part = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -266,4 +271,4 @@ def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCosta
     for one in beyond:
         at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
         rough[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, rough.size - 1)] = True
-    return rough & (np.diff(motion.t) > numbers.least * motion.t[-1])
+    return np.asarray(rough & (np.diff(motion.t) > numbers.least * motion.t[-1]))
