@@ -222,11 +222,7 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt | None, remark: str)
     task, best, numbers = meshes.task, None, meshes.task.policy.motion_mesh
     for k in range(1 + numbers.again):
         found = None if mesh is None else _judged(task, mesh, remark)
-        if (
-            mesh is None
-            or found is None
-            or (best and found.saving > max(numbers.better * best.saving, SAVING_TOLERANCE))
-        ):
+        if mesh is None or found is None or (best and found.saving > max(best.saving, SAVING_TOLERANCE)):
             break
         best, excess = found, found.optimum.certificate.limit_violation
         if k < numbers.again:
@@ -265,7 +261,7 @@ def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCosta
     if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:
         return rough
     if costates.saving > SAVING_TOLERANCE:
-        order = np.argsort(costates.missed)[::-1][: numbers.divided]
+        order = np.argsort(costates.missed)[::-1]
         left = costates.saving - np.cumsum(costates.missed[order])
         rough[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
     for one in beyond:

@@ -105,11 +105,9 @@ class MotionMeshPolicy:
     spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
     fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
     again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
-    better: float = tuned(0.8, "-", "part of what one lacks that the next may still lack", "random arms (RRR)")
     nearly: float = tuned(
         1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
     )
-    divided: int = tuned(400, "intervals", "of such a mesh at most", "random arms (RRR)")
     margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
     shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
 
