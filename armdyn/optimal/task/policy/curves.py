@@ -99,7 +99,8 @@ class CurvePolicy:
     off_in_flight: float = tuned(
         5e-7,
         "of a velocity limit",
-        "the same where a motion cannot be slowed down; with 1e-5 replays exceed limits by up to 3e-5, with 2e-6 by up to 3e-6",
+        "the same where a motion cannot be slowed down; with 1e-5 replays exceed limits by up to 3e-5, with 2e-6 by up "
+        "to 3e-6",
         "Panda and UR5, random pairs in flight (seed 41)",
     )
     samples: int = tuned(8, "samples", "of an interval, at least")
