@@ -337,7 +337,7 @@ CHANGED = {
             "fine_barrier": 1e-5,
         },
         "rollout": {"together": 1},
-        "adjoint": {"samples": 1600},
+        "adjoint": {"precise": 1e-12},
         "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
     },
     "friction": {

@@ -154,13 +154,8 @@ class AdjointPolicy:
     cases: ClassVar = PLANAR
 
     precise: float = tuned(
-        1e-7, "-", "error of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance"
+        1e-6, "-", "error of a segment's propagator, as H feels it: a hundredth of the costates' tolerance"
     )
-    samples: int = tuned(400, "samples", "of the replay: quintics between them are right to 1e-9")
-    most: int = tuned(20_000, "stretches", "fifty times as many as planar arms take: some seconds")
-    deepest: int = tuned(16, "halvings", "of a stretch: the turn of a joint through dry friction takes some")
-    near: float = tuned(1e-3, "of an interval", "a sample so near its end is no edge of its own")
-    middle: float = tuned(0.3, "of a stretch", "a sample so near its middle halves it: torques have corners there")
     still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
 
 
