@@ -113,7 +113,7 @@ def test_a_tube_holds_all_of_its_line(straight):
 def solved(straight):
     """The motion found, and its bound."""
     problem, leg, passage = straight
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1, bound=False))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1, bound=False, compile=False))
     assert solution.usable
     plain = leg_bound(leg, lambda: False)[0]
     return solution, plain, passing_bound(leg, passage, plain, 0.33, lambda: False)[0]
@@ -197,7 +197,7 @@ def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
     wide = (*[0.02 / 3**0.5] * 3, *[np.radians(5) / 3**0.5] * 3)
     via = [ad.GoalPose(one.frame, one.placement, (), wide) for one in given.via]
     problem = ad.MinimumTimeProblem(given.robot, q_start=given.q_start, q_goal=given.q_goal, via=via)
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1, bound=False))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1, bound=False, compile=False))
     assert solution.usable
     passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in via), {})
     first, _, last = phases = passing._phases(leg, passage, 1.001 * solution.duration, lambda: False)
