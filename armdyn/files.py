@@ -1,17 +1,18 @@
-"""Bounded reading and atomic writing of files; files sealed by a checksum."""
+"""Bounded reading and atomic writing of files; files sealed by a checksum; values as JSON and CSV."""
 
 import csv
 import errno
 import hashlib
 import io
 import json
+import math
 import os
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from armdyn.arguments import path as path_of
 from armdyn.arguments import shown
@@ -128,6 +129,21 @@ def _finite(text: str) -> float:
 def _whole(text: str) -> int:
     _finite(text)
     return int(text)
+
+
+def as_json(value: Any) -> Any:
+    """A number, a text, None, an array, or lists and tables of these as JSON has them: null for what is not finite."""
+    value = value.tolist() if hasattr(value, "tolist") else value  # numpy's
+    if isinstance(value, Mapping):
+        return {key: as_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def attributes(value: object, *names: str) -> dict[str, Any]:
+    """Some attributes of a value, by their names, `as_json`."""
+    return {name: as_json(getattr(value, name)) for name in names}
 
 
 def csv_text(rows: Iterable[Iterable[object]]) -> str:

@@ -168,11 +168,16 @@ def answering(as_json: bool, *, last: bool = True) -> Iterator[Answer]:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
     if as_json and (last or answer.code):
         answer.facts["warnings"] = messages
-        said = {"schema": SCHEMA, "command": command_name(), **answer.facts}
-        sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
+        write_json(answer.facts)
     if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
         errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
     raise typer.Exit(answer.code)
+
+
+def write_json(facts: Mapping[str, object]) -> None:
+    """Write facts of the command that is running as the JSON object of its answer."""
+    said = {"schema": SCHEMA, "command": command_name(), **facts}
+    sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
 
 
 def _os_message(error: OSError) -> str:

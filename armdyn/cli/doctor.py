@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import platform
 from collections.abc import Iterable
@@ -17,6 +16,7 @@ from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
 from armdyn.errors import ProblemError
+from armdyn.files import as_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -170,21 +170,13 @@ def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
     return table(f"{name}: policy of minimum time", ("number", "value", "meaning and reason"), lines)
 
 
-def _number(x: float) -> float | None:
-    return float(x) if math.isfinite(x) else None
-
-
 def _joints(robot: ad.Robot) -> list[Facts]:
     limits, model = robot.limits, robot.model
     applied = robot.friction.per_joint(robot.nv)
     return [
         {
             "name": name,
-            "position_lower": _number(limits.position_lower[i]),
-            "position_upper": _number(limits.position_upper[i]),
-            "velocity": _number(limits.velocity[i]),
-            "effort_lower": _number(limits.effort_lower[i]),
-            "effort_upper": _number(limits.effort_upper[i]),
+            **{limit: as_json(row[i]) for limit, row in limits.rows.items()},
             "passive": name in robot.passive,
             "armature": float(model.armature[i]),
             "damping": float(model.damping[i]),

@@ -22,6 +22,7 @@ from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
+from armdyn.files import attributes
 
 if TYPE_CHECKING:
     from armdyn.identification.equations import What
@@ -174,27 +175,14 @@ def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder:
 
 
 def _facts(estimate: ad.Estimate) -> dict[str, object]:
-    judged = estimate.judged
-    errors = (
-        {} if judged is None else {name: getattr(judged, name).tolist() for name in ("measured", "before", "after")}
-    )
-    numbers = [
-        {name: getattr(one, name) for name in ("name", "unit", "prior", "value", "deviation", "measured")}
-        for one in estimate.parameters
-    ]
+    judged, own = estimate.judged, ("name", "unit", "prior", "value", "deviation", "measured")
+    whole = ("noise", "offset", "combinations", "measured_combinations", "condition", "weight", "unmoved", "warnings")
     return {
         "robot": estimate.robot.name,
         "joints": list(estimate.robot.joint_names),
-        "torque_errors": errors,
-        "noise": estimate.noise.tolist(),
-        "offset": estimate.offset.tolist(),
-        "parameters": numbers,
-        "combinations": estimate.combinations,
-        "measured_combinations": estimate.measured_combinations,
-        "condition": estimate.condition,
-        "weight": estimate.weight,
-        "unmoved": list(estimate.unmoved),
-        "warnings": list(estimate.warnings),
+        "torque_errors": {} if judged is None else attributes(judged, "measured", "before", "after"),
+        "parameters": [attributes(one, *own) for one in estimate.parameters],
+        **attributes(estimate, *whole),
     }
 
 

@@ -79,29 +79,29 @@ class CommandGroup(TyperGroup):
             command: Any = self.get_command(ctx, name)
             about = (command.help or "").partition("\n\n")[0]
             commands[command.rich_help_panel or "Commands"].append(_row(name, Text.from_markup(about), _COMMANDS))
-        page: list[RenderableType] = ["", Padding(_usage(self, ctx), (0, 1)), ""]
-        page += [Padding(Text.from_markup((self.help or "").strip()), (0, 1)), ""]
+        page = _head(self, ctx, self.help or "")
         page += [_panel(name, rows) for name, rows in commands.items()]
         page += [_panel("Options", [_told(param) for param in self.get_params(ctx)])]
         page += [Padding(Text.from_markup(self.epilog or ""), (1, 1))]
         console.rich.print(*page, sep="\n")
 
 
-def _usage(command: Any, ctx: Any) -> RenderableType:
+def _head(command: Any, ctx: Any, about: str) -> list[RenderableType]:
+    """The usage of a command, and what it is about."""
+    from rich.padding import Padding
     from rich.text import Text
 
     used = _escaped(command.get_usage(ctx).removeprefix("Usage: ").translate(_BARE))
-    return Text.from_markup(f"[bold]Usage:[/] {used}")
+    texts = (Text.from_markup(text) for text in (f"[bold]Usage:[/] {used}", about.strip()))
+    return ["", *(part for text in texts for part in (Padding(text, (0, 1)), ""))]
 
 
 def _page(command: Command, ctx: Any) -> list[RenderableType]:
     """The page of a command's help."""
-    from rich.padding import Padding
     from rich.text import Text
 
     about, _, examples = (command.help or "").partition("[dim]")
-    page: list[RenderableType] = ["", Padding(_usage(command, ctx), (0, 1)), ""]
-    page += [Padding(Text.from_markup(about.strip()), (0, 1)), ""]
+    page = _head(command, ctx, about)
     if examples:
         page += [_panel("Examples", [Text.from_markup(examples.replace("[/]", "").strip())])]
     for name, params in _panels(command.get_params(ctx)):

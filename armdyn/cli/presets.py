@@ -9,6 +9,7 @@ from armdyn.cli.console import Answer, answering, console, facts_table, table
 from armdyn.cli.options.groups import argument, flag
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.results import JSON
+from armdyn.files import as_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -45,10 +46,7 @@ def presets(
 
 def _facts(preset: ad.ControllerPreset) -> dict[str, object]:
     """A preset for JSON, which has no infinite numbers."""
-    facts = preset.to_table()
-    facts["limits"] = {
-        name: [x if abs(x) < float("inf") else None for x in row] for name, row in facts["limits"].items()
-    }
+    facts: dict[str, object] = as_json(preset.to_table())
     return facts | {"joints": len(preset.joints), "joint_names": [name for name in preset.joints if name]}
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from armdyn.cli.console import NOT_USABLE, Answer, console, escape, table
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
-from armdyn.files import probe_folder, write_whole
+from armdyn.files import attributes, probe_folder, write_whole
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -68,23 +68,12 @@ def _urdf_of(robot: str | None) -> Path:
 
 def _facts(found: UrdfRepair) -> dict[str, object]:
     """The repair as JSON."""
+    own = ("link", "fault", "mass", "change", "before", "after", "moments_before", "moments_after")
     return {
         "robot": found.source,
-        "inertias": [
-            {
-                "link": one.link, "fault": one.fault, "mass": one.mass, "change": one.change,
-                "before": one.before.tolist(), "after": one.after.tolist(),
-                "moments_before": one.moments_before.tolist(), "moments_after": one.moments_after.tolist(),
-            }
-            for one in found.inertias
-        ],
-        "packages": dict(found.packages),
-        "lock": dict(found.lock),
-        "arm": found.arm,
-        "tip": found.tip,
-        "without_effort": dict(found.without_effort),
-        "without_velocity": list(found.without_velocity),
-    }  # fmt: skip
+        "inertias": [attributes(one, *own) for one in found.inertias],
+        **attributes(found, "packages", "lock", "arm", "tip", "without_effort", "without_velocity"),
+    }
 
 
 def _table(repairs: tuple[InertiaRepair, ...]) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import warnings
 from dataclasses import dataclass, field
@@ -13,8 +12,7 @@ from typing import TYPE_CHECKING
 import armdyn as ad
 from armdyn import models
 from armdyn.cli import interrupts
-from armdyn.cli.console import SCHEMA, answering, console, facts_table, working
-from armdyn.cli.invocation import command_name
+from armdyn.cli.console import answering, console, facts_table, working, write_json
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.options.groups import OUTPUT, TASK, flag, option
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
@@ -155,8 +153,7 @@ def _say(as_json: bool, folder: Path, host: str, wanted: int, again: bool, port:
     url = f"http://{f'[{host}]' if ':' in host else host}:{port}"
     if as_json:
         facts = {"url": url, "host": host, "port": port, "folder": str(folder), "restored": again}
-        said = {"schema": SCHEMA, "command": command_name(), "success": True, "status": "serving", **facts}
-        sys.stdout.write(json.dumps(said) + "\n")
+        write_json({"success": True, "status": "serving", **facts})
         sys.stdout.flush()
     words = {"page": f"{url}  (Ctrl-C ends it)", "files": str(folder)}
     if port != wanted:

@@ -1,7 +1,5 @@
 """A solved cycle as one motion, which knows what the arm carries when."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import partial, reduce
 

@@ -3,8 +3,6 @@
 Both are found exactly by dynamic programming; the order of many jobs by an integer program.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 

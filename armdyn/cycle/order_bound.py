@@ -5,8 +5,6 @@ their boxes. No cycle is shorter than the best order by these, whatever branches
 the best order are improved, until it is long enough.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a leg of a cycle and joint positions at its ends to a minimum-time problem."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import islice, product
 from typing import Any

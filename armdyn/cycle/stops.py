@@ -1,7 +1,5 @@
 """Joint positions at which an arm may rest at the stops of a cycle."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import islice, product
 

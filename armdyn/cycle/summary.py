@@ -1,7 +1,5 @@
 """A solved cycle as plain values, for result files: steps with their times, limits that decide these, and remedies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -10,6 +8,7 @@ from armdyn.cycle.costs import MORE, CycleCost
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.steps import Grasp, Move, Release
+from armdyn.files import attributes
 from armdyn.models.scene.attached import payload_entry
 from armdyn.models.values.spec import Payload
 from armdyn.optimal.proof.certificate import percent
@@ -43,14 +42,10 @@ def cycle_summary(
     return {
         "success": solution.success and solution.usable,
         "status": str(solution.status),
-        "message": solution.message,
-        "usable": solution.usable,
-        "verdict": solution.verdict,
+        **attributes(solution, "message", "usable", "verdict", "lower_bound", "gap", "branches"),
         "assessment": str(solution),
         "duration": solution.duration if whole else None,
         "dwell": cycle.dwell,
-        "lower_bound": solution.lower_bound,
-        "gap": solution.gap,
         "closed": cycle.closed,
         "order": order,
         "steps": steps,
@@ -58,7 +53,6 @@ def cycle_summary(
         "costs": [_cost(cost, _number(cost.step, order)) for cost in sorted(costs, key=_size)],
         "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in _checks(solution)],
         "parts": list(_parts(cycle, steps)),
-        "branches": solution.branches,
         "solve_time": round(solution.solve_time, 3),
     }
 
@@ -123,13 +117,9 @@ def _move(leg: CycleLeg) -> dict[str, Any]:
     """Facts of a move only."""
     solution, near = leg.solution, leg.solution.clearance
     return {
-        "usable": solution.usable,
-        "message": solution.message,
-        "lower_bound": solution.lower_bound,
-        "gap": solution.gap,
+        **attributes(solution, "usable", "message", "lower_bound", "gap", "via_times"),
         "decides": [asdict(one) for one in solution.decides],
-        "via_times": list(solution.via_times),
-        "clearance": near and {"distance": near.distance, "body": near.body, "other": near.other, "sure": near.sure},
+        "clearance": near and attributes(near, "distance", "body", "other", "sure"),
     }
 
 

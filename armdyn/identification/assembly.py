@@ -1,7 +1,5 @@
 """From a fit to the estimate: the robot, its numbers with their confidence, and what the log tells."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether a log is one of an arm: units, order of the joints, torques rather than currents, channels that are dead."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

@@ -193,17 +193,11 @@ class _Search:
         return None
 
     def _accepted(self, coefficients: Array) -> bool:
-        q, v, a = self.states(coefficients)
-        tau = rigid_torques(self.robot, q, v, a) + self.robot.friction.torque(v)
-        limits, margin = self.robot.limits, self.options.margin
-        free = ~limits.passive
-        if np.any((tau > margin * limits.effort_upper)[:, free]) or np.any(
-            (tau < margin * limits.effort_lower)[:, free]
-        ):
+        motion, limits, margin = self.motion(coefficients), self.robot.limits, self.options.margin
+        beyond = (motion.tau > margin * limits.effort_upper) | (motion.tau < margin * limits.effort_lower)
+        if np.any(beyond[:, ~limits.passive]) or not self._apart(motion.q[::_SPARSE]):
             return False
-        if not self._apart(q[::_SPARSE]):
-            return False
-        return self.options.preset is None or self.options.preset.check(self.motion(coefficients)).ok
+        return self.options.preset is None or self.options.preset.check(motion).ok
 
     def _apart(self, poses: Array) -> bool:
         """Whether the clearance is kept in poses, shape (m, nv)."""

@@ -1,7 +1,5 @@
 """Torques of an arm and their regressor, at many samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

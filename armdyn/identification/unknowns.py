@@ -7,8 +7,6 @@ body (Lee, Wensing, Park, IEEE T-RO 36(1), 2020), x − log(1 + x) of a positive
 an inertia stops being one, and the same in every unit and frame.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -12,6 +12,7 @@ from armdyn.arguments import expect, numbers
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import TrajectoryError
+from armdyn.files import attributes
 from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
@@ -70,12 +71,8 @@ class MotionCheck:
 
     def facts(self) -> dict[str, object]:
         """The check as JSON values; null for a replay that diverges."""
-        return {
-            "feasible": self.feasible,
-            "worst_violation": None if self.worst_violation is None else str(self.worst_violation),
-            "replay_error": self.replay_error if np.isfinite(self.replay_error) else None,
-            "growth": self.growth if np.isfinite(self.growth) else None,
-        }
+        worst = None if self.worst_violation is None else str(self.worst_violation)
+        return attributes(self, "feasible", "replay_error", "growth") | {"worst_violation": worst}
 
 
 def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | None = None) -> MotionCheck:

@@ -1,7 +1,5 @@
 """Untrusted YAML: bounded in size, depth and references; every scalar stays text."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

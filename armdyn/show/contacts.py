@@ -1,7 +1,5 @@
 """A page with a pose in which bodies touch that may not: these bodies in red, and the distance of the deepest pair."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import asdict, replace
 from pathlib import Path

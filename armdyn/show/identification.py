@@ -1,7 +1,5 @@
 """The report of an identification: one HTML file of torques, identified numbers, and what the logs do not tell."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

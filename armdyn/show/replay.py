@@ -1,7 +1,5 @@
 """Replay: the page of a report, opened with the arm alone. One HTML file, no server, no network."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armdyn.errors import FileError, ResultError
-from armdyn.files import read_json, write_whole
+from armdyn.files import as_json, read_json, write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.attached import payload_entry
 from armdyn.models.values.actuator_limits import torque_speed_entry
@@ -55,7 +55,7 @@ def model_facts(robot: Robot) -> dict[str, object]:
         "payload": None if payload is None else payload_entry(payload) | {"frame": payload.frame},
         "tool": None if robot.options.tool is None else payload_entry(robot.options.tool),
         "locked": {name: float(q) for name, q in robot.locked.items()},
-        "limits": {name: [float(x) if abs(x) < np.inf else None for x in each] for name, each in limits.rows.items()},
+        "limits": as_json(limits.rows),
         "torque_speed": torque_speed_entry(limits.actuators),
         "sliding": robot.slides.tolist(),
         "armature": np.asarray(robot.model.armature, dtype=float).tolist(),

@@ -1,7 +1,5 @@
 """Renderer of values: notebook cards, figures and reports; registered in `armdyn.rendering`."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Chains of similar problems: each optimum begins the search of the next one, and later optima are tried on earlier."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields

@@ -18,6 +18,7 @@ from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.tracking.run import Envelope, Run
 from armdyn.errors import ProblemError, ResultError
+from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.stop import stopping
 from armdyn.reprs import brief
@@ -172,18 +173,14 @@ class MonteCarlo:
         Args:
             within: see `success`.
         """
-        success, worst, times = self.success(within), self.worst, self.quantiles()
+        success, worst = self.success(within), self.worst
         return {
-            "count": success.count,
-            "settled": success.settled,
-            "within": within if np.isfinite(within) else None,
+            **attributes(success, "count", "settled"),
+            "within": as_json(within),
             "success_rate": success.rate,
             "success_rate_low": success.low,
             "success_rate_high": success.high,
-            "settled_time": {
-                name: float(time) if np.isfinite(time) else None
-                for name, time in zip(("median", "90 %", "99 %", "worst"), times, strict=True)
-            },
+            "settled_time": dict(zip(("median", "90 %", "99 %", "worst"), as_json(self.quantiles()), strict=True)),
             "worst": {"k": worst.k, "status": worst.status, "payload": worst.sample.payload},
             "interrupted": self.interrupted,
         }

@@ -1,7 +1,5 @@
 """Costs of a controller's conditions: how much faster the motion is without each of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Problems of cases: an arm as the tables [robot] and [problem] of a problem file, changed by the case's settings."""
 
-from __future__ import annotations
-
 import copy
 import hashlib
 import json

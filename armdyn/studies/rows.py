@@ -1,7 +1,5 @@
 """Rows of studies in SQLite: one per case, on disk as soon as the case has ended, never two."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

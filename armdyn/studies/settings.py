@@ -1,7 +1,5 @@
 """Settings of cases: their names, kinds and units."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from armdyn.arguments import Sign, number, shown

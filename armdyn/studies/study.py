@@ -1,7 +1,5 @@
 """A study: a task, the settings that vary, and the cases that they make."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

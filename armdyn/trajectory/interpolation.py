@@ -1,7 +1,5 @@
 """Piecewise polynomials through a motion's points, as ros2_control interpolates them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 https://docs.ros.org/en/rolling/p/trajectory_msgs/msg/JointTrajectory.html
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence

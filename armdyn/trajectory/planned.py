@@ -3,8 +3,6 @@
 Nothing of a file is executed, and its size is bounded.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import os

@@ -5,10 +5,9 @@ from protocol import INTERVALS, Answer, main
 import armdyn as ad
 from armdyn.optimal.flat.equations import torque_equations
 from armdyn.optimal.flat.follow import follow
-from armdyn.optimal.flat.refinement import refine_curve
+from armdyn.optimal.flat.refinement import refine_curve, sampled
 from armdyn.optimal.search.starts import spline, straight_curve
 from armdyn.optimal.solve.condensed import prepare_quickly, solve_quickly
-from armdyn.optimal.task.options import DirectOptions
 from armdyn.optimal.task.task import Task
 
 
@@ -35,16 +34,16 @@ def build(problem, method):
         torque_equations(task.dynamics, True)
 
         def solve_curve():
-            settled = refine_curve(task, straight)
-            return Answer(follow(task, settled.curve), str(settled.solved.outcome.status))
+            refined = refine_curve(task, straight)
+            return Answer(follow(task, sampled(task, refined.curve)), str(refined.solved.result.status))
 
         return solve_curve
 
     guess = spline(problem, [])
-    prepare_quickly(task, INTERVALS, DirectOptions())
+    prepare_quickly(task, INTERVALS, task.alone())
 
     def solve_once():
-        attempt = solve_quickly(task, guess, INTERVALS, DirectOptions())
+        attempt = solve_quickly(task, guess, INTERVALS, task.alone())
         return Answer(attempt.trajectory, str(attempt.status))
 
     return solve_once

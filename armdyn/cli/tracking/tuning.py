@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,6 +14,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
+from armdyn.files import as_json, attributes
 
 _CHOSEN_ON = 10
 """Likely arms that gains are chosen on, at most half of them: the others are held out."""
@@ -123,18 +124,12 @@ def tune(
 
 def _summary(found: ad.Tuned) -> dict[str, object]:
     """The result as JSON; infinite numbers are None."""
-    worths = {}
-    for name, one in (("training", found.training), ("held_out", found.held_out)):
-        facts = None if one is None else asdict(one)
-        worths[name] = facts and {key: value if value < float("inf") else None for key, value in facts.items()}
     return {
         "success": found.training.settled == found.training.count,
-        "status": found.status,
-        "message": found.message,
+        **attributes(found, "status", "message", "values", "evaluations"),
         "controller": repr(found.controller),
-        "values": found.values,
-        "evaluations": found.evaluations,
-        **worths,
+        "training": as_json(vars(found.training)),
+        "held_out": found.held_out and as_json(vars(found.held_out)),
     }
 
 

@@ -1,7 +1,5 @@
 """Controllers by the names of the command line and of study files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

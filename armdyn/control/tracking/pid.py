@@ -18,6 +18,7 @@ from armdyn.control.tracking.arrival import Arrival, ArrivalRule
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.track import MOST_ROWS, Setup
 from armdyn.errors import ProblemError
+from armdyn.files import attributes
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 
@@ -120,15 +121,10 @@ def _unholdable(robot: Robot, goal: Array) -> list[str]:
 
 def pid_summary(run: Run) -> dict[str, object]:
     """A run of `simulate_pid` as JSON says it: success is that it arrived; units as in `Run`."""
-    growth = run.max_real_eigenvalue
     return {
         "success": run.arrival_time is not None,
         "status": str(run.status),
-        "message": run.message,
-        "arrival_time": run.arrival_time,
-        "arrival_rule": run.arrival_rule,
+        **attributes(run, "message", "arrival_time", "arrival_rule", "overshoot", "max_real_eigenvalue"),
         "settling_time": run.settled_time,
-        "overshoot": [float(x) for x in run.overshoot],
-        "max_real_eigenvalue": growth if growth is not None and np.isfinite(growth) else None,
         "duration": run.trajectory.duration,
     }

@@ -15,6 +15,7 @@ from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import SampledStability
 from armdyn.control.tracking.arrival import ArrivalRule
 from armdyn.dynamics.driven import Driven
+from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
@@ -109,18 +110,10 @@ class Run:
 
     def summary(self) -> dict[str, object]:
         """A run as JSON says it: success is that it settled; units as above."""
-        numbers = {
-            name: float(value) if value is not None and np.isfinite(value) else None
-            for name, value in vars(self).items()
-            if name in ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
-        }
-        facts: dict[str, object] = {"success": self.settled, "status": str(self.status), "message": self.message}
-        facts |= numbers
-        facts["overshoot"] = [float(x) for x in self.overshoot]
-        if self.stability is not None:
-            kept = vars(self.stability)
-            facts["stability"] = {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in kept.items()}
-        return facts
+        errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong", "overshoot")
+        own = attributes(self, "message", "settled_time", *errors)
+        facts = {"success": self.settled, "status": str(self.status), **own}
+        return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
 
 
 def run_of(

@@ -10,6 +10,7 @@ import numpy as np
 from armdyn.arguments import MOST_SAMPLES
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
+from armdyn.files import attributes
 from armdyn.models.presets.interface import REST_VELOCITY, UNITS, ControllerLimits, Interface
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
@@ -208,15 +209,8 @@ class ControllerCheck:
 
     def facts(self) -> dict[str, object]:
         """The check for JSON."""
-        return {
-            "preset": self.preset,
-            "interface": self.interface,
-            "rate": self.rate,
-            "accepted": self.ok,
-            "interpolation": self.interpolation,
-            "conditions": [asdict(row) for row in self.rows],
-            "notes": list(self.notes),
-        }
+        own = attributes(self, "preset", "interface", "rate", "interpolation", "notes")
+        return own | {"accepted": self.ok, "conditions": [asdict(row) for row in self.rows]}
 
     def __str__(self) -> str:
         refused = [row for row in self.offences if row.necessary]

@@ -1,7 +1,5 @@
 """Command interfaces of controllers: conditions on commanded motions, and their limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 
 import numpy as np

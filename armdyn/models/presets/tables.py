@@ -1,7 +1,5 @@
 """Presets in TOML: joints, limits and interfaces of an untrusted file, checked and bounded."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from armdyn.arguments import number, shown, whole

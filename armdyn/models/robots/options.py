@@ -96,12 +96,9 @@ class RobotOptions:
     def __post_init__(self) -> None:
         if self.tool is not None:
             expect(self.tool, Tool, "tool", "Tool(mass=…, tip=…)", error=SpecError)
-        if self.lock is not None:
-            right = "joint name to position [rad or m]"
-            expect(self.lock, Mapping, "lock", right, error=SpecError)  # type: ignore[type-abstract]
-        if self.inertias is not None:
-            right = "joint name to ten inertial parameters"
-            expect(self.inertias, Mapping, "inertias", right, error=SpecError)  # type: ignore[type-abstract]
+        for name, number in (("lock", "position [rad or m]"), ("inertias", "ten inertial parameters")):
+            if (given := getattr(self, name)) is not None:
+                expect(given, Mapping, name, f"joint name to {number}", error=SpecError)  # type: ignore[type-abstract]
         if self.arm is not None:
             ends = several(self.arm, "arm", error=SpecError)
             if len(ends) != 2 or not all(isinstance(end, str) for end in ends):

@@ -1,7 +1,5 @@
 """Payloads and tools as files describe them, with their shapes."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any

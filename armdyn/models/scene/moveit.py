@@ -1,7 +1,5 @@
 """MoveIt's planning scenes: messages in YAML, and the text format of RViz (.scene)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, zip_longest
 from pathlib import Path

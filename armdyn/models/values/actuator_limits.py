@@ -1,7 +1,5 @@
 """Torque limits of an arm's actuators: the range of its torques in a state."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

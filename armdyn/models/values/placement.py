@@ -1,7 +1,5 @@
 """Places and poses as users give them."""
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

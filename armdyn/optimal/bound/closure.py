@@ -1,7 +1,5 @@
 """Equations of the joint positions that bring a frame to a pose: the chain of joints closes there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 

@@ -15,8 +15,6 @@ bound of the velocity there is lost. The multipliers are those of a linear progr
 positions at the nodes, and the elastic cells' ways and lengths, whose sum is minimised. Any others would do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ to the next by half of what the forces' bounds allow over each, and over an elas
 d_e (τ + e). The least Σ d_e is sought.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

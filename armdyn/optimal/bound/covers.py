@@ -4,8 +4,6 @@ The places between two that are one joint position each are covered together: wh
 through boxes of all places between, to the other in time. Coarse boxes are thinned out before they are cut smaller.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """One leg of a motion: from one set of joint positions to the next, within limits."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

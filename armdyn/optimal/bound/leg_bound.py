@@ -1,7 +1,5 @@
 """Lower bound of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Linear programs that are put together from blocks, and the marginals of their equations."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

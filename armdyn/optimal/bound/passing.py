@@ -1,7 +1,5 @@
 """Lower bound of a leg that passes regions and follows lines to and from them: its phases alone, then all of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise

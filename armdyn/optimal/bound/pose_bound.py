@@ -5,8 +5,6 @@ to all goals in a box at once. A goal that velocity limits put further away than
 those that are nearer are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole set.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ w is constant and the integrand at most some ρ. A motion of duration h + c, h t
 way only if λᵀ Δq ≤ S + ρ c; hence c is bounded from below. Of many starts and goals those with the least λᵀ Δq count.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

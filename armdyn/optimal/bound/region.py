@@ -1,7 +1,5 @@
 """Deviations of a frame from the region of a goal pose, enclosed over boxes of joint positions."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

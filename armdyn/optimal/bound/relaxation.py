@@ -14,8 +14,6 @@ kind, with the unit matrix as inertia; so are the lines of torque-speed curves, 
 Rows stand in the order of time, those of the way last: they make a narrow band and a border.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

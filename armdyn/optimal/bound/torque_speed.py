@@ -5,8 +5,6 @@ the limits that are the same at all speeds among them. Near the speed limit that
 wherever the proof prices velocity, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

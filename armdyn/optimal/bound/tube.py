@@ -7,8 +7,6 @@ box of the other, so that a motion that begins in one of the boxes is in the box
 long as it does not leave the slices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -44,10 +44,6 @@ class CurveLeg:
         controls = self.basis.factors(1)[:, None] * np.diff(self.points, axis=0)
         return np.asarray(np.max(np.abs(controls), axis=0) / self.duration)
 
-    def bends(self, s: Array) -> Array:
-        """Second derivatives of the accelerations at parts s of the duration [rad/s⁴ or m/s⁴], shape (m, nv)."""
-        return np.asarray(self._curve(s, 4) / self.duration**4)
-
     def torques(self, robot: Robot, s: Array) -> Array:
         """Torques at parts s of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
         return inverse_dynamics(robot)(*self.at(s))

@@ -11,12 +11,16 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.motion import Feedback, tracked
+from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
+from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.curve import CurveLeg
 from armdyn.optimal.landing.rollout import RTOL
 from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
+_LOOKS = 5
+"""Places of an interval, its ends among them, at which a torque's second derivatives are looked for."""
 _CLIPS = 2
 """Rounds in which a torque is clipped to its range in the state that it leads to: each leaves 1e-3 of the excess."""
 _SPARE = 30_000
@@ -50,14 +54,15 @@ def follow(task: Task, wanted: Trajectory) -> Trajectory:
     return replace(wanted, t=wanted.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
 
 
-def sample_counts(leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
+def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
     """Samples of every interval with which a replay's velocities are right to a part of the velocity limits.
 
-    The curve's accelerations are quadratic in every interval. Where their second derivatives jump, from one interval to
-    the next, both share a sample, whose torque fits neither: with a time h between samples velocities are off by about
-    h³/48 of the jump there, and by twice that at the ends of a leg.
+    Between samples h apart, lines miss a torque with the second derivative τ'' so that velocities swing by h³/125 of
+    M⁻¹τ''. Where τ'' jumps, from one interval to the next, both share a sample, whose torque fits neither: velocities
+    are then off by about h³/48 of the jump of M⁻¹τ'', and by twice that at the ends of a leg.
 
     Args:
+        robot: the arm.
         leg: of a curve.
         speed: limits of the velocities [rad/s or m/s], shape (nv,); where infinite, the leg's largest velocity counts.
         numbers: the part, and fewest and most samples.
@@ -65,14 +70,30 @@ def sample_counts(leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
     Returns:
         Shape (intervals,).
     """
-    lengths, places = np.diff(leg.basis.breaks), leg.basis.breaks[:-1] + np.diff(leg.basis.breaks) / 2
-    bends = leg.bends(places)
-    jumps = np.abs(np.diff(np.vstack([-bends[:1], bends, -bends[-1:]]), axis=0))
-    worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.abs(bends))
+    lengths, bends = np.diff(leg.basis.breaks), _bends(robot, leg)
+    padded = np.concatenate([-bends[:1], bends, -bends[-1:]])
+    jumps = np.abs(padded[1:, 0] - padded[:-1, -1])
+    worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(bends), axis=1))
     allowed = 48 * numbers.off * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
     needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
     needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
     return np.asarray(np.ceil(needed), dtype=int)
+
+
+def _bends(robot: Robot, leg: CurveLeg) -> Array:
+    """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
+
+    Returns:
+        At inner places of every interval, shape (intervals, 3, nv).
+    """
+    lengths = np.diff(leg.basis.breaks)[:, None]
+    s = leg.basis.breaks[:-1, None] + lengths * np.linspace(0, 1, _LOOKS)
+    q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
+    tau = inverse_dynamics(robot)(q, v, a) - robot.friction.torque(v)
+    step = leg.duration * lengths[..., None] / (_LOOKS - 1)
+    inner, acceleration = (q[:, 1:-1], v[:, 1:-1]), forward_dynamics(robot)
+    tau, bend = tau[:, 1:-1], np.diff(tau, 2, axis=1) / step**2
+    return acceleration(*inner, tau + bend) - acceleration(*inner, tau)
 
 
 def _lines(motion: Trajectory) -> Array:

@@ -265,7 +265,7 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
         numbers = replace(numbers, most_samples=numbers.samples)
     rubbing = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     finer = numbers.finer if rubbing or not jumps or not numbers.cruises else 1
-    counts = [finer * sample_counts(leg, problem.limits.velocity, numbers) for leg in curve.legs]
+    counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
 
 

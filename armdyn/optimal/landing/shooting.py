@@ -71,16 +71,21 @@ class Shooting:
         return Trajectory(t, x[:, :n], x[:, n:], np.repeat(self.tau, 2, axis=0), names, "minimum time")
 
 
-def gaps(robot: Robot, motion: Shooting) -> tuple[Array, Array, Array, Array]:
+def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Array, Array]:
     """Integrated ends of the intervals, less the next states, and what they depend on, all in units of `size`.
+
+    Args:
+        robot: that moves.
+        motion: on a mesh.
+        steps: of the whole motion, at least; every interval has two at least.
 
     Returns:
         Gaps, shape (K, 2 nv); their derivatives by the interval's first state, shape (K, 2 nv, 2 nv), by its torque,
         shape (K, 2 nv, nv), and by a stretch of the whole motion's time, shape (K, 2 nv).
     """
     h, n, size = np.diff(motion.t), robot.nv, motion.size
-    torques = np.stack([motion.tau, motion.tau], axis=1)
-    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], torques, 2)
+    torques, parts = np.stack([motion.tau, motion.tau], axis=1), max(2, -(-steps // h.size))
+    end, by_state, by_torque = gauss_steps(robot)(h, motion.x[:-1], torques, parts)
     rate = np.concatenate([end[:, n:], forward_dynamics(robot)(end[:, :n], end[:, n:], motion.tau)], axis=1)
     return (
         (end - motion.x[1:]) / size,
@@ -101,7 +106,7 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
     motion = Shooting.of(task.problem, attempt, numbers.near)
     free = (motion.tau > actuators.lower) & (motion.tau < actuators.upper)
     for _ in range(numbers.rounds):
-        found = gaps(task.problem.robot, motion)
+        found = gaps(task.problem.robot, motion, numbers.steps)
         if task.stop or not np.all(np.isfinite(found[0])):
             return None
         if np.max(np.abs(found[0])) <= numbers.closed:

@@ -16,8 +16,8 @@ from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepPr
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
 
-Guess = tuple[Array, float]
-"""Control points [rad or m], shape (basis.size, nv), and duration [s]."""
+Guess = tuple[Array, float, TorqueMargins]
+"""Control points [rad or m], shape (basis.size, nv), duration [s], and margins of the torques, at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,6 @@ def improve(
     arm: LimitedArm,
     ends: Ends,
     guesses: Sequence[Guess],
-    margins: TorqueMargins,
     distances: Distances | None,
     until: float,
 ) -> tuple[Improved | None, Draft]:
@@ -104,23 +103,21 @@ def improve(
         arm: with its limits.
         ends: start state and goal.
         guesses: curves to begin with; the best by the merit is taken.
-        margins: of the torques, at first.
         distances: to be kept; None: none.
         until: no step is begun that would end after this time, by `time.perf_counter` [s].
     """
     program, policy = arm.program, arm.program.policy
-    best, k, calm, began = None, 0, 0, time.perf_counter()
-    price = policy.torque * min(duration for _, duration in guesses)
-    pace = Pace(1.0, price)
-    starts = [_at(arm, ends, *guess, distances) for guess in guesses]
-    here = min(starts, key=lambda one: program.merit(one, margins, pace.price))
+    best, k, began = None, 0, time.perf_counter()
+    pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
+    starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
+    here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))
     took = time.perf_counter() - began
     while k < policy.steps and (began := time.perf_counter()) + took < until - policy.hand_over:
-        k, calm = k + 1, calm + 1
+        k += 1
         step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
         here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
-        pace = replace(pace, reach=min(reach, policy.calmer ** max(calm - policy.lively, 0)))
+        pace = replace(pace, reach=min(reach, policy.calmer ** max(k - policy.lively, 0)))
         seen = arm.seen(here.points, here.duration)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
@@ -129,13 +126,7 @@ def improve(
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
             best = _slowed(arm, here, seen, margins, distances)
-        free = step is not None and calm > policy.eager and 2 * step.part < pace.reach
-        stuck = settled and (free or pace.reach < policy.stuck)
-        if stuck and np.max(program.violations(here, margins)) > policy.missed and pace.price < policy.dearest * price:
-            pace, calm = Pace(1.0, policy.dearer * pace.price), 0
         margins = _tightened(program, margins, here, seen, settled)
-        if best is None and k >= policy.patient:
-            margins = margins.at_least(min(policy.strict * seen.torque + policy.spare, policy.most_even))
         took = max(took, time.perf_counter() - began)
     return best, Draft(here.points, here.duration, margins, k)
 

@@ -4,8 +4,8 @@ The start state is kept exactly: the first control point is its position, the se
 velocity, at a distance that grows with the duration. The last two control points are the goal.
 """
 
-from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import _armdyn_curves as curves
 import numpy as np
@@ -53,10 +53,6 @@ class TorqueMargins:
 
     upper: Array
     lower: Array
-
-    def at_least(self, least: float) -> Self:
-        """Margins of which none is less."""
-        return replace(self, upper=np.maximum(self.upper, least), lower=np.maximum(self.lower, least))
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,17 +199,16 @@ class Resolver:
     ) -> tuple[Improved | None, Draft]:
         """The best motion to the goal, and the last curve."""
         mesh, limits = arm.program.mesh, arm.program.limits
-        guesses, nothing = [direct(mesh, ends, limits, inertia)], np.zeros((mesh.places.size, ends.q.size))
-        margins = TorqueMargins(nothing, nothing)
+        none = TorqueMargins(*np.zeros((2, mesh.places.size, ends.q.size)))
+        guesses = [(*direct(mesh, ends, limits, inertia), none)]
         if self._last is not None:
             passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
-            guesses.append(rest_of(mesh, positions, ends, end - passed))
-            margins = self._last.margins_from(passed, mesh) or margins
+            margins = self._last.margins_from(passed, mesh) or none
+            guesses.append((*rest_of(mesh, positions, ends, end - passed), margins))
         if (draft := self._draft) is not None:
-            guesses.append(rest_of(mesh, draft.points, ends, draft.duration))
-            margins = draft.margins
-        return improve(arm, ends, guesses, margins, distances, until)
+            guesses.append((*rest_of(mesh, draft.points, ends, draft.duration), draft.margins))
+        return improve(arm, ends, guesses, distances, until)
 
 
 def _alike(program: StepProgram, limits: JointLimits, acceleration: Array) -> bool:

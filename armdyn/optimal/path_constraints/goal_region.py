@@ -1,7 +1,5 @@
 """A frame within the region of a `GoalPose`, as rows of a program."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

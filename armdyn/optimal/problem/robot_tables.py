@@ -1,7 +1,5 @@
 """A robot as the table [robot] of a problem file: read, and written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, fields, replace

@@ -20,6 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
@@ -200,7 +201,9 @@ class _StationarityProgram:
         if found is None:
             return None
         marginals[order] = found
-        return self._measured(stretches, marginals[own - 2 * n : own], np.maximum(marginals[own:], 0.0))
+        multipliers = np.maximum(marginals[own:], 0.0)
+        costates = _nearest(matrix[1], marginals[:own], multipliers)
+        return self._measured(stretches, costates.reshape(G + 1, 2 * n), multipliers)
 
     def _stretches(self) -> _Stretches:
         """Intervals together until they are as long as a stretch."""
@@ -257,8 +260,8 @@ class _StationarityProgram:
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
         return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
 
-    def _measured(self, stretches: _Stretches, last: Array, multipliers: Array) -> MeshCostates:
-        """The costates from the last one, and what is missed at the worse end of every interval."""
+    def _measured(self, stretches: _Stretches, at_ends: Array, multipliers: Array) -> MeshCostates:
+        """The costates from those at the stretches' ends, and what is missed at the worse end of every interval."""
         (K, n), motion = self.share.shape, self.motion
         scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
         of_interval = np.searchsorted(stretches.ends, np.arange(K), side="right") - 1
@@ -267,11 +270,11 @@ class _StationarityProgram:
         added = np.zeros((K, 2 * n))
         for j, one in enumerate(self.limits):
             near = np.flatnonzero(self._held(one) & (size[of_interval, j] > 0))
-            for k in near.tolist():
-                added[k] += size[of_interval[k], j] * one.side / one.size * self.added[k, :, one.state]
-            held[near, one.state] += one.side / one.size * size[of_interval[near], j]
-        scaled[K] = last
-        for m in range(K - 1, -1, -1):
+            acting = size[of_interval[near], j, None] * one.side / one.size
+            added[near] += acting * self.added[near, :, one.state]
+            held[near, one.state] += acting[:, 0]
+        scaled[stretches.ends] = at_ends
+        for m in np.setdiff1d(np.arange(K), stretches.ends)[::-1]:
             scaled[m] = self.carried[m] @ scaled[m + 1] + added[m]
         switching = np.einsum("kij,kj->ki", self.into, scaled[:, n:])
         both = np.stack([switching[:-1], switching[1:]])
@@ -304,3 +307,12 @@ def _adjoint(stretches: _Stretches) -> sp.csr_matrix:
     places = [[own, down.ravel(), of_sources.ravel()], [own, across.ravel(), columns.ravel()]]
     shape = (G * m, m * (G + 1) + E)
     return sp.csr_matrix((np.concatenate(values), tuple(map(np.concatenate, places))), shape=shape)
+
+
+def _nearest(adjoint: sp.csr_matrix, costates: Array, multipliers: Array) -> Array:
+    """The nearest costates that solve the adjoint equations to rounding; the linear program's do to its tolerance.
+
+    Integrated from one end, what these lack would grow as fast as the motion is unstable.
+    """
+    own, missing = adjoint[:, : costates.size], adjoint @ np.append(costates, multipliers)
+    return np.asarray(costates - own.T @ splu((own @ own.T).tocsc()).solve(missing))

@@ -47,7 +47,12 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
-    """The attempt's knots, and more."""
+    """The attempt's knots, and more; where they would be too many, with a larger error of collocation."""
+    more = _divided(task, attempt, numbers)
+    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.rough))
+
+
+def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
     lengths = np.diff(knots)
     at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
@@ -66,16 +71,16 @@ def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     close = np.minimum(room[:-1], room[1:]) < task.policy.arcs.in_contact
     bow = np.where(fast & steady, bows[0] / (numbers.bow * limits.velocity), 0.0)
     bow = np.maximum(bow, np.where(close, bows[1] / numbers.beyond, 0.0)).max(axis=1)
-    gap = np.max(
-        np.abs(gaps(task.problem.robot, Shooting.of(task.problem, attempt, task.policy.shooting.near))[0]), axis=1
-    )
+    shooting = task.policy.shooting
+    missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
+    gap = np.max(np.abs(missed), axis=1)  # of the fifth order
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [knots[k] + lengths[k] * np.arange(1, counts[k]) / counts[k] for k in np.flatnonzero(counts > 1)]
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # of the interval, before the switch
         place = np.clip(share, numbers.margin, 1 - numbers.margin) + numbers.shrink * np.array([-0.5, 0.5])
-        more.append(knots[k] + lengths[k] * np.clip(place, 0.02, 0.98))
+        more.append(knots[k] + lengths[k] * place)
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)
     return np.asarray(found[apart | (found == 0)])
@@ -90,7 +95,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
         remark: why its arcs are not known.
 
     Returns:
-        None: no mesh converges, or its motion does not land within its limits.
+        None: no mesh converges, or its motion does not land.
     """
     problem = task.problem
     mesh = resolved_motion(task, attempt)
@@ -99,7 +104,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
         return None
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     found = Optimum.of(problem, replay, len(motion.tau), None, remark)
-    if not (found.certificate.on_goal and found.within_limits):
+    if not found.certificate.on_goal:
         return None
     costates = mesh_costates(problem, motion, replay, task.policy)
     if costates is None or costates.saving > SAVING_TOLERANCE:

@@ -8,9 +8,10 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, merged
 from armdyn.optimal.arcs.detection import detect
-from armdyn.optimal.landing.aim import aimed
+from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.shooting import landed
 from armdyn.optimal.problem.stop import Budget
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land_extremal
 from armdyn.optimal.refine.motion_mesh import mesh_optimum
@@ -18,7 +19,6 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.condensed import solve_on_knots
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
@@ -44,45 +44,45 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
-    motion, known, remark = attempt.trajectory, list[Optimum](), f"{task.stop.word} before the arcs were read"
-    sharp, resolved = attempt, None
-    if not task.stop:
-        own = Budget(task.stop) if budget is None else budget
-        fast = _at_speed(task, motion)  # there structures rarely settle, and the mesh's motion does sooner
-        found = _by_switching(task, shooting_problem(task, motion), attempt, own)
-        known += _landed(task, found, attempt, own)
-        if not (found.settled or found.idle or fast):
-            found = found.again(own)
-            known += _landed(task, found, attempt, own)
-        # Else a finer mesh may show a structure yet.
-        last = own.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
-        if (fast or last or found.idle) and not _certified(known):
-            resolved = mesh_optimum(task, found.mesh, found.why)
-            known += [] if resolved is None else [resolved]
-        if fast and resolved is None and not found.settled:
-            found = found.again(own)
-            known += _landed(task, found, attempt, own)
-        remark, sharp = found.why, found.mesh
-        if resolved is not None:
-            own.spend(own.left)  # what a resolved motion lacks no other mesh has
-    if certified := _certified(known):
-        return min(certified, key=partial(rank, task))
-    longest = (1 + task.policy.same.resolved) * sharp.trajectory.duration
-    best = min(known, key=partial(rank, task)) if resolved else known[-1] if known else None
-    if best is not None and not rank(task, best)[0] and (resolved or best.trajectory.duration <= longest):
-        return best  # usable, and the mesh's own motion is slower
-    for mesh in _alike(task, sharp, attempt):
-        landed, replay = aimed(task, mesh.trajectory)
-        certificate = certify(task.problem, replay, None, remark)
-        known.append(Optimum(landed, certificate, landed.duration, attempt.intervals))
-        if not rank(task, known[-1])[0]:
-            break
+    known = list[Optimum]()
+    for optimum in _optima(task, attempt, Budget(task.stop) if budget is None else budget):
+        known.append(optimum)
+        if optimum.certificate.ok:
+            return optimum
     # Arcs that are not certified are worth having only if their motion is the better one.
     return min(known, key=partial(rank, task))
 
 
-def _certified(optima: list[Optimum]) -> list[Optimum]:
-    return [one for one in optima if one.certificate.ok]
+def _optima(task: Task, attempt: Attempt, budget: Budget) -> Iterator[Optimum]:
+    """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh."""
+    if task.stop:
+        yield _of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")
+        return
+    fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
+    found = _by_switching(task, shooting_problem(task, attempt.trajectory), attempt, budget)
+    yield from _landed(task, found, attempt, budget)
+    if not (found.settled or found.idle or fast):
+        found = found.again(budget)
+        yield from _landed(task, found, attempt, budget)
+    # Else a finer mesh may show a structure yet.
+    last = budget.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+    resolved = mesh_optimum(task, found.mesh, found.why) if fast or last or found.idle else None
+    if resolved is not None:
+        yield resolved
+    if fast and resolved is None and not found.settled:
+        found = found.again(budget)
+        yield from _landed(task, found, attempt, budget)
+    if resolved is not None and resolved.within_limits:
+        budget.spend(budget.left)  # what a resolved motion lacks no other mesh has
+    else:
+        yield _of_mesh(task, found.mesh, found.why)
+
+
+def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
+    """The motion of a mesh's solution, landed where that is possible."""
+    motion = landed(task, mesh)
+    near = mesh.trajectory if motion is None else motion.trajectory(task.problem.robot.joint_names)
+    return Optimum.of(task.problem, replay_of(task, near), mesh.intervals, None, remark)
 
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:
@@ -94,23 +94,6 @@ def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) ->
         if not rank(task, landed[-1])[0]:
             break
     return landed
-
-
-def _alike(task: Task, sharp: Attempt, attempt: Attempt) -> Iterator[Attempt]:
-    """Solutions of one optimum: at located switches, the same a little inside the position limits, equal intervals."""
-    yield sharp
-    if sharp is attempt:
-        return
-    limits = task.problem.limits
-    inside = task.policy.switch_mesh.inside * (limits.position_upper - limits.position_lower)
-    lower, upper = limits.position_lower + inside, limits.position_upper - inside
-    ends = np.array([task.problem.q_start, task.problem.q_goal])
-    if np.all(np.isfinite(inside)) and np.all((ends >= lower) & (ends <= upper)):
-        tighter = replace(task, problem=task.problem.variant(position_limit=(lower, upper)))
-        found = solve_on_knots(tighter, sharp.trajectory, sharp.mesh, task.sharp())
-        if found.usable:
-            yield found
-    yield attempt
 
 
 def _at_speed(task: Task, motion: Trajectory) -> bool:

@@ -1,7 +1,5 @@
 """Goals slid along the joint positions that reach a pose, to where velocity limits let them be reached soonest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

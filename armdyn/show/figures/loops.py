@@ -1,7 +1,5 @@
 """Figures of closed loops: many runs at once, settled time over reserve, gains with which a loop is stable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

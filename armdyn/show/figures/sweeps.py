@@ -1,7 +1,5 @@
 """Figures of a study: curves over a setting, maps over two settings, Pareto fronts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """Positions, velocities and torques over time, as the report's plots take them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -10,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.files import as_json
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.scene import finite_pairs, packed
+from armdyn.show.page.scene import packed
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Sample
 
@@ -67,11 +66,13 @@ def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequ
     return {
         "t": packed(times, "<f8"),
         "sliding": list(sliding),
-        "limits": {
-            "q": finite_pairs(limits.position_lower, limits.position_upper),
-            "v": finite_pairs(-limits.velocity, limits.velocity),
-            "tau": finite_pairs(limits.effort_lower, limits.effort_upper),
-        },
+        "limits": as_json(
+            {
+                "q": np.column_stack([limits.position_lower, limits.position_upper]),
+                "v": np.column_stack([-limits.velocity, limits.velocity]),
+                "tau": np.column_stack([limits.effort_lower, limits.effort_upper]),
+            }
+        ),
         "kept": _kept(moves[0].facts, len(sliding)),
         "moves": [_curves(move, times, limits) for move in moves],
     }

@@ -1,7 +1,5 @@
 """A cycle on a page: its steps, what its conditions cost, and where each part is that the arm carries."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

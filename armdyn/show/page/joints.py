@@ -1,7 +1,5 @@
 """Numbers of motions: joint by joint, several motions side by side, torques over speeds of motors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

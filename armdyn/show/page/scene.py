@@ -1,7 +1,5 @@
 """Scene of a page as data: shapes as meshcat's commands, joint poses per frame. `assets/scene.js` draws it."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -128,11 +126,6 @@ def short_names(names: Sequence[str]) -> list[str]:
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))  # as far as the shortest goes
     stem = "".join(letters[0] for letters in same).rfind("_") + 1 if len(names) > 1 else 0
     return [name[stem:].removesuffix("_joint") or name for name in names]
-
-
-def finite_pairs(lower: Array, upper: Array) -> list[list[float | None]]:
-    """Lower and upper limit of every joint; None where there is none."""
-    return [[float(x) if np.isfinite(x) else None for x in pair] for pair in zip(lower, upper, strict=True)]
 
 
 def playing_speed(durations: Sequence[float]) -> float:

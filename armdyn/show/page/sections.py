@@ -1,7 +1,5 @@
 """The sections of a report below its plots: facts in, markup out. All text is escaped by `markup.element`."""
 
-from __future__ import annotations
-
 import html
 import re
 import shlex

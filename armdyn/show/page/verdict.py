@@ -1,7 +1,5 @@
 """Verdict on a run in words, with its numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

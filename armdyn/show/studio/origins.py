@@ -1,7 +1,5 @@
 """Address of the studio's server: a free port, and who may talk to it."""
 
-from __future__ import annotations
-
 import errno
 import ipaddress
 import socket

@@ -1,7 +1,5 @@
 """The studio's page: widgets and server of viser around a session."""
 
-from __future__ import annotations
-
 import io
 import sys
 import time

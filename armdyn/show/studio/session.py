@@ -1,7 +1,5 @@
 """A session of the studio without its page: state, inverse kinematics, problem, motion, files."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Mapping

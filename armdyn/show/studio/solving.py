@@ -1,7 +1,5 @@
 """The solver's process of the studio: the newest request wins, and what is under way is stopped for it."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

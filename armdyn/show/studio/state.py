@@ -1,7 +1,5 @@
 """State that a user changes in the studio: a value, to and from JSON, and the problem that it poses."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace

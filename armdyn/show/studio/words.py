@@ -1,7 +1,5 @@
 """Texts of the studio's page."""
 
-from __future__ import annotations
-
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import assessment
 from armdyn.show.markup import element

@@ -1,7 +1,5 @@
 """Executors do the cases of a study; a worker goes through some of them in turn."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager

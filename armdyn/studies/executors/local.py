@@ -1,7 +1,5 @@
 """Executors of this machine: this process, its threads, other processes."""
 
-from __future__ import annotations
-
 import queue
 import time
 from collections import deque

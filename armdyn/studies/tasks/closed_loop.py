@@ -1,7 +1,5 @@
 """Settings that all study tasks with a controller share: the controller, its loop, and the motion that it follows."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +11,7 @@ from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import ramp
 from armdyn.errors import ProblemError
+from armdyn.files import attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal import MinimumTimeOptions, Status, solve_minimum_time
 from armdyn.parsing.toml import Table
@@ -20,7 +19,7 @@ from armdyn.studies.plants import Plants
 from armdyn.studies.problems import ArmProblems
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import SIGNS
-from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours, finite
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, Neighbours
 from armdyn.trajectory import Trajectory
 
 _REMEMBERED = 16
@@ -91,8 +90,7 @@ class ClosedLoopTask:
 
     def description(self) -> dict[str, object]:
         """The task as JSON."""
-        own = {name: finite(x) if isinstance(x := getattr(self, name), float) else x for name in self.own}
-        return {"task": self.name, **self.problems.description(), **own}
+        return {"task": self.name, **self.problems.description(), **attributes(self, *self.own)}
 
     def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
         """Do one case: check its settings, and run it."""

@@ -1,7 +1,5 @@
 """Study task "cycle": a cycle file whose numbers vary."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Study task "minimum-time": the fastest motion of every case."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self

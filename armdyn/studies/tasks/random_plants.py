@@ -1,7 +1,5 @@
 """Study task "monte-carlo": a controller on many random arms in every case."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """Study task "reserve": the torque that a fastest motion should leave to feedback, in every case."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Work on one case of a study, its result, and how its motion is packed."""
 
-from __future__ import annotations
-
 import time
 import warnings
 import zlib
@@ -12,6 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError
+from armdyn.files import as_json
 from armdyn.models.robots.robot import Robot
 from armdyn.studies.rows import Value
 from armdyn.trajectory import Trajectory
@@ -91,9 +90,8 @@ def result_of(
 
 def storable(result: CaseResult) -> CaseResult:
     """The result as JSON and SQLite can store it: one odd number or letter must not end the whole study."""
-    facts = {name: value.item() if isinstance(value, np.generic) else value for name, value in result.facts.items()}
-    finite_facts = {name: finite(value) if isinstance(value, float) else value for name, value in facts.items()}
-    return replace(result, facts=finite_facts, message=result.message.encode("utf-8", "replace").decode())
+    message = result.message.encode("utf-8", "replace").decode()
+    return replace(result, facts=as_json(result.facts), message=message)
 
 
 def motion_bytes(motion: Trajectory) -> bytes:
@@ -116,8 +114,3 @@ def motion_from(data: bytes, robot: Robot) -> Trajectory:
         raise ProblemError(f"a neighbour's motion is damaged, or not of {robot.nv} joints") from None
     t, q, v, tau = np.split(rows, [1, 1 + robot.nv, 1 + 2 * robot.nv], axis=1)
     return Trajectory(t=t[:, 0], q=q, v=v, tau=tau, joint_names=robot.joint_names, model_hash=robot.model_hash)
-
-
-def finite(value: float | None) -> float | None:
-    """The number, or None where JSON has no such number."""
-    return None if value is None or not np.isfinite(value) else float(value)

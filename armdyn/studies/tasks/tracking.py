@@ -1,7 +1,5 @@
 """Study task "track": a controller has the arm of every case follow a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

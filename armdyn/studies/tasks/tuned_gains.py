@@ -1,7 +1,5 @@
 """Study task "tune": the best gains of a controller in every case."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

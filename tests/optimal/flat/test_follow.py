@@ -11,6 +11,7 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.refinement import sampled
 from armdyn.optimal.landing.rollout import replay_torques
+from armdyn.optimal.landing.segments import ticked
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import problem
 from problems import cart
@@ -109,3 +110,16 @@ def test_a_motion_that_is_lost_ends_early(monkeypatch):
     motion = follow(Task.of(nlp_data), wanted)
     assert motion.t.size == 2
     np.testing.assert_array_equal(motion.q[1], motion.q[0])
+
+
+def test_samples_are_as_dense_as_gravity_asks_for():
+    """At constant velocities heavy links let the torques of light wrists bend: lines between samples miss those."""
+    robot = ad.Robot.from_library("kinova")
+    q_start, q_goal = [-2.1, 2.9, 3.4, -1.9, 1.1, 0.5], [0.3, 4.1, 1.9, 2.4, 3.3, -1.7]
+    nlp_data = ad.MinimumTimeProblem(robot, q_start=q_start, q_goal=q_goal)
+    job = Task.of(nlp_data)
+    curve = gentle(nlp_data, 4.0, intervals=56)
+    motion = follow(job, sampled(job, curve))
+    between = ticked(robot, motion, np.min(np.diff(motion.t)) / 4)
+    missed = between.v - curve.legs[0].at(between.t / curve.duration)[1]
+    assert np.max(np.abs(missed) / nlp_data.limits.velocity) < job.policy.curves.off

@@ -34,18 +34,18 @@ def test_the_replay_of_a_landed_mesh_ends_on_the_goal_within_the_torque_limits()
 def test_gaps_are_those_of_an_integration_and_so_are_their_derivatives():
     _, attempt = found()
     motion = Shooting.of(PROBLEM, attempt, 1e-5)
-    gap, by_state, by_torque, by_time = gaps(PROBLEM.robot, motion)
+    gap, by_state, by_torque, by_time = gaps(PROBLEM.robot, motion, 0)
     k, step = 5, 1e-5
     x, tau = motion.x.copy(), motion.tau.copy()
     x[k] += step * motion.size * np.array([1, 0, 0, 0])
     moved = replace(motion, x=x)
-    other = gaps(PROBLEM.robot, moved)[0]
+    other = gaps(PROBLEM.robot, moved, 0)[0]
     # Derivatives are those at the middle of a step: right to the square of its length.
     assert np.max(np.abs((other - gap)[k] * moved.size / motion.size / step - by_state[k, :, 0])) < 1e-2
     tau[k, 1] -= 1e-5
-    other = gaps(PROBLEM.robot, replace(motion, tau=tau))[0]
+    other = gaps(PROBLEM.robot, replace(motion, tau=tau), 0)[0]
     assert np.allclose((other - gap)[k] / -1e-5, by_torque[k, :, 1], rtol=1e-2, atol=1e-6)
-    other = gaps(PROBLEM.robot, replace(motion, t=motion.t * (1 + 1e-6)))[0]
+    other = gaps(PROBLEM.robot, replace(motion, t=motion.t * (1 + 1e-6)), 0)[0]
     assert np.allclose((other - gap) / 1e-6, by_time, rtol=1e-2, atol=1e-5)
 
 

@@ -1,16 +1,14 @@
 """What misses a limit by little becomes usable whatever its strategy; what keeps its limits stays as it is."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor
 from armdyn.optimal.landing.rollout import dense, replay_of
+from armdyn.optimal.landing.shooting import landed
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
@@ -60,15 +58,13 @@ def peaks(robot, motion):
 def test_a_mesh_that_exceeds_a_velocity_limit_is_slowed_down_and_lands():
     problem = paper_problem("rr", velocity_limit=12.0)
     task = Task.of(problem)
-    motion = solve_on_mesh(task, spline(problem, []), 20, task.alone()).trajectory
+    mesh = solve_on_mesh(task, spline(problem, []), 20, task.alone())
     strict = task.with_options(replay_tolerance=1e-5)
-    beside = optimum_of(problem, replay_of(task, motion))
+    beside = optimum_of(problem, replay_of(task, mesh.trajectory))
     assert beside.certificate.limit_violation > 1e-5 and beside.certificate.goal_error > 1e-5  # the mesh's own error
     assert slowed(strict, beside) is beside  # what does not land is not to be made slower
-    beyond = replace(task, policy=task.policy.changed("landing", below=-3e-6))
-    landing = optimum_of(problem, aimed(beyond, motion)[1])
-    assert not landing.within_limits
-    assert optimum_of(problem, aimed(task, motion)[1]).within_limits
+    landing = optimum_of(problem, replay_of(task, landed(task, mesh).trajectory(problem.robot.joint_names)))
+    assert landing.certificate.on_goal and not landing.within_limits
     kept = slowed(strict, landing)
     assert kept.within_limits and kept.certificate.on_goal
     assert 1 < kept.trajectory.duration / landing.trajectory.duration < 1.01

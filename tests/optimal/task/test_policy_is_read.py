@@ -143,7 +143,6 @@ SOLVES = {
             ("switching", {"rounds": 0}),
             ("refinement", {"budget": 20_000}),
             ("motion_mesh", {"rounds": 0}),
-            ("landing", {"below": -1e-4}),
         ],
         starts=1,
     ),
@@ -282,8 +281,8 @@ def motions_from_moving_states():
         at = first.trajectory(0.3)
         resolver.solve(at.q, at.v, ready, deadline=1e-9)
         ad.Resolver(arm).solve(at.q, at.v, ready, deadline=1e-9)
-        stuck = {"eager": 0, "patient": 0, "enough": 1e9, "stuck": 2.0, "missed": -1.0}
-        for numbers in (stuck, {"eager": 0, "enough": 0.0, "patient": 0}):  # numbers for curves that resist
+        stuck = {"eager": 0, "enough": 1e9, "stuck": 2.0}
+        for numbers in (stuck, {"eager": 0, "enough": 0.0}):  # numbers for curves that resist
             patched.setattr(
                 live, "Policy", SimpleNamespace(of=lambda p, own=numbers: Noted.of(p).changed("live", **own))
             )

@@ -8,7 +8,7 @@ u = 2⁻⁵³.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,17 +82,11 @@ class Interval:
         return Interval(down(self.lower - other.upper), up(self.upper - other.lower))
 
     def __mul__(self, other: Interval) -> Interval:
-        a, b, c, d = (x * y for x in (self.lower, self.upper) for y in (other.lower, other.upper))
-        return Interval(
-            down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
-        )
+        return _hull(x * y for x in (self.lower, self.upper) for y in (other.lower, other.upper))
 
     def __truediv__(self, other: Interval) -> Interval:
         """Quotient; the divisor must not contain zero."""
-        a, b, c, d = (x / y for x in (self.lower, self.upper) for y in (other.lower, other.upper))
-        return Interval(
-            down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
-        )
+        return _hull(x / y for x in (self.lower, self.upper) for y in (other.lower, other.upper))
 
     def tanh(self) -> Interval:
         """Hyperbolic tangents."""
@@ -160,6 +154,14 @@ def joined(parts: Sequence[Interval]) -> Interval:
 def stacked(parts: Sequence[Interval], axis: int) -> Interval:
     """Intervals of one shape along a new axis."""
     return Interval(np.stack([x.lower for x in parts], axis), np.stack([x.upper for x in parts], axis))
+
+
+def _hull(ends: Iterable[Array]) -> Interval:
+    """The interval around four arrays, rounded outward."""
+    a, b, c, d = ends
+    return Interval(
+        down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
+    )
 
 
 def down(x: Array) -> Array:

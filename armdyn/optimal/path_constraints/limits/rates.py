@@ -1,7 +1,7 @@
 """Accelerations and jerks along a replayed motion; limits that are tightened as a whole, and reports on them."""
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
+from armdyn.optimal.path_constraints.rows import RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
 
@@ -74,21 +75,41 @@ class PartialLimit(PathConstraint):
         """The whole limit again: the excess between the points of a mesh twice as fine is a fraction."""
         return replace(self, part=1.0)
 
-    def _report_on_joints(self, robot: Robot, order: int, t: Array, values: Array, limits: Array) -> ConstraintReport:
-        """Report on a derivative of the positions and its limits.
 
-        Args:
-            robot: whose joints are limited.
-            order: of the derivative: 2, acceleration, or 3, jerk.
-            t: when it was looked at [s], of any shape.
-            values: what was seen then, of the same shape and (nv,).
-            limits: of its size, shape (nv,).
-        """
-        what, power = _DERIVATIVES[order]
-        seen = np.abs(values).reshape(-1, robot.nv)
+@dataclass(frozen=True)
+class DerivativeLimit(PartialLimit):
+    """Limits of a derivative of the joint positions, for which a problem has a keyword.
+
+    Attributes:
+        order: of the derivative: 2, acceleration, or 3, jerk.
+    """
+
+    order: ClassVar[int]
+
+    @classmethod
+    def limits(cls, problem: MinimumTimeProblem) -> Array | None:
+        """The derivative's limits [rad/s² or m/s², or rad/s³ or m/s³], shape (nv,); None: there are none."""
+        given = getattr(problem, f"{_DERIVATIVES[cls.order][0]}_limit")
+        return None if given is None else np.asarray(given)
+
+    @classmethod
+    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
+        return None if cls.limits(problem) is None else cls()
+
+    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
+        return self.order, self.part * np.asarray(self.limits(problem))
+
+    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+        return (RowValues(-self.part, self.part, 1 / np.asarray(self.limits(problem))),)
+
+    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
+        """Check accelerations by forward dynamics, jerks by their time derivative, within every sample."""
+        robot, limits, (what, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
+        t, *rates = accelerations(robot, motion)
+        seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
         k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
         share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
         unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
         said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
         reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, said, reason, (f"{what} limit", joint, when), order=order)
+        return self.report(share, said, reason, (f"{what} limit", joint, when), order=self.order)

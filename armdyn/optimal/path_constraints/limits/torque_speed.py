@@ -1,7 +1,5 @@
 """Torque limits that fall with speed: torque-speed curves of motors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

@@ -1,7 +1,5 @@
 """Velocity limits that fall to zero towards the ends of the joints' ranges, as Franka Research 3 has them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

@@ -62,9 +62,6 @@ class SwitchMeshPolicy:
     switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc")
     least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided")
     beyond: float = tuned(3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put")
-    inside: float = tuned(
-        3e-5, "of a joint's range", "a motion that exceeds a position limit between knots is kept so far inside", "RRR"
-    )
     tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval")
     iterations: int = tuned(100, "iterations", "at most: most take 30")
     slower: float = tuned(1e-2, "of the duration", "a solution that is so much slower is another optimum", "RRR")
@@ -86,9 +83,10 @@ class MotionMeshPolicy:
     bow: float = tuned(2e-5, "of a velocity limit", "by which a constant torque strays from it within an interval")
     beyond: float = tuned(1e-6, "rad or m", "the same near a limit of position: it is that of the certificate")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
+    rough: float = tuned(1e-8, "of a joint's way or speed", "the same where knots would be too many")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
     inside: float = tuned(
-        3e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
+        5e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
     )
     slower: float = tuned(4e-3, "of the duration", "a solution that is so much slower is another optimum", "RRR, 500 g")
     tie: float = tuned(
