@@ -43,9 +43,9 @@ def shortest(lengths: Sequence[Array], closed: bool) -> tuple[float, tuple[int, 
     for first in range(len(lengths[0])):
         reached, came = np.where(np.arange(len(lengths[0])) == first, 0.0, np.inf), []
         for between in lengths:
-            through = reached[:, None] + between
-            came.append(np.argmin(through, axis=0))
-            reached = np.min(through, axis=0)
+            ways = reached[:, None] + between
+            came.append(np.argmin(ways, axis=0))
+            reached = np.min(ways, axis=0)
         last = first if closed else int(np.argmin(reached))
         if reached[last] < best:
             best, path = float(reached[last]), [last]

@@ -127,3 +127,16 @@ def test_torques_of_a_path_pay_for_friction():
     t = np.linspace(0, 1, 11)
     path = ad.trajectory_from_path(robot, t, t[:, None], np.ones((11, 1)), np.zeros((11, 1)))
     np.testing.assert_allclose(path.tau[:, 0], 0.5 + 0.2 * np.tanh(10.0), rtol=1e-12)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("velocity_limit", [None, 15.0])
+def test_torques_of_a_mesh_land_through_dry_friction_where_no_arcs_are_found(velocity_limit):
+    """Steps of multiple shooting end elsewhere: friction bends within them. Without landing the answer takes 0.48 s."""
+    bare = paper_problem("rrr")
+    robot = bare.robot.with_friction(0.3, 0.3)
+    ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": velocity_limit}
+    solution = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, **ends))
+    assert solution.usable and solution.duration < 0.43
+    replay = ad.replay_torques(robot, solution.trajectory)
+    assert np.max(np.abs(replay.q[-1] - bare.q_goal)) < 1e-6

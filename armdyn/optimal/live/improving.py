@@ -108,6 +108,7 @@ def improve(
     """
     program, policy = arm.program, arm.program.policy
     best, k, began = None, 0, time.perf_counter()
+    # Of the longest guess: the rest of a last motion that ends here takes no time, and its price would be none.
     pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
     starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
     here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))

@@ -73,7 +73,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     bow = np.maximum(bow, np.where(close, bows[1] / numbers.beyond, 0.0)).max(axis=1)
     shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
-    gap = np.max(np.abs(missed), axis=1)  # of the fifth order
+    gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # of the fifth order; not known where a motion diverges
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [knots[k] + lengths[k] * np.arange(1, counts[k]) / counts[k] for k in np.flatnonzero(counts > 1)]

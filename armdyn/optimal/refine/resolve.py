@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, merged
 from armdyn.optimal.arcs.detection import detect
-from armdyn.optimal.landing.rollout import replay_of
+from armdyn.optimal.landing.aim import aimed
 from armdyn.optimal.landing.shooting import landed
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
@@ -45,44 +45,55 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
         budget: of the integrator's steps that may be spent; None: as many as it takes.
     """
     known = list[Optimum]()
-    for optimum in _optima(task, attempt, Budget(task.stop) if budget is None else budget):
-        known.append(optimum)
-        if optimum.certificate.ok:
-            return optimum
+    for found in _optima(task, attempt, Budget(task.stop) if budget is None else budget):
+        known += found
+        if certified := [one for one in found if one.certificate.ok]:
+            return min(certified, key=partial(rank, task))
     # Arcs that are not certified are worth having only if their motion is the better one.
     return min(known, key=partial(rank, task))
 
 
-def _optima(task: Task, attempt: Attempt, budget: Budget) -> Iterator[Optimum]:
-    """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh."""
+def _optima(task: Task, attempt: Attempt, budget: Budget) -> Iterator[list[Optimum]]:
+    """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh.
+
+    Extremals of a structure that has not settled come with those that it settles to: one of them may be certified, too,
+    and be faster by what the certificate does not see.
+    """
     if task.stop:
-        yield _of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")
+        yield [_of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")]
         return
     fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
     found = _by_switching(task, shooting_problem(task, attempt.trajectory), attempt, budget)
-    yield from _landed(task, found, attempt, budget)
+    extremals = _landed(task, found, attempt, budget)
     if not (found.settled or found.idle or fast):
         found = found.again(budget)
-        yield from _landed(task, found, attempt, budget)
+        extremals += _landed(task, found, attempt, budget)
+    yield extremals
     # Else a finer mesh may show a structure yet.
     last = budget.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
     resolved = mesh_optimum(task, found.mesh, found.why) if fast or last or found.idle else None
     if resolved is not None:
-        yield resolved
+        yield [resolved]
     if fast and resolved is None and not found.settled:
         found = found.again(budget)
-        yield from _landed(task, found, attempt, budget)
+        yield _landed(task, found, attempt, budget)
     if resolved is not None and resolved.within_limits:
         budget.spend(budget.left)  # what a resolved motion lacks no other mesh has
-    else:
-        yield _of_mesh(task, found.mesh, found.why)
+        return
+    yield [own := _of_mesh(task, found.mesh, found.why)]
+    if found.mesh is not attempt and rank(task, own)[0]:  # equal intervals may land where located switches do not
+        yield [_of_mesh(task, attempt, found.why)]
 
 
 def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
-    """The motion of a mesh's solution, landed where that is possible."""
-    motion = landed(task, mesh)
-    near = mesh.trajectory if motion is None else motion.trajectory(task.problem.robot.joint_names)
-    return Optimum.of(task.problem, replay_of(task, near), mesh.intervals, None, remark)
+    """The motion of a mesh's solution, landed where that is possible.
+
+    Multiple shooting ends where its own steps do; the rest, with dry friction all of it, is closed by the replay's.
+    """
+    shot = landed(task, mesh)
+    near = mesh.trajectory if shot is None else shot.trajectory(task.problem.robot.joint_names)
+    _, replay = aimed(task, near)
+    return Optimum.of(task.problem, replay, mesh.intervals, None, remark)
 
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:

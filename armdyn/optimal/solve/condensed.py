@@ -101,7 +101,7 @@ def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
 
 
 def has_stagewise(task: Task) -> bool:
-    """Whether the stagewise method solves the task's programs, which needs none of its own for each mesh, in time."""
+    """Whether the stagewise method solves the task's programs: one solver does for all meshes; not when time is up."""
     return (
         not task.stop
         and condensable(task)

@@ -20,7 +20,7 @@ class LivePolicy:
     smooth: float = tuned(1e-6, "s", "weight of squared accelerations over velocity limits; costs 0.02 %")
     torque: float = tuned(
         0.3,
-        "of the duration",
+        "of the longest guess",
         "price of a torque beyond its limit by half its range; 0.02: short motions take 40 steps",
     )
     rate: float = tuned(1.0, "1", "price of a velocity beyond its limit, times the duration")

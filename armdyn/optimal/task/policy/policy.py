@@ -53,7 +53,7 @@ class Policy:
         descent: how its times come to the least duration.
         contacts: which contacts with limits of the state are corrected.
         singular: where torques are free, and what they are at first.
-        landing: replays and their checks.
+        landing: how a mesh's torques are brought to land.
         shooting: the same interval by interval, and costates along it.
         adjoint: how finely the adjoint equations are checked.
         smooth: optima of time and energy.
