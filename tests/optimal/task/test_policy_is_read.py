@@ -153,7 +153,7 @@ SOLVES = {
         [("switching", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
         starts=2,
     ),
-    "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0]), starts=1),
+    "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
     "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),
     "a replay far from its curve": lambda: noted(
         between("r", rubbing("r"), velocity_limit=3.0),
