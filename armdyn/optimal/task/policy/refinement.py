@@ -59,7 +59,6 @@ class SwitchMeshPolicy:
     rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration")
     shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
     margin: float = tuned(0.02, "of an interval", "and so far from the others")
-    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc")
     least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided")
     beyond: float = tuned(3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put")
     tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval")
@@ -93,7 +92,6 @@ class MotionMeshPolicy:
         3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
     )
     margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
-    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
 
 
 @dataclass(frozen=True, kw_only=True)
