@@ -195,13 +195,14 @@ class _StationarityProgram:
         matrix = [changes, _adjoint(stretches), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
         order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), stretches.source_of[0]), kind="stable")
         marginals = np.empty(own + E)
-        found = marginals_in_boxes(
+        program = (
             sp.vstack(matrix, format="csr")[:, order].T.tocsc(),
             np.append(np.zeros(own), -stretches.distance)[order],
             np.append(cost, np.zeros(len(states) + E)),
             np.concatenate([bounds, states, np.stack([np.zeros(E), spare], axis=1)]),
-            self.numbers.converged,
         )
+        tries = (marginals_in_boxes(*program, tolerance) for tolerance in self.numbers.converged)
+        found = next((one for one in tries if one is not None), None)
         if found is None:
             return None
         marginals[order] = found

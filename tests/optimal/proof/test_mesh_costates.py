@@ -86,6 +86,16 @@ def test_what_time_leaves_idle_does_not_count():
     assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)
 
 
+@pytest.mark.slow
+def test_a_program_that_comes_no_nearer_is_solved_less_closely():
+    task, motion, replay, costates = of(FAST)
+    unreached = 1e-20  # beyond rounding
+    for tolerances, found in (((unreached,), False), ((unreached, 1e-6), True)):
+        policy = task.policy.changed("shooting", converged=tolerances)
+        other = mesh_costates(FAST, motion, replay, policy)
+        assert (other is not None and other.saving == costates.saving) == found
+
+
 def test_a_joint_without_a_motor_has_no_torque_to_change():
     robot = ad.Robot.from_library("cart_pole", effort_limit=3.0)
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=[1.0, 0.0])

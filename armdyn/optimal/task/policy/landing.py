@@ -76,6 +76,8 @@ class ShootingPolicy:
     furthest: float = tuned(
         3.0, "-", "bound of changes of the states in that program, as parts of their ways and largest speeds"
     )
-    converged: float = tuned(
-        1e-6, "of the duration", "to which that program is solved: a hundredth of what is certified"
+    converged: tuple[float, ...] = tuned(
+        (1e-6, 1e-5),
+        "of the duration",
+        "to which that program is solved, a hundredth of what is certified; a tenth where it comes no nearer",
     )
