@@ -134,7 +134,7 @@ class Sequential:
         program = self._convex(at)
         while True:
             self._radius = trust
-            step = solve_step(self._within(program, at, trust))
+            step = solve_step(self._within(program, at, trust), policy.accuracy)
             iterations += 1
             if step.found and merit - self._promised(at, step) < policy.predicted * merit:
                 return None, step, trust, iterations
