@@ -13,6 +13,9 @@ import armdyn as ad
 # Before numpy is imported: matrices are small, and each thread of BLAS would wait for the other on a core of a worker.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Of the hundreds of processes that the tests spawn only the first compiles armdyn's modules.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # Examples are the same in every run, and none is judged by the clock of a busy machine.
 settings.register_profile("armdyn", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=1000)  # --hypothesis-profile=search: others, and more

@@ -78,6 +78,7 @@ def test_within_a_command(then):
     ends_in_a_line(python(AT_CALL.format(then=then)))
 
 
+@pytest.mark.slow
 def test_swallowed_by_someone_else():
     then = (
         "\n    try:\n        while True: pass\n    except KeyboardInterrupt:\n        raise ImportError('half of it')"
@@ -103,6 +104,7 @@ def test_a_job_in_the_background_hears_nothing():
     assert done.returncode == 0 and done.stdout.startswith("armdyn ")
 
 
+@pytest.mark.slow
 def test_a_line_says_what_is_still_being_finished():
     then = (
         "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"

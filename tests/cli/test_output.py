@@ -176,6 +176,7 @@ def test_a_full_disk_under_standard_output():
     assert "disk full while writing standard output" in " ".join(done.stderr.split())
 
 
+@pytest.mark.slow
 def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_path):
     done = CliRunner().invoke(app, [*COMMANDS["reproduce"], "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output

@@ -62,8 +62,8 @@ def test_a_folder_that_cannot_be_written_is_exit_2(tmp_path):
 
 @pytest.mark.slow
 def test_interrupt_keeps_what_is_done_and_goes_on_from_there(tmp_path):
-    # Searches on two cores: when the first result is there two at least are still to come.
-    arguments = ["--only", "example4,example2", "--payload", "0.1006,0.2", "--out", str(tmp_path)]
+    # When the first loop of Example 4 has ended, the two searches of Example 2 are still to come.
+    arguments = ["--only", "example4,example2", "--payload", "0.1006", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [*command.COMMAND, "reproduce", *arguments, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

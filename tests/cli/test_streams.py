@@ -49,6 +49,7 @@ def test_full_standard_output_is_said_once(command):
     assert " ".join(done.stderr.split()) == told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("encoding", [{"PYTHONIOENCODING": "ascii"}, PLAIN_C])
 def test_a_terminal_without_unicode_gets_escapes(encoding, tmp_path):
     (tmp_path / "arm.urdf").write_text(two_links().replace('robot name="', 'robot name="é蛇🦾', 1), "utf-8")

@@ -67,6 +67,7 @@ def deadly(problem, options):
 HERE = os.getpid()
 
 
+@pytest.mark.slow
 def test_a_problem_that_kills_its_workers_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(many, "solve_minimum_time", deadly)
     asked = problems(5)

@@ -158,6 +158,7 @@ study(replace(SHORT, count=5000), file={file!r})
 """
 
 
+@pytest.mark.slow
 def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path, monkeypatch):
     file = tmp_path / "rows.sqlite"
     here = Path(__file__)

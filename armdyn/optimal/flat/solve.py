@@ -179,7 +179,7 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
 def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...]) -> bool:
     """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
-    return plain and task.policy.curves.cruises and problem.from_rest_to_rest and not problem.pays_effort
+    return plain and task.policy.curves.cruises and not problem.pays_effort
 
 
 def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Solver[Program]:

@@ -55,6 +55,17 @@ class Shooting:
         tau = np.where(level > 1 - near, actuators.upper, np.where(level < near - 1, actuators.lower, tau))
         return cls(t, x, tau)
 
+    @classmethod
+    def held(cls, motion: Trajectory) -> Self | None:
+        """A motion whose torques are constant between jumps, which are its knots; None: they are not."""
+        t, tau, passes = motion.t, motion.tau, ~motion.jumps
+        if not np.array_equal(tau[1:][passes], tau[:-1][passes]):
+            return None
+        first = np.append(True, np.any(tau[1:] != tau[:-1], axis=1))[:-1] & passes
+        first[0] = True
+        knots = np.append(np.flatnonzero(first), t.size - 1)
+        return cls(t[knots], np.concatenate([motion.q, motion.v], axis=1)[knots], tau[knots[:-1]])
+
     @property
     def size(self) -> Array:
         """Unit of each state: the joint's way and its largest speed, shape (2 nv,)."""

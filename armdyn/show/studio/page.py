@@ -344,7 +344,7 @@ class Page:
         at, sizes = (None, None) if one is None else (placement_of(one), sizes_of(one))
         self._position.visible, self._remove.visible = at is not None, one is not None
         if at is not None:
-            self._write(self._position, tuple(at.translation.tolist()))
+            self._write(self._position, tuple(np.round(at.translation, 3).tolist()))
         labels = _SIZE_NAMES[type(one).__name__] if sizes else ()
         for k, handle in enumerate(self._sizes):
             handle.visible = k < len(labels)

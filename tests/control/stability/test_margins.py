@@ -23,6 +23,7 @@ CASES = {
     "RR, lqr": ("RR Ex5", Lqr(), Loop()),
     "RRR, lqr, observer": ("RRR Ex6", Lqr(), Loop(delay=2, velocity="observer")),
 }
+EVERY = [pytest.param(case, marks=pytest.mark.slow) if case.startswith("RRR") else case for case in CASES]
 
 
 def loop_of(case):
@@ -36,7 +37,7 @@ def times(loop, factors):
     return replace(loop, torque=loop.torque * factors)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", EVERY)
 def test_gain_margins_are_where_the_radius_is_one(case):
     loop = loop_of(case)
     for one in loop_margins(loop):
@@ -81,7 +82,7 @@ def test_delay_margin_in_whole_ticks(kd, velocity):
         assert (later.radius < 1) == stable
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", EVERY)
 def test_phase_and_disk_margins_agree_with_python_control(case):
     """Its disk margin of one broken loop; and the disk lies within what the loop bears of gain and of phase."""
     loop = loop_of(case)
@@ -96,7 +97,7 @@ def test_phase_and_disk_margins_agree_with_python_control(case):
         assert one.phase >= 2 * np.arctan(one.disk / 2) * (1 - 1e-6)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", EVERY)
 def test_the_disk_of_all_loops_at_once(case):
     loop, random = loop_of(case), np.random.default_rng(1)
     own, disk = loop_margins(loop), multiloop_disk(loop)

@@ -25,6 +25,8 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 UP, ACROSS = 0.025, 0.3
 HERE = np.array([-0.67, -1.44, 2.03, -0.58, 0.9, 0.0])
 """Joint positions of a UR5 whose tool points down, nearly."""
+ONCE = ad.MinimumTimeOptions(search="quick", workers=1, bound=False, compile=False)
+"""Of one solve, which takes less time than to build its machine code; bounds are computed by the tests themselves."""
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +115,7 @@ def test_a_tube_holds_all_of_its_line(straight):
 def solved(straight):
     """The motion found, and its bound."""
     problem, leg, passage = straight
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1))
+    solution = ad.solve_minimum_time(problem, ONCE)
     assert solution.usable
     plain = leg_bound(leg, lambda: False)[0]
     return solution, plain, passing_bound(leg, passage, plain, 0.33, lambda: False)[0]
@@ -197,7 +199,7 @@ def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
     wide = (*[0.02 / 3**0.5] * 3, *[np.radians(5) / 3**0.5] * 3)
     via = [ad.GoalPose(one.frame, one.placement, (), wide) for one in given.via]
     problem = ad.MinimumTimeProblem(given.robot, q_start=given.q_start, q_goal=given.q_goal, via=via)
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1))
+    solution = ad.solve_minimum_time(problem, ONCE)
     assert solution.usable
     passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in via), {})
     first, _, last = phases = passing._phases(leg, passage, 1.001 * solution.duration, lambda: False)

@@ -71,6 +71,7 @@ def test_arcs_without_contacts_have_none_to_mend():
     assert not with_contacts(found)
 
 
+@pytest.mark.slow
 def test_a_joint_that_its_torque_cannot_hold_on_its_velocity_limit_is_kept_there_by_another():
     # When the first joint is to brake, the second would take 1.27 times its torque to stay on its limit of 21.4 rad/s.
     links = (

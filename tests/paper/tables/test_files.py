@@ -3,6 +3,7 @@ import io
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from armdyn.paper.tables.files import csv_of, write_findings, write_tables
 from armdyn.paper.tables.rows import all_rows, time_row
@@ -10,6 +11,7 @@ from armdyn.paper.tables.rows import all_rows, time_row
 COLUMNS = ["arm", "payload_kg", "reading", "variant", "quantity", "published", "ours", "verdict", "reason"]
 
 
+@pytest.mark.slow
 def test_csv_is_exact_and_leaves_missing_numbers_empty(r_loops):
     rows = [
         time_row(r_loops[0]),
@@ -22,6 +24,7 @@ def test_csv_is_exact_and_leaves_missing_numbers_empty(r_loops):
     assert read[0]["reading"] == "tip" and read[0]["variant"] == "lagrangian" and read[0]["quantity"] == "pid_arrival_s"
 
 
+@pytest.mark.slow
 def test_a_row_of_a_table_is_told_by_its_case_and_quantity(tmp_path, r_loops):
     odd = [replace(o, case=replace(o.case, derivative_sign="printed"), time=None) for o in r_loops]
     write_tables(tmp_path, all_rows([*odd, *r_loops]))

@@ -1,8 +1,11 @@
+import pytest
+
 from armdyn.paper.printed.examples import PAYLOADS
 from armdyn.paper.tables.grids import feasibility_grid, first_approach_grid, grid
 from armdyn.paper.tables.rows import table_3, time_row
 
 
+@pytest.mark.slow
 def test_layout_is_the_papers_with_ours_beside(r_loops):
     one = grid([time_row(o) for o in r_loops])
     assert one.header == ("M [g]", "Example 4 published", "PID, tip", "PID, mM")

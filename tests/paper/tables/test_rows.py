@@ -30,6 +30,7 @@ def test_verdicts(text, ours, tolerance, verdict):
     assert judge(None, ours, tolerance) == "not reproduced"
 
 
+@pytest.mark.slow
 def test_table_4_column_3_is_reproduced_up_to_500_g(r_loops):
     rows = {(row.payload_kg, row.reading): row for row in map(time_row, r_loops)}
     for payload in PAYLOADS[:9]:
@@ -75,6 +76,7 @@ def test_table_3_has_the_printed_formulas_and_the_law():
     assert set(limits) == {3.0}
 
 
+@pytest.mark.slow
 def test_table_7_by_quadrature_and_by_the_trapezoidal_rule(r_loops):
     shown = next(o for o in r_loops if o.case == Case(4, "r", "pid", 0.1006))
     (row,) = torque_rows(shown)

@@ -139,7 +139,8 @@ class Rollout:
         torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
         for free_mask in torques.layers:
             end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)
-            torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
+            with np.errstate(invalid="ignore"):  # of motions that diverge: `finite` tells
+                torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
             at = np.flatnonzero(np.diff(arc)) + 1

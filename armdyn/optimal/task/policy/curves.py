@@ -96,6 +96,13 @@ class CurvePolicy:
         "with 2e-6 there are 1.35 (UR5) to 1.6 (Kinova) times as many samples",
         "Panda, UR5, xArm7, Kinova, TIAGo Pro, pairs 0 to 3 of docs/arms.md",
     )
+    off_in_flight: float = tuned(
+        5e-7,
+        "of a velocity limit",
+        "the same where a motion cannot be slowed down; with 1e-5 replays exceed limits by up to 3e-5, with 2e-6 by up "
+        "to 3e-6",
+        "Panda and UR5, random pairs in flight (seed 41)",
+    )
     samples: int = tuned(8, "samples", "of an interval, at least")
     most_samples: int = tuned(64, "samples", "of an interval, by the estimate")
     steps: int = tuned(300, "samples", "of a leg, at least")

@@ -19,7 +19,6 @@ class LandingPolicy:
         0.3, "of the time limit", "kept for replay and checks of what the search has", "Panda, xArm6"
     )
     check_time: float = tuned(1.0, "s", "the same, at most", "Panda, xArm6")
-    steps: int = tuned(600, "steps", "of the variational equations: 1 ms resolves a turn through dry friction", "Panda")
     samples: int = tuned(8, "samples", "of the motion under each constant torque", PLANAR)
     below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off")
     near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected")
