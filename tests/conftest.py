@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """What is collected stays to the end: the collector of garbage, which takes 6 % of the time, need not look at it."""
+    """What is collected stays to the end: looking through it for garbage would take 6 % of the time."""
     gc.freeze()
 
 
