@@ -10,6 +10,7 @@ from armdyn.optimal.arcs.arc import HELD, Arc, Mode
 from armdyn.optimal.arcs.phases import TABLEAU
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
+from armdyn.optimal.task.tableau import differentiation, lagrange
 from armdyn.trajectory import Trajectory
 
 
@@ -63,21 +64,5 @@ def motion_of(
 def _weights(steps: int) -> tuple[Array, Array, Array, Array]:
     """Parts of an interval, and there the weights of the stages, of its start and the stages, and of the curvature."""
     s = np.linspace(0, 1, steps + 1)
-    return s, lagrange(TABLEAU.c, s), lagrange(np.append(0.0, TABLEAU.c), s), _curvature(TABLEAU.c, s)
-
-
-def lagrange(nodes: Array, s: Array | float) -> Array:
-    """Values at s, shape (m,), of the polynomials that are 1 at one node and 0 at the others: shape (m, nodes)."""
-    apart = nodes[:, None] - nodes + np.eye(nodes.size)
-    factors = (np.atleast_1d(s)[:, None, None] - nodes) / apart  # (m, j, i)
-    factors[:, np.arange(nodes.size), np.arange(nodes.size)] = 1.0
-    values: Array = np.prod(factors, axis=2)
-    return values
-
-
-def _curvature(nodes: Array, s: Array) -> Array:
-    """Second derivatives at s, shape (m,), of the polynomials of `lagrange`: shape (m, nodes)."""
-    power = np.arange(2, nodes.size)
-    derivative = power * (power - 1) * s[:, None] ** (power - 2)
-    curvature: Array = derivative @ np.linalg.inv(nodes[:, None] ** np.arange(nodes.size))[2:]
-    return curvature
+    at_stages, slopes = lagrange(TABLEAU.c, s), differentiation(TABLEAU.c)
+    return s, at_stages, lagrange(np.append(0.0, TABLEAU.c), s), at_stages @ slopes @ slopes

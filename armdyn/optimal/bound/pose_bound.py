@@ -6,7 +6,7 @@ those that are nearer are enclosed by boxes, and the least of T and of these box
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from armdyn.arguments import expect
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
+from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -71,26 +72,6 @@ def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
     return known
 
 
-@dataclass(frozen=True, eq=False)
-class _Region:
-    """Boxes that touch, and a duration bound proven for all goals in them.
-
-    Attributes:
-        bound: lower bound on the duration [s], and the joint that decides it.
-        boxes: shape (boxes, nv).
-        tried: by momentum, so that only smaller regions can raise the bound.
-    """
-
-    bound: tuple[float, int]
-    boxes: Interval
-    tried: bool = False
-
-    @property
-    def hull(self) -> Interval:
-        """One box that holds all, each end of shape (nv,)."""
-        return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
-
-
 def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
     """Bound by boxes of all goals that may be reached in the set's time, that time at most, and the joint that decides.
 
@@ -100,23 +81,16 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: Stop)
     if whole is None:
         return known
     boxes = [one for each in clusters(goals.enclosed(whole, leg.policy.size, stop)) for one, _ in goals.turned(each)]
-    regions = [_Region(known, part) for part in boxes]
+    regions = [(known, Region(part, goals), False) for part in boxes]
     tries = 0
     while regions and tries < leg.policy.regions and not stop():
-        regions.sort(key=lambda region: region.bound)
-        least = regions[0]
-        if least.bound[0] >= longest or (least.tried and len(least.boxes.lower) == 1):
+        regions.sort(key=lambda known: known[0])
+        bound, least, tried = regions[0]  # tried by momentum: only smaller regions can raise its bound
+        if bound[0] >= longest or (tried and len(least.boxes.lower) == 1):
             break
-        if least.tried:
-            regions[:1] = [_Region(least.bound, part) for part in goals.cut(least.boxes)]
+        if tried:
+            regions[:1] = [(bound, Region(part, goals), False) for part in goals.cut(least.boxes)]
             continue
-        regions[0] = _Region(_by_momentum(goals, leg, least, stop), least.boxes, tried=True)
+        regions[0] = (leg_bound(replace(leg, goal=least.end(leg.goal.v)), stop, bound[0]), least, True)
         tries += 1
-    return min([region.bound for region in regions], default=(longest, known[1]))
-
-
-def _by_momentum(goals: GoalSet, leg: BoundLeg, region: _Region, stop: Stop) -> tuple[float, int]:
-    """Bound of all goals in a region, and the joint that decides it."""
-    hull = region.hull
-    equations = None if np.max(hull.radius) < leg.policy.isolated else goals.closure_over(hull)
-    return leg_bound(replace(leg, goal=replace(leg.goal, q=hull, equations=equations)), stop, region.bound[0])
+    return min([bound for bound, _, _ in regions], default=(longest, known[1]))

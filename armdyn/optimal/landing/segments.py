@@ -26,6 +26,10 @@ _MOST_NEWTON = 12
 """Newton steps: smooth motions take two or three; Coulomb friction within a segment takes some more."""
 _MOST_PARTS = 256
 """Steps of order six in a segment where fewer, or one and the motion's own end, disagree."""
+_LEVELS = 5
+"""Derivatives of a segment that are extrapolated: smooth motions take three or four."""
+_MOST_ROUGH = 2000
+"""Segments that may need more: five times as many as a motion usually has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +92,52 @@ class Segments:
         for state_transition, defect in zip(self.state_transition, self.defect, strict=True):
             beside = state_transition @ beside + defect
         return beside
+
+
+def transitions(
+    robot: Robot, h: Array, x: Array, tau: Array, precise: float, size: Array, deepest: int = 12
+) -> Array | None:
+    """Derivatives of the end states of segments by their start states, shape (K, 2 nv, 2 nv).
+
+    The derivative of a step is that at its middle, right to the square of its length: those of 1, 2, 4 … steps are
+    extrapolated (Romberg; Hairer, Nørsett, Wanner, Solving ODEs I, II.9) until that changes nothing. A segment that
+    takes too many, as through the turn of a joint with dry friction, is halved.
+
+    Args:
+        robot: the arm.
+        h: lengths of the segments [s], shape (K,).
+        x: start states, shape (K, 2 nv).
+        tau: torques at start and end [N m or N], shape (K, 2, nv).
+        precise: by how much entries may differ where costates are measured by `size`.
+        size: of what costates are multiplied by, shape (2 nv,).
+        deepest: halvings at most.
+
+    Returns:
+        None: they are not enough.
+    """
+    step, found, left = gauss_steps(robot), np.empty((h.size, size.size, size.size)), np.arange(h.size)
+    table = list[Array]()
+    for level in range(_LEVELS):
+        _, whole, _ = step(h[left], x[left], tau[left], 2**level)
+        row = [whole]
+        for k, before in enumerate(table):
+            row.append(row[-1] + (row[-1] - before) / (2.0 ** (k + 2) - 1))
+        apart = np.abs(row[-1] - table[-1]) * (size / size[:, None]) if table else np.full(whole.shape, np.inf)
+        found[left], rough = row[-1], ~(np.max(apart, axis=(1, 2)) <= precise)
+        left, table = left[rough], [each[rough] for each in row]
+        if not left.size:
+            return found
+    if not deepest or left.size > _MOST_ROUGH:
+        return None
+    half, middle = h[left] / 2, np.mean(tau[left], axis=1)
+    sides = np.stack([tau[left, 0], middle], axis=1), np.stack([middle, tau[left, 1]], axis=1)
+    between = step(half, x[left], sides[0], 2**_LEVELS)[0]
+    starts, torques = np.concatenate([x[left], between]), np.concatenate(sides)
+    halves = transitions(robot, np.tile(half, 2), starts, torques, precise, size, deepest - 1)
+    if halves is None:
+        return None
+    found[left] = halves[left.size :] @ halves[: left.size]
+    return found
 
 
 def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -97,7 +97,8 @@ def improve(
     """The fastest motion found that keeps its limits, and the last curve.
 
     Every step is a quadratic program. After it the limits are checked at fine samples, and what a torque exceeds its
-    limit by around a place is taken off the limit there: curve and margins converge together.
+    limit by around a place is taken off the limit there: curve and margins converge together. Where steps had rather
+    exceed torques than last longer the price of torques rises.
 
     Args:
         arm: with its limits.
@@ -107,7 +108,7 @@ def improve(
         until: no step is begun that would end after this time, by `time.perf_counter` [s].
     """
     program, policy = arm.program, arm.program.policy
-    best, k, began = None, 0, time.perf_counter()
+    best, k, over, began = None, 0, 0, time.perf_counter()
     # Of the longest guess: the rest of a last motion that ends here takes no time, and its price would be none.
     pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
     starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
@@ -117,9 +118,12 @@ def improve(
         k += 1
         step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
+        unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
         here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
-        pace = replace(pace, reach=min(reach, policy.calmer ** max(k - policy.lively, 0)))
         seen = arm.seen(here.points, here.duration)
+        over += seen.torque > -policy.least_spare and not unmet
+        price = policy.dearer * pace.price if unmet else pace.price
+        pace = Pace(min(reach, policy.calmer ** max(over - policy.lively, 0)), price)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
             best = Improved(here.duration, seen, margins, settled and pace.reach >= policy.stuck)
@@ -127,7 +131,7 @@ def improve(
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
             best = _slowed(arm, here, seen, margins, distances)
-        margins = _tightened(program, margins, here, seen, settled)
+        margins = _tightened(program, margins, here, seen, settled or over > policy.falling)
         took = max(took, time.perf_counter() - began)
     return best, Draft(here.points, here.duration, margins, k)
 

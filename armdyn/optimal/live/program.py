@@ -141,8 +141,8 @@ class StepProgram:
         self._lay_out()
 
     def ends(self, points: Array, duration: float, ends: Ends) -> Array:
-        """Control points whose curve begins in the start state and ends at rest at the goal."""
-        out = points.copy()
+        """Control points within position limits whose curve begins in the start state and ends at rest at the goal."""
+        out = np.clip(points, self.limits.position_lower, self.limits.position_upper)
         out[0], out[1] = ends.q, ends.q + self._lead(ends) * duration
         out[-2:] = ends.goal
         return out

@@ -26,9 +26,9 @@ from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
+from armdyn.optimal.landing.segments import transitions
 from armdyn.optimal.landing.shooting import Shooting
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.adjoint import Along
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.policy.landing import ShootingPolicy
 from armdyn.trajectory import Trajectory
@@ -151,13 +151,15 @@ class _StationarityProgram:
         cls, problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
     ) -> "_StationarityProgram | None":
         robot, actuators, n, numbers = problem.robot, problem.limits.actuators, problem.robot.nv, policy.shooting
-        along, size, h, edges = Along.of(robot, replay, policy.adjoint), motion.size, np.diff(motion.t), motion.t
-        edges = np.insert(edges, np.arange(1, edges.size), (edges[:-1] + edges[1:]) / 2)
-        steps = along.carried(edges, policy.adjoint.precise)
+        size, h, t = motion.size, np.diff(motion.t), motion.t
+        at, held = replay(np.append(t[:-1], (t[:-1] + t[1:]) / 2)), np.tile(motion.tau, (2, 1))
+        halves, x = np.tile(h / 2, 2), np.concatenate([at.q, at.v], axis=1)
+        steps = transitions(robot, halves, x, np.stack([held, held], axis=1), policy.adjoint.precise, size)
         if steps is None:
             return None
-        steps = steps * size[:, None] / size
-        first, carried, own = steps[0::2], steps[0::2] @ steps[1::2], np.eye(2 * n)
+        steps = steps.swapaxes(1, 2) * size[:, None] / size
+        first, own = steps[: h.size], np.eye(2 * n)
+        carried = first @ steps[h.size :]
         rates = []
         for x in (motion.x[:-1], motion.x[1:]):
             a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)

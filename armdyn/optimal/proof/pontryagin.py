@@ -8,8 +8,8 @@ from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
-from armdyn.optimal.arcs.sampling import lagrange
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.tableau import lagrange
 
 
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:

@@ -77,9 +77,10 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [knots[k] + lengths[k] * np.arange(1, counts[k]) / counts[k] for k in np.flatnonzero(counts > 1)]
+    beside = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # of the interval, before the switch
-        place = np.clip(share, numbers.margin, 1 - numbers.margin) + numbers.shrink * np.array([-0.5, 0.5])
+        place = np.clip(share, numbers.margin, 1 - numbers.margin) + beside
         more.append(knots[k] + lengths[k] * place)
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)

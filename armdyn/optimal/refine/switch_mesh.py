@@ -82,7 +82,7 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
     for level in levels.T[~limits.passive]:
         for run in stretches(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):
             stretch = _Stretch.of(level, knots, run)
-            times = stretch.switches() if run.size <= numbers.switch else stretch.ends()
+            times = stretch.switches() if run.size <= task.policy.arcs.switch else stretch.ends()
             for time in times:
                 k = int(np.clip(np.searchsorted(knots, time, side="right") - 1, run[0], run[-1]))
                 if lengths[k] > numbers.least:

@@ -14,20 +14,12 @@ from armdyn.optimal.arcs.sampling import motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.rollout import Rollout
+from armdyn.optimal.task.tableau import differentiation
 
 NODES = np.append(0.0, TABLEAU.c)
 """The start of an interval and its stages, as parts of it."""
 
-
-def _derivative() -> Array:
-    """Derivatives at the start and the stages of an interval of length 1 of the polynomial through values there."""
-    powers = np.arange(NODES.size)
-    vandermonde = NODES[:, None] ** powers
-    derivatives = powers[1:] * NODES[:, None] ** powers[:-1]
-    return np.asarray(np.hstack([np.zeros((NODES.size, 1)), derivatives]) @ np.linalg.inv(vandermonde))
-
-
-_DIFFERENTIATION = _derivative()
+_DIFFERENTIATION = differentiation(NODES)
 
 
 def phases_of(extremal: Extremal) -> Phases:

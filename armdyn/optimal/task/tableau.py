@@ -94,3 +94,19 @@ RADAU_5 = _radau(5)
 GAUSS_2, GAUSS_3 = _gauss(2), _gauss(3)
 
 TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3, RADAU_2, RADAU_3, RADAU_5, GAUSS_2, GAUSS_3)}
+
+
+def lagrange(nodes: Array, s: Array | float) -> Array:
+    """Values at s, shape (m,), of the polynomials that are 1 at one node and 0 at the others: shape (m, nodes)."""
+    apart = nodes[:, None] - nodes + np.eye(nodes.size)
+    factors = (np.atleast_1d(s)[:, None, None] - nodes) / apart  # (m, j, i)
+    factors[:, np.arange(nodes.size), np.arange(nodes.size)] = 1.0
+    values: Array = np.prod(factors, axis=2)
+    return values
+
+
+def differentiation(nodes: Array) -> Array:
+    """Derivatives at the nodes of the polynomials of `lagrange`: shape (nodes, nodes)."""
+    powers = np.arange(nodes.size)
+    derivatives = powers * nodes[:, None] ** np.maximum(powers - 1, 0)
+    return np.asarray(derivatives @ np.linalg.inv(nodes[:, None] ** powers))

@@ -7,9 +7,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.dynamics.numeric import forward_dynamics
+from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
 from armdyn.optimal.landing.rollout import dense
-from armdyn.optimal.proof.adjoint import Along, adjoint_error
+from armdyn.optimal.landing.segments import transitions
+from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from problems import cart, luus_problem, paper_problem, solve, solved
@@ -121,54 +122,51 @@ def test_a_replay_that_broke_off_says_nothing():
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
-def test_the_rates_are_those_of_differences(friction):
-    """The equations' matrix, column by column, against central differences of forward dynamics along the motion."""
+def test_transitions_are_those_of_differences(friction):
+    """A segment's matrix, column by column, against central differences of an adaptive integrator's end states."""
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=friction, friction=friction, width=0.5)
     replay = ad.replay_torques(robot, solution.trajectory)
-    along, acceleration, n = Along.of(robot, replay, FINELY), forward_dynamics(robot), robot.nv
-    at = np.array([replay.t[3] + 0.4 * (replay.t[4] - replay.t[3])])
-    q, v, tau = (each[0] for each in along.states(at))
-    step = 1e-6  # differences: rounding 1e-16/1e-6 of accelerations of 1e3, their third derivatives 1e-12
+    acceleration, n, k = forward_dynamics(robot), robot.nv, 3
+    h, x = replay.t[k + 1] - replay.t[k], np.concatenate([replay.q[k], replay.v[k]])
+    first, last = replay.tau[k], replay.tau_end[k]
+    found = transitions(robot, np.array([h]), x[None], np.array([[first, last]]), 1e-9, np.ones(2 * n))
 
-    def rate(x):
-        return np.concatenate([x[n:], acceleration(x[:n], x[n:], tau)])
+    def rate(time, x):
+        return np.concatenate([x[n:], acceleration(x[:n], x[n:], first + time / h * (last - first))])
 
-    x = np.concatenate([q, v])
-    slope = np.column_stack([(rate(x + d) - rate(x - d)) / (2 * step) for d in step * np.eye(2 * n)])
-    np.testing.assert_allclose(along.jacobians(at)[0], -slope.T, rtol=1e-5, atol=1e-5 * np.abs(slope).max())
+    def end(x):
+        return solve_ivp(rate, (0, h), x, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+
+    step = 1e-4  # differences: the integrator's 1e-12 over it, and its square times third derivatives
+    slope = np.column_stack([(end(x + d) - end(x - d)) / (2 * step) for d in step * np.eye(2 * n)])
+    np.testing.assert_allclose(found[0], slope, atol=1e-6 * np.abs(slope).max())
 
 
-def test_stretches_are_followed_as_an_adaptive_integrator_does():
+@pytest.mark.slow
+def test_transitions_are_those_of_an_adaptive_integrator():
     """Through the turn of a joint with dry friction, too, where the rates change within a hundredth of the motion."""
     solution = solved("rr")
     robot = solution.problem.robot.with_friction(damping=0.05, friction=0.1, width=1e-2)
-    along = Along.of(robot, ad.replay_torques(robot, dense(solution.trajectory, 400)), FINELY)
-    own, ends = along.size.size, solution.phases.t[[0, 1]]
-    carried = along.carried(ends, 1e-9)
+    motion, n = ad.replay_torques(robot, dense(solution.trajectory, 400)), robot.nv
+    last, size = int(np.searchsorted(motion.t, solution.phases.t[1])), np.repeat([10.0, 1e3], n)
+    x, tau = np.concatenate([motion.q, motion.v], axis=1), np.stack([motion.tau[:-1], motion.tau_end], axis=1)
+    found = transitions(robot, np.diff(motion.t)[:last], x[:last], tau[:last], 1e-9, size)
+    derivatives, acceleration = forward_dynamics_derivatives(robot), forward_dynamics(robot)
+    whole, expected, state = np.eye(2 * n), np.eye(2 * n), x[0]
+    for k in range(last):
+        h = motion.t[k + 1] - motion.t[k]
 
-    def rate(time, flat):
-        return (along.jacobians(np.array([time]))[0] @ flat.reshape(own, own)).ravel()
+        def rate(time, flat, k=k, h=h):
+            at, moved = flat[: 2 * n], flat[2 * n :].reshape(2 * n, -1)
+            torque = tau[k, 0] + time / h * (tau[k, 1] - tau[k, 0])
+            _, by_q, by_v, _ = (each[0] for each in derivatives(at[None, :n], at[None, n:], torque[None]))
+            down = np.concatenate([moved[n:], by_q @ moved[:n] + by_v @ moved[n:]])
+            return np.concatenate([at[n:], acceleration(at[:n], at[n:], torque), down.ravel()])
 
-    expected = solve_ivp(rate, ends[::-1], np.eye(own).ravel(), "DOP853", rtol=1e-10, atol=1e-14, max_step=1e-4)
-    np.testing.assert_allclose(
-        carried[0] * along.size[:, None] / along.size,
-        expected.y[:, -1].reshape(own, own) * along.size[:, None] / along.size,
-        atol=1e-8,
-    )  # ten times what was asked for
-    assert along.carried(ends, 0.0) is None  # what cannot be had ends
-
-
-def test_states_between_samples_are_those_of_a_finer_replay():
-    solution = solved("rr")
-    robot, motion = solution.problem.robot, solution.trajectory
-    coarse, fine = (ad.replay_torques(robot, dense(motion, count)) for count in (100, 1600))
-    along = Along.of(robot, coarse, FINELY)
-    inner = np.flatnonzero(~np.isclose(fine.t[:, None], coarse.t, rtol=0, atol=1e-9).any(axis=1))[::40]
-    assert inner.size > 20
-    for k in inner:
-        q, v, tau = (each[0] for each in along.states(fine.t[k : k + 1]))
-        # Quintics over a hundredth of the motion: (1/100)⁶ of its higher derivatives.
-        np.testing.assert_allclose(q, fine.q[k], atol=1e-8)
-        np.testing.assert_allclose(v, fine.v[k], atol=1e-5)
-        np.testing.assert_array_equal(tau, fine.tau[k])
+        start = np.concatenate([state, expected.ravel()])
+        end = solve_ivp(rate, (0, h), start, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+        state, expected, whole = end[: 2 * n], end[2 * n :].reshape(2 * n, -1), found[k] @ whole
+    scale = size / size[:, None]
+    np.testing.assert_allclose(whole * scale, expected * scale, atol=1e-7)  # of some tens of segments
+    assert transitions(robot, np.diff(motion.t)[:1], x[:1], tau[:1], -1.0, size) is None  # what cannot be had

@@ -283,7 +283,7 @@ def motions_from_moving_states():
         resolver.solve(at.q, at.v, ready, deadline=1e-9)
         ad.Resolver(arm).solve(at.q, at.v, ready, deadline=1e-9)
         stuck = {"eager": 0, "enough": 1e9, "stuck": 2.0}
-        for numbers in (stuck, {"eager": 0, "enough": 0.0}):  # numbers for curves that resist
+        for numbers in (stuck, {"eager": 0, "enough": 0.0}, {"torque": 1e-3}):  # for curves that resist
             patched.setattr(
                 live, "Policy", SimpleNamespace(of=lambda p, own=numbers: Noted.of(p).changed("live", **own))
             )
@@ -337,7 +337,7 @@ CHANGED = {
             "fine_barrier": 1e-5,
         },
         "rollout": {"together": 1},
-        "adjoint": {"samples": 1600},
+        "adjoint": {"precise": 1e-12},
         "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
     },
     "friction": {

@@ -1,6 +1,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.sparse.linalg import spsolve
 from scipy.special import roots_jacobi, roots_legendre
@@ -9,9 +11,12 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.unknowns import Scales, to_unknowns
 from armdyn.optimal.task.scheme import Scheme
-from armdyn.optimal.task.tableau import LOBATTO_3, TABLEAUS, Tableau
+from armdyn.optimal.task.tableau import LOBATTO_3, RADAU_5, TABLEAUS, Tableau, differentiation, lagrange
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
+
+NODES = [np.append(0.0, RADAU_5.c), *(tableau.c for tableau in TABLEAUS.values() if tableau.c.size > 2)]
+S = st.lists(st.floats(0, 1), min_size=1, max_size=5).map(np.array)
 
 
 @pytest.mark.parametrize("tableau", TABLEAUS.values(), ids=lambda tableau: tableau.name)
@@ -110,3 +115,28 @@ def test_knots_of_the_others():
     assert knots["radau3"] == (False, True, 2)
     assert knots["gauss2"] == (False, False, 2)
     assert knots["gauss3"] == (False, False, 3)
+
+
+@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
+@given(s=S)
+def test_they_add_up_to_one(nodes, s):
+    # Lebesgue's constant of these nodes is below ten.
+    np.testing.assert_allclose(lagrange(nodes, s).sum(axis=1), 1.0, rtol=1e-13)
+
+
+@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
+def test_each_is_one_at_its_own_node_alone(nodes):
+    np.testing.assert_array_equal(lagrange(nodes, nodes), np.eye(nodes.size))
+
+
+@pytest.mark.parametrize("nodes", NODES, ids=lambda nodes: str(nodes.size))
+@given(s=S, data=st.data())
+def test_polynomials_and_their_second_derivatives_are_exact(nodes, s, data):
+    coefficients = data.draw(st.lists(st.floats(-1, 1), min_size=nodes.size, max_size=nodes.size))
+    polynomial = np.polynomial.Polynomial(coefficients)
+    np.testing.assert_allclose(lagrange(nodes, s) @ polynomial(nodes), polynomial(s), atol=1e-12)
+    # Second differences of these nodes are below a few hundred, and an inverse loses as much again.
+    slopes = differentiation(nodes)
+    np.testing.assert_allclose(
+        lagrange(nodes, s) @ slopes @ slopes @ polynomial(nodes), polynomial.deriv(2)(s), atol=1e-9
+    )

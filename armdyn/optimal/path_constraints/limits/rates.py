@@ -11,6 +11,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
 from armdyn.optimal.path_constraints.rows import RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.tableau import differentiation, lagrange
 from armdyn.trajectory import Trajectory
 
 _DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
@@ -18,9 +19,8 @@ _POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 """Chebyshev's points of a sample, its ends among them."""
 _PLACES = np.linspace(0, 1, 17)
 """Of a sample, at which the polynomial is looked at: 16 parts of the 1e-3 that a sample is of the motion."""
-_COEFFICIENTS = np.linalg.inv(np.vander(_POINTS, increasing=True))
-_VALUES = np.vander(_PLACES, 5, increasing=True) @ _COEFFICIENTS
-_SLOPES = (np.vander(_PLACES, 4, increasing=True) * np.arange(1, 5)) @ _COEFFICIENTS[1:]
+_VALUES = lagrange(_POINTS, _PLACES)
+_SLOPES = _VALUES @ differentiation(_POINTS)
 
 
 def times_within(motion: Trajectory) -> Array:

@@ -165,38 +165,21 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
     free = 1 - own
     inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
-    by_carrier = _solved(inertia, carrying)
+    factors = ca.ldl(inertia, False)  # L D Lᵀ, in the joints' own order
+    by_carrier = ca.ldl_solve(carrying, *factors)
     reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
 
     def accelerated(torque: ca.SX) -> ca.SX:
         """Accelerations by a torque and by the reaction of the joint that carries it."""
-        alone = _solved(inertia, free * torque)
+        alone = ca.ldl_solve(free * torque, *factors)
         return alone - by_carrier * ca.dot(lifted, alone) / reach
 
     f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
     jacobian = ca.densify(ca.jacobian(f, x))
     torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(free_mask)))
-    alone = _solved(inertia, free * p[n:])
-    switching = free * (alone - _solved(inertia, lifted) * ca.dot(carrying, alone) / reach)
+    alone = ca.ldl_solve(free * p[n:], *factors)
+    switching = free * (alone - ca.ldl_solve(lifted, *factors) * ca.dot(carrying, alone) / reach)
     return (
         ca.Function("rate", [x, tau, free_mask, held, numbers], [f, jacobian, torque_sensitivity], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),
     )
-
-
-def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
-    """The solution of a symmetric positive definite system, by L D Lᵀ."""
-    n = right.numel()
-    L: list[list[ca.SX]] = [[ca.SX(0)] * n for _ in range(n)]
-    D: list[ca.SX] = []
-    for j in range(n):
-        D.append(matrix[j, j] - sum(L[j][k] ** 2 * D[k] for k in range(j)))
-        for i in range(j + 1, n):
-            L[i][j] = (matrix[i, j] - sum(L[i][k] * L[j][k] * D[k] for k in range(j))) / D[j]
-    y: list[ca.SX] = []
-    for i in range(n):
-        y.append(right[i] - sum(L[i][k] * y[k] for k in range(i)))
-    out = [y[i] / D[i] for i in range(n)]
-    for i in reversed(range(n)):
-        out[i] -= sum(L[k][i] * out[k] for k in range(i + 1, n))
-    return ca.vertcat(*out)

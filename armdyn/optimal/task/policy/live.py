@@ -5,6 +5,8 @@ from typing import ClassVar
 
 from armdyn.optimal.task.policy.tuned import tuned
 
+MANY = "the same, 1,400 goals (seeds 1, 4, 7, 16, 18, 31 and 33)"
+
 
 @dataclass(frozen=True, kw_only=True)
 class LivePolicy:
@@ -23,11 +25,26 @@ class LivePolicy:
         "of the longest guess",
         "price of a torque beyond its limit by half its range; 0.02: short motions take 40 steps",
     )
-    rate: float = tuned(1.0, "1", "price of a velocity beyond its limit, times the duration")
+    unmet: float = tuned(
+        0.1, "of half the range", "torques beyond their limits that a step promises, above which their price rises"
+    )
+    dearer: float = tuned(2.0, "-", "factor by which it rises then", MANY)
+    rate: float = tuned(
+        3.0,
+        "1",
+        "price of a velocity beyond its limit, times the duration; rows' multipliers may add up to 1: with that price "
+        "some motions end beyond a limit",
+        MANY,
+    )
     distance: float = tuned(10.0, "s/m", "price of a distance that is missing at a pose")
     trust: float = tuned(0.3, "rad or m", "radius of the first step")
-    lively: int = tuned(2, "steps", "after which the greatest step falls: excesses fall with its square")
-    calmer: float = tuned(0.5, "-", "factor by which it falls then at every step")
+    lively: int = tuned(
+        2, "steps", "beyond torque limits, after which the greatest one falls: excesses fall with its square"
+    )
+    calmer: float = tuned(0.5, "-", "factor by which it falls then at every such step")
+    falling: int = tuned(
+        4, "steps", "such steps, after which no margin falls: some margins and curves alternate for ever", MANY
+    )
     stuck: float = tuned(0.03, "of the greatest step", "shorter ones only make sure that limits are kept")
     least_reach: float = tuned(0.003, "of the greatest step", "least radius of a step")
     proximal: float = tuned(

@@ -59,7 +59,6 @@ class SwitchMeshPolicy:
     rounds: int = tuned(4, "meshes", "the last one's switches are located to 1e-6 of the duration")
     shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
     margin: float = tuned(0.02, "of an interval", "and so far from the others")
-    switch: int = tuned(2, "intervals", "off all limits in a row are a switch; more are an arc")
     least: float = tuned(1e-5, "of the duration", "a shorter interval is not divided")
     beyond: float = tuned(3e-7, "of a joint's range", "where a position limit is exceeded by more a knot is put")
     tolerance: float = tuned(1e-9, "scaled", "of a solution: times are then right to the interval")
@@ -93,7 +92,6 @@ class MotionMeshPolicy:
         3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
     )
     margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
-    shrink: float = tuned(0.1, "of an interval", "knots about a switch are so far apart")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,13 +152,8 @@ class AdjointPolicy:
     cases: ClassVar = PLANAR
 
     precise: float = tuned(
-        1e-7, "-", "error of a stretch's propagator, as H feels it: a thousandth of the costates' tolerance"
+        1e-6, "-", "error of a segment's propagator, as H feels it: a hundredth of the costates' tolerance"
     )
-    samples: int = tuned(400, "samples", "of the replay: quintics between them are right to 1e-9")
-    most: int = tuned(20_000, "stretches", "fifty times as many as planar arms take: some seconds")
-    deepest: int = tuned(16, "halvings", "of a stretch: the turn of a joint through dry friction takes some")
-    near: float = tuned(1e-3, "of an interval", "a sample so near its end is no edge of its own")
-    middle: float = tuned(0.3, "of a stretch", "a sample so near its middle halves it: torques have corners there")
     still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
 
 
