@@ -148,6 +148,11 @@ SOLVES = {
         starts=1,
     ),
     "arcs that are not resolved": lambda: noted(between("rr", **INSIDE), [("switching", {"rounds": 0})], starts=2),
+    "meshes that do not converge, and one that is divided": lambda: noted(
+        between("rr", velocity_limit=20.0),
+        [ARCS, ("switching", {"rounds": 0}), ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly": 1.0})],
+        starts=1,
+    ),
     "motions that are not resolved": lambda: noted(
         between("rr", **INSIDE),
         [("switching", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
