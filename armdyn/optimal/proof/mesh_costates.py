@@ -44,6 +44,7 @@ class MeshCostates:
         switching: S = ∂H/∂τ there, shape (K + 1, nv).
         held: multipliers of limits of (q, v) in the intervals, positive where the upper one holds the motion back
             [1/rad or 1/(rad/s)], shape (K, 2 nv).
+        missed: what changes within each interval save to first order at most, as a part of the duration, shape (K,).
         saving: bound on what a change of the motion saves to first order, as a part of the duration.
     """
 
@@ -51,6 +52,7 @@ class MeshCostates:
     costate: Array
     switching: Array
     held: Array
+    missed: Array
     saving: float
 
 
@@ -282,13 +284,14 @@ class _StationarityProgram:
         both = np.stack([switching[:-1], switching[1:]])
         falls = np.max(np.maximum(both * self.share, both * (self.share - 1)), axis=0)
         hamiltonian = 1 + np.sum(self.rate * np.stack([scaled[:-1], scaled[1:]]), axis=2)
-        missed, part = np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0), np.diff(motion.t) / motion.t[-1]
+        missed = (np.sum(falls, axis=1) + np.max(np.abs(hamiltonian), axis=0)) * np.diff(motion.t) / motion.t[-1]
         return MeshCostates(
             t=motion.t,
             costate=scaled / motion.size,
             switching=switching / self.width,
             held=held,
-            saving=float(part @ missed + multipliers @ stretches.distance),
+            missed=missed,
+            saving=float(np.sum(missed) + multipliers @ stretches.distance),
         )
 
     def _held(self, limit: _Limit) -> Array:

@@ -10,6 +10,7 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import rank, resolve
 from armdyn.optimal.search.candidates import Found, find
@@ -49,15 +50,20 @@ def refined(task: Task, found: Found) -> list[Optimum]:
         prepare_switching(task)
     # With an answer in hand a slower optimum is worth one mesh, not all of them.
     few, many = options.intervals, options.max_intervals
+    # One after the other they share what meshes are resolved to: most of the work where limits of velocity act.
+    alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
+    meshes = task.policy.motion_mesh
+    shared = ResolvedMotions(meshes) if alone else None
 
     def climbed(k: int) -> _Reached:
-        return _up(task, few if k else many, _first(task, attempts[k], numbers.budget * 2 / 3 ** (k + 1)))
+        begun = _Reached(attempts[k], shared or ResolvedMotions(meshes), left=numbers.budget * 2 / 3 ** (k + 1))
+        return _up(task, few if k else many, _first(task, begun))
 
     optima: list[Optimum] = []
     beaten = np.inf
     task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
     climbs = [partial(climbed, k) for k in range(len(attempts))]
-    for k, reached in enumerate(in_processes(climbs, task.workers, first_here=True)):
+    for k, reached in enumerate(in_processes(climbs, 1 if alone else task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
         if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
@@ -66,7 +72,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
             beaten = min(beaten, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
         slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
-        if left and (task.stop or slower):
+        if left and (task.stop or slower or (shared and shared.spent)):
             break
         if left:
             task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
@@ -79,6 +85,7 @@ class _Reached:
 
     Attributes:
         guess: the last attempt that converged.
+        resolved: motions that meshes were resolved to.
         mesh: intervals of the last; None: no mesh of this problem has been tried.
         best: of the meshes so far; None: none has converged.
         iterations: of all.
@@ -87,6 +94,7 @@ class _Reached:
     """
 
     guess: Attempt
+    resolved: ResolvedMotions
     mesh: int | None = None
     best: Optimum | None = None
     iterations: int = 0
@@ -94,15 +102,16 @@ class _Reached:
     left: float = np.inf
 
 
-def _first(task: Task, attempt: Attempt, budget: float) -> _Reached:
+def _first(task: Task, step: _Reached) -> _Reached:
     """Refinement on the first mesh."""
+    attempt = step.guess
     if attempt.intervals != task.options.intervals:
-        return _on(task, task.options.intervals, _Reached(attempt, left=budget))
+        return _on(task, task.options.intervals, step)
     if not attempt.usable:
         resisted = attempt.message, attempt.worst_violation
-        return _Reached(attempt, attempt.intervals, resisted=resisted, left=budget)
-    best, left = _read(task, attempt, budget)
-    return _Reached(attempt, attempt.intervals, best, left=left)
+        return replace(step, mesh=attempt.intervals, resisted=resisted)
+    best, left = _read(task, attempt, step)
+    return replace(step, mesh=attempt.intervals, best=best, left=left)
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
@@ -112,10 +121,10 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
     if not attempt.usable:
         resisted = attempt.message, attempt.worst_violation
         return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
-    best, left = _read(task, attempt, step.left)
+    best, left = _read(task, attempt, step)
     if step.best is not None and _quality(task, step.best) <= _quality(task, best):
         best = step.best
-    return _Reached(attempt, mesh, best, iterations, left=left)
+    return replace(step, guess=attempt, mesh=mesh, best=best, iterations=iterations, resisted=("", None), left=left)
 
 
 def _up(task: Task, finest: int, step: _Reached) -> _Reached:
@@ -133,20 +142,20 @@ def _reads_arcs(task: Task) -> bool:
     return task.options.arcs and task.scheme.control == "constant"
 
 
-def _read(task: Task, attempt: Attempt, left: float) -> tuple[Optimum, float]:
+def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]:
     """The extremal that a mesh's solution leads to within a budget of integrator steps, and the budget's rest."""
     motion = attempt.trajectory
     if _reads_arcs(task):
-        budget = Budget(task.stop, left)
-        return replace(resolve(task, attempt, budget), iterations=0), budget.left
+        budget = Budget(task.stop, step.left)
+        return replace(resolve(task, attempt, budget, step.resolved), iterations=0), budget.left
     certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not asked for")
-    return Optimum(motion, certificate, motion.duration, attempt.intervals), left
+    return Optimum(motion, certificate, motion.duration, attempt.intervals), step.left
 
 
 def _enough(task: Task, step: _Reached) -> bool:
-    """Whether a finer mesh has nothing to give."""
-    if step.best is None:
-        return False
+    """Whether a finer mesh has nothing to give, or is hopeless."""
+    if step.best is None or step.resolved.spent:
+        return step.best is not None
     certificate, numbers = step.best.certificate, task.policy.refinement
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)

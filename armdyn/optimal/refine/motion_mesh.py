@@ -5,21 +5,26 @@ optimum does: about jumps of a torque that is off its limits, along limits of ve
 constant torque strays, and where collocation is not exact enough.
 """
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.arrays import Array
+from armdyn.arrays import Array, Flags, Index
+from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
+from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import SAVING_TOLERANCE
-from armdyn.optimal.proof.mesh_costates import mesh_costates
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
+from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
+from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
+from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -31,19 +36,98 @@ def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
         task: its problem; torques are constant in the intervals.
         attempt: a solution near it.
     """
-    numbers = task.policy.motion_mesh
-    if not has_stagewise(task):
-        return None
-    inside = task.problem.variant(velocity_limit=(1 - numbers.inside) * task.problem.limits.velocity)
-    within = replace(task, problem=inside)
-    settings = replace(task.sharp(), max_iterations=numbers.iterations, barrier=numbers.barrier)
-
-    def solve(guess: Trajectory, knots: Array) -> Attempt:
-        return solve_on_knots(within, guess, knots, settings, numbers.tie)
-
-    knots = mesh(numbers.intervals)
-    found = list(on_finer_meshes(task, attempt, knots, numbers, solve, lambda one: _finer(within, one, numbers)))
+    found = list(_Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(attempt))
     return found[-1] if found else None
+
+
+class ResolvedMotions:
+    """Motions of one problem that meshes were resolved to: what begins on the same motion is not resolved again.
+
+    Attributes:
+        left: intervals times iterations that may still be solved: the same on every machine.
+    """
+
+    def __init__(self, numbers: MotionMeshPolicy) -> None:
+        self.left, self._spare = numbers.work, numbers.spare
+        self._known: list[tuple[Attempt, Optimum | None]] = []
+
+    @property
+    def spent(self) -> bool:
+        """Whether no work is left, but for divided meshes: other solutions of the problem are hopeless."""
+        return self.left < self._spare
+
+    def add(self, first: Attempt, optimum: Optimum | None) -> None:
+        """Add what came of the solution on the first mesh; None: nothing."""
+        self._known.append((first, optimum))
+
+    def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
+        """What came of the same solution on the first mesh; None: it was none yet."""
+        for known, optimum in self._known:
+            if len(distinct([known, first], same.resolved, same.apart)) == 1:
+                return (optimum,)
+        return None
+
+
+class _Meshes:
+    """Solutions on meshes, a little within limits of velocity.
+
+    Attributes:
+        task: the problem and its settings.
+        resolved: whose work they are a part of.
+        tie: number of the tie that the last one took.
+    """
+
+    def __init__(self, task: Task, resolved: ResolvedMotions) -> None:
+        self.task, self.resolved, self.tie = task, resolved, 0
+
+    def finer(self, attempt: Attempt) -> Iterator[Attempt]:
+        """Solutions of one optimum on finer and finer meshes."""
+        numbers, within = self.task.policy.motion_mesh, self._within()
+
+        def solve(guess: Trajectory, knots: Array) -> Attempt:
+            return self._solved(within, guess, knots, 0)
+
+        def finer(one: Attempt) -> Array:
+            knots = _finer(within, one, numbers)
+            return knots if self.worth(knots, numbers.spare) else one.mesh
+
+        if has_stagewise(self.task):
+            yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+
+    def again(self, attempt: Attempt, rough: Flags, further: float) -> Attempt | None:
+        """The solution on a mesh of which some intervals are divided; None: there is none, or no work is left.
+
+        Args:
+            attempt: the solution before.
+            rough: intervals to be divided, shape (K,).
+            further: within limits of velocity, as a part of them.
+        """
+        knots = _in_parts(attempt.mesh, np.where(rough, self.task.policy.motion_mesh.parts, 1))
+        if not (np.any(rough) and self.worth(knots)) or self.task.stop:
+            return None
+        found = self._solved(self._within(further), attempt.trajectory, knots, self.tie)
+        return found if found.usable else None
+
+    def worth(self, knots: Array, spare: int = 0) -> bool:
+        """Whether enough work is left for a mesh, and some to spare."""
+        return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
+
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
+        """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
+        numbers, self.tie, size = self.task.policy.motion_mesh, tie, knots.size - 1
+        iterations = numbers.tied_iterations if tie else numbers.iterations
+        most = min(iterations, max(numbers.fewest, self.resolved.left // size))
+        settings = replace(task.sharp(), max_iterations=most, barrier=numbers.barrier)
+        found = solve_on_knots(task, guess, knots, settings, numbers.ties[tie])
+        self.resolved.left -= found.iterations * size
+        if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
+            return found
+        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
+        return self._solved(task, near, knots, tie + 1)
+
+    def _within(self, further: float = 0.0) -> Task:
+        velocity = (1 - self.task.policy.motion_mesh.inside - further) * self.task.problem.limits.velocity
+        return replace(self.task, problem=self.task.problem.variant(velocity_limit=velocity))
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -76,7 +160,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # of the fifth order; not known where a motion diverges
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
-    more = [knots[k] + lengths[k] * np.arange(1, counts[k]) / counts[k] for k in np.flatnonzero(counts > 1)]
+    more = [_in_parts(knots, counts)]
     beside = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # of the interval, before the switch
@@ -87,20 +171,69 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     return np.asarray(found[apart | (found == 0)])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
+def _in_parts(knots: Array, counts: Index) -> Array:
+    """Knots of a mesh with its intervals in so many equal parts each."""
+    own = np.repeat(np.arange(counts.size), counts)
+    part = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
+
+
+def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions | None = None) -> Optimum | None:
     """The motion of a resolved mesh, landed by multiple shooting, with what a change of it could save to first order.
 
     Args:
         task: the problem and its settings.
         attempt: a solution near it.
         remark: why its arcs are not known.
+        resolved: motions of the problem that are known; more are added.
 
     Returns:
         None: no mesh converges, or its motion does not land.
     """
-    problem = task.problem
-    mesh = resolved_motion(task, attempt)
-    motion = None if mesh is None else landed(task, mesh)
+    resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
+    meshes = _Meshes(task, resolved)
+    finer = meshes.finer(attempt)
+    first = next(finer, None)
+    if first is None:
+        return None
+    if (known := resolved.like(first, task.policy.same)) is not None:
+        return known[0]
+    best = _divided_until_certified(meshes, [first, *finer][-1], remark)
+    resolved.add(first, best)
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """The motion of a mesh, landed.
+
+    Attributes:
+        optimum: the motion, with its certificate.
+        saving: what a change of it saves at most, as a part of the duration; infinite: it is not known.
+        rough: intervals to be divided where it is nearly certified, shape (K,).
+    """
+
+    optimum: Optimum
+    saving: float
+    rough: Flags
+
+
+def _divided_until_certified(meshes: _Meshes, mesh: Attempt | None, remark: str) -> Optimum | None:
+    """The best motion of a mesh, and of those divided where the one before is not yet certified."""
+    task, best, numbers = meshes.task, None, meshes.task.policy.motion_mesh
+    for k in range(1 + numbers.again):
+        found = None if mesh is None else _judged(task, mesh, remark)
+        if mesh is None or found is None or (best and found.saving > max(best.saving, SAVING_TOLERANCE)):
+            break
+        best, excess = found, found.optimum.certificate.limit_violation
+        if k < numbers.again:
+            mesh = meshes.again(mesh, best.rough, excess if k else 0.0)  # shorter intervals exceed limits by less
+    return None if best is None else best.optimum
+
+
+def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
+    """The motion of a mesh, landed; None: it does not land."""
+    problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
@@ -108,8 +241,9 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
     if not found.certificate.on_goal:
         return None
     costates = mesh_costates(problem, motion, replay, task.policy)
+    rough = _rough(task, motion, replay, costates)
     if costates is None or costates.saving > SAVING_TOLERANCE:
-        return found
+        return _Judged(found, np.inf if costates is None else costates.saving, rough)
     certificate = replace(
         found.certificate,
         remark="",
@@ -118,4 +252,20 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str) -> Optimum | None:
         costate=costates.costate,
         switching=costates.switching,
     )
-    return replace(found, certificate=certificate)
+    return _Judged(replace(found, certificate=certificate), costates.saving, rough)
+
+
+def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
+    """Intervals to be divided where a motion is nearly certified: of most of its saving, or beyond a limit."""
+    numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
+    beyond = excesses(task.problem.limits, replay)
+    if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:
+        return rough
+    if costates.saving > SAVING_TOLERANCE:
+        order = np.argsort(costates.missed)[::-1]
+        left = costates.saving - np.cumsum(costates.missed[order])
+        rough[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
+    for one in beyond:
+        at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
+        rough[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, rough.size - 1)] = True
+    return np.asarray(rough & (np.diff(motion.t) > numbers.least * motion.t[-1]))

@@ -14,7 +14,7 @@ from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land_extremal
-from armdyn.optimal.refine.motion_mesh import mesh_optimum
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
@@ -36,16 +36,21 @@ from armdyn.trajectory import Trajectory
 _IDLE = "time leaves a joint idle"
 
 
-def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optimum:
+def resolve(
+    task: Task, attempt: Attempt, budget: Budget | None = None, resolved: ResolvedMotions | None = None
+) -> Optimum:
     """The arcs of a mesh's solution, or its own motion and why they resist.
 
     Args:
         task: the problem and its settings.
         attempt: a collocation solution with constant torques between its knots.
         budget: of the integrator's steps that may be spent; None: as many as it takes.
+        resolved: motions that meshes of the problem were resolved to; more are added. None: none.
     """
     known = list[Optimum]()
-    for found in _optima(task, attempt, Budget(task.stop) if budget is None else budget):
+    budget = Budget(task.stop) if budget is None else budget
+    resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
+    for found in _optima(task, attempt, budget, resolved):
         known += found
         if certified := [one for one in found if one.certificate.ok]:
             return min(certified, key=partial(rank, task))
@@ -53,7 +58,7 @@ def resolve(task: Task, attempt: Attempt, budget: Budget | None = None) -> Optim
     return min(known, key=partial(rank, task))
 
 
-def _optima(task: Task, attempt: Attempt, budget: Budget) -> Iterator[list[Optimum]]:
+def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions) -> Iterator[list[Optimum]]:
     """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh.
 
     Extremals of a structure that has not settled come with those that it settles to: one of them may be certified, too,
@@ -71,13 +76,13 @@ def _optima(task: Task, attempt: Attempt, budget: Budget) -> Iterator[list[Optim
     yield extremals
     # Else a finer mesh may show a structure yet.
     last = budget.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
-    resolved = mesh_optimum(task, found.mesh, found.why) if fast or last or found.idle else None
-    if resolved is not None:
-        yield [resolved]
-    if fast and resolved is None and not found.settled:
+    motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
+    if motion is not None:
+        yield [motion]
+    if fast and motion is None and not found.settled:
         found = found.again(budget)
         yield _landed(task, found, attempt, budget)
-    if resolved is not None and resolved.within_limits:
+    if motion is not None and motion.within_limits:
         budget.spend(budget.left)  # what a resolved motion lacks no other mesh has
         return
     yield [own := _of_mesh(task, found.mesh, found.why)]

@@ -63,10 +63,9 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
         # An optimum has another duration on another mesh, and counts on each: safer than to match them.
-        asked = task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
-        asked = asked and len(solved) >= numbers.least
+        asked = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
         optima = len(grouped(solved, within(task.policy.same.coarse))) if asked else 0
-        if task.stop or (asked and enough(len(solved), optima, numbers.least)):
+        if task.stop or (asked and enough(len(solved), optima)):
             break
     return attempts
 
@@ -86,7 +85,7 @@ def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
     return attempts
 
 
-def enough(solved: int, optima: int, least: int = 0) -> bool:
+def enough(solved: int, optima: int) -> bool:
     """Whether so many guesses have probably met all optima.
 
     The expected number of optima is optima (solved - 1) / (solved - optima - 2), whatever their basins'
@@ -99,6 +98,5 @@ def enough(solved: int, optima: int, least: int = 0) -> bool:
     Args:
         solved: guesses that converged.
         optima: that they led to.
-        least: guesses that are needed in any case.
     """
-    return solved >= least and solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)
+    return solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)

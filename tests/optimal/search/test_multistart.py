@@ -22,11 +22,6 @@ def test_who_has_enough_has_enough_of_more_and_for_fewer(solved, optima):
         assert optima == 1 or enough(solved, optima - 1)
 
 
-@given(st.integers(0, 200), st.integers(1, 40), st.integers(0, 200))
-def test_few_guesses_are_never_enough(solved, optima, least):
-    assert enough(solved, optima, least) == (enough(solved, optima) and solved >= least)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_two_optima_in_eighteen_guesses_are_not_all(seed):
@@ -38,3 +33,15 @@ def test_two_optima_in_eighteen_guesses_are_not_all(seed):
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(seed=seed))
     assert solution.certified, solution.message
     assert solution.duration == pytest.approx(0.202300272, rel=1e-7)
+
+
+@pytest.mark.slow
+def test_one_optimum_in_sixty_guesses_is_not_all():
+    # Sixty random guesses meet one optimum, 5.9 % above one that changes of it lead to.
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.10971324773677378))
+    start = [2.830885167286576, 1.2244864070872925, 0.7769804054725773]
+    goal = [1.602303546985627, 1.831530582499113, 1.0189342293009767]
+    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal)
+    solution = ad.solve_minimum_time(problem)
+    assert solution.certified, solution.message
+    assert solution.duration == pytest.approx(0.190948654, rel=1e-7)

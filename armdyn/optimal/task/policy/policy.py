@@ -108,7 +108,7 @@ class Policy:
             ),
             search=SearchPolicy(
                 starts=starts,
-                least=60 if many else 0,
+                ends_early=not many,
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,

@@ -88,8 +88,24 @@ class MotionMeshPolicy:
         5e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
     )
     slower: float = tuned(4e-3, "of the duration", "a solution that is so much slower is another optimum", "RRR, 500 g")
-    tie: float = tuned(
-        3e-6, "of 1 for time", "cost of full torques: it picks one motion of a joint that time leaves idle"
+    ties: tuple[float, ...] = tuned(
+        (3e-6, 1e-4, 3e-4),
+        "of 1 for time",
+        "cost of full torques: it picks one motion of a joint that time leaves idle; the next one where none converges",
+        "random arms (RR, seed 1; RRR)",
+    )
+    tied_iterations: int = tuned(300, "iterations", "at most, with all but the first", "random arms (RRR)")
+    work: int = tuned(
+        1_300_000,
+        "intervals",
+        "times iterations of all meshes of a problem: 3 to 4 s with three joints",
+        "random arms (RRR)",
+    )
+    spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
+    fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
+    again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    nearly: float = tuned(
+        1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
     )
     margin: float = tuned(0.07, "of an interval", "a switch so near its end is moved off it")
 
@@ -152,7 +168,11 @@ class AdjointPolicy:
     cases: ClassVar = PLANAR
 
     precise: float = tuned(
-        1e-6, "-", "error of a segment's propagator, as H feels it: a hundredth of the costates' tolerance"
+        1e-5,
+        "-",
+        "by which a segment's propagator and the one before it in extrapolation may differ, as H feels it: what is left"
+        " changes the costates' error by 1e-7 at most, a thousandth of its tolerance",
+        "R, RR, RRR, three random RRR",
     )
     still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
 

@@ -49,6 +49,12 @@ class DescentPolicy:
     states: float = tuned(0.1, "-", "weight of a state's correction against that of a time")
     swing: float = tuned(0.3, "of a radian and of the largest speed", "largest correction of a state at once")
     kept: float = tuned(0.2, "of a segment", "that one correction leaves at least")
+    cubic: float = tuned(
+        1.5e-4, "integrator steps", "that a correction takes, times the cube of its unknowns", "random arms (RRR)"
+    )
+    overdrawn: float = tuned(
+        20_000, "integrator steps", "beyond a budget at which Newton's method ends, too", "random arms (RRR)"
+    )
     steps: int = tuned(20, "steps", "along tangents: those that came to an extremal took 13 at most")
     radius: float = tuned(0.03, "of the duration", "first radius of the trust region")
     narrow: float = tuned(1e-6, "of the duration", "radius below which the model is not to be trusted at all")
