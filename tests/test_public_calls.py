@@ -197,7 +197,7 @@ def what_is_wrong(call, right, name, value):
         message.encode()
         if not 0 < len(message) <= LONGEST:
             return f"a message of {len(message)} characters"
-        said = os.fsdecode(value)[:99] or "." if isinstance(value, str | bytes) else None
+        said = os.fsdecode(value[:99]) or "." if isinstance(value, str | bytes) else None
         named = re.search(words, message, re.IGNORECASE) or (said is not None and said in message)
         return "" if named else f"does not name it: {message}"
     except (Exception, TooLong) as error:

@@ -283,7 +283,7 @@ def test_help_teaches(command):
 @pytest.mark.slow
 def test_a_refused_pose_is_shown_where_a_folder_is_named(tmp_path):
     options = ["--payload", 0.1, "--obstacle", "plane:-1,0,0@0.45,0,0", "--q-start=-1.5,0", "--q-goal", "0.2,0"]
-    result = run("mintime", "rr", *options)
+    result = run_here("mintime", "rr", *options)
     assert result.returncode == 2 and "--out DIR writes a page" in " ".join(result.stderr.split())
-    result = run("mintime", "rr", *options, "--out", tmp_path)
+    result = run_here("mintime", "rr", *options, "--out", tmp_path)
     assert result.returncode == 2 and [file.name for file in tmp_path.iterdir()] == ["contacts.html"]

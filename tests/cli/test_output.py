@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -165,15 +164,6 @@ def test_people_are_told_in_one_line(tiny_disk):
 
 def _r():
     return ad.ArmSpec.paper("r")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full")
-def test_a_full_disk_under_standard_output():
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run([*COMMAND, "urdf", "rr"], stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 5
-    assert "disk full while writing standard output" in " ".join(done.stderr.split())
 
 
 @pytest.mark.slow

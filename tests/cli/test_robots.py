@@ -1,26 +1,19 @@
-import json
-import subprocess
 import sys
 
 import pytest
-from typer.testing import CliRunner
 
 import armdyn.cli.robots as robots
-from armdyn.cli.app import app
 from armdyn.models import PLANAR_ARMS, Robot
 from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
-from cli.command import COMMAND
+from cli.command import run_here, run_json
 from models.mjcf.arms import RR
-
-ROBOTS = [*COMMAND, "robots"]
 
 
 @pytest.fixture(scope="module")
 def listed():
-    done = subprocess.run([*ROBOTS, "--json"], capture_output=True, text=True, timeout=120, check=True)
-    return json.loads(done.stdout)
+    return run_json("robots")
 
 
 @pytest.mark.slow
@@ -62,17 +55,10 @@ def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
 
 @pytest.mark.slow
 def test_table_teaches():
-    done = subprocess.run(ROBOTS, capture_output=True, text=True, timeout=120, check=True)
-    words = " ".join(done.stdout.split())
+    words = " ".join(run_here("robots").stdout.split())
     assert "needs --effort-limit (all joints)" in words and "of baxter" in words
     assert "no motor (shoulder)" in words
     assert "armdyn doctor NAME" in words
-
-
-def run_json(*arguments, code=0):
-    done = CliRunner().invoke(app, [*map(str, arguments), "--json"])
-    assert done.exit_code == code, done.output
-    return json.loads(done.stdout)
 
 
 def test_any_part_of_a_robot_is_an_arm():

@@ -6,7 +6,7 @@ import armdyn as ad
 from armdyn.errors import ProblemError
 from cycles import planar, planar_solved
 
-QUICK = ad.MinimumTimeOptions(search="quick")
+QUICK = ad.MinimumTimeOptions(search="quick", bound=False)
 
 
 @pytest.fixture(scope="module")

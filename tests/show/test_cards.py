@@ -102,11 +102,11 @@ def test_names_from_files_are_text(robot, problem, solution, run):
     found = dataclasses.replace(solution, problem=asked, message=EVIL, trajectory=motion, decides=())
     values = (evil, asked, found, motion, dataclasses.replace(run, trajectory=motion, message=EVIL))
     plain = Tags("".join(map(card, (robot, problem, solution, solution.trajectory, run))))
-    for value in values:
-        tags = Tags(card(value))
+    for markup in map(card, values):
+        tags = Tags(markup)
         assert tags.tags <= plain.tags and "script" not in tags.tags and "img" not in tags.tags
         assert tags.attributes <= plain.attributes
-        assert "alert(1)" in text_of(card(value))
+        assert "alert(1)" in text_of(markup)
 
 
 def test_a_motion_that_was_not_found_has_a_card(solution):

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
 
-_ACCURATE = 1e-8
-"""Of the quadratic program: rows are kept better than the 1e-6 to which limits are; two iterations more."""
 _MOST = 60
 """Iterations; those that end take 10 to 30."""
 
@@ -76,8 +74,13 @@ class QpSolution:
     bounds: Array
 
 
-def solve_step(problem: ConvexStep) -> QpSolution:
-    """Solve a quadratic program; other threads go on meanwhile."""
+def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
+    """Solve a quadratic program; other threads go on meanwhile.
+
+    Args:
+        problem: the program.
+        accuracy: largest relative residual, and gap between the primal and the dual cost over 1 and the cost.
+    """
     (hard, top), soft, before = problem.hard, problem.soft, 0
     slacks, prices = [np.full(top.size, -1)], [np.empty(0)]
     for rows in soft:
@@ -97,7 +100,7 @@ def solve_step(problem: ConvexStep) -> QpSolution:
         top=np.concatenate([top, *(rows.upper for rows in soft)]),
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),
-        tolerance=_ACCURATE,
+        tolerance=accuracy,
         most=_MOST,
     )
     step, multipliers, bounds = (np.frombuffer(each) for each in numbers)

@@ -145,10 +145,10 @@ class Curve:
             counts = np.broadcast_to(each, lengths.shape)
             fractions = np.concatenate([np.arange(count) / count for count in counts])
             s = np.append(np.repeat(leg.basis.breaks[:-1], counts) + np.repeat(lengths, counts) * fractions, 1.0)
-            q, v, _ = leg.at(s)
+            q, v, a = leg.at(s)
             t = start + leg.duration * s
             start = float(t[-1])
-            own: tuple[Array, ...] = t, q, v, leg.torques(robot, s)
+            own: tuple[Array, ...] = t, q, v, inverse_dynamics(robot)(q, v, a)
             if k < len(self.legs) - 1 and jumps:
                 t[-1] = np.nextafter(start, 0)
             elif k < len(self.legs) - 1:

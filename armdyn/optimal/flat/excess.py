@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, torque_rates
@@ -32,8 +33,9 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     for leg in curve.legs:
         breaks = leg.basis.breaks
         s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
-        tau = leg.torques(problem.robot, s.ravel()).reshape(*s.shape, -1)
-        weakest, strongest = limits.actuators.range(*(x.reshape(tau.shape) for x in leg.at(s.ravel())[:2]))
+        q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
+        tau = inverse_dynamics(problem.robot)(q, v, a)
+        weakest, strongest = limits.actuators.range(q, v)
         # What the limits lose with speed is added to the torque: 0 where they are constant.
         least = -tops((weakest - limits.actuators.lower) - tau)
         most = tops(tau + (limits.actuators.upper - strongest))

@@ -39,6 +39,7 @@ class _Iterate:
 
     Attributes:
         x: unknowns.
+        cost: what is minimised, without penalties [s].
         torques: that the curve takes.
         velocities: of its control points.
         others: other equations; None: there are none.
@@ -47,6 +48,7 @@ class _Iterate:
     """
 
     x: Array
+    cost: float
     torques: TorqueParts
     velocities: Sides
     others: Sides | None
@@ -104,7 +106,7 @@ class Sequential:
             if taken is not None:
                 before, merit = merit, self._merit(taken)
                 # Where the rows were linear all along the step, it ends in the optimum.
-                promised, reached = self._promised(at, step), self._reached(at, taken, step, merit)
+                promised, reached = at.cost + step.cost, self._reached(at, taken, step, merit)
                 off = abs(promised - merit)
                 if k == last < policy.steps - 1 and before - promised < policy.near * merit:
                     last += 1
@@ -134,14 +136,14 @@ class Sequential:
         program = self._convex(at)
         while True:
             self._radius = trust
-            step = solve_step(self._within(program, at, trust))
+            step = solve_step(self._within(program, at, trust), policy.accuracy)
             iterations += 1
-            if step.found and merit - self._promised(at, step) < policy.predicted * merit:
+            if step.found and merit - (at.cost + step.cost) < policy.predicted * merit:
                 return None, step, trust, iterations
             if step.found:
                 moved, free = at.x + step.step, self.problem.place >= 0
                 next_ = self._point(np.where(free, np.clip(moved, *self.problem.numbers.x_bounds), at.x))
-                gained, promised = merit - self._merit(next_), merit - self._promised(at, step)
+                gained, promised = merit - self._merit(next_), merit - (at.cost + step.cost)
                 farther = next_.penalties[1] - at.penalties[1]
                 if eager and not (farther > policy.jump and next_.penalties[1] > 2 * at.penalties[1]):
                     return next_, step, trust, iterations
@@ -163,7 +165,8 @@ class Sequential:
         x[problem.torques] = torques.tau
         others = problem.other_sides(x, torques.jacobian)
         near = None if problem.clearance is None else problem.clearance.at(problem.shape, x)
-        return _Iterate(x, torques, velocities, others, near, self._penalties(x, velocities, others, near))
+        cost = problem.cost.value(x, torques.tau)
+        return _Iterate(x, cost, torques, velocities, others, near, self._penalties(x, velocities, others, near))
 
     def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
         """An iterate of the program with other bounds of the torques."""
@@ -184,10 +187,7 @@ class Sequential:
         return policy.torque * float(np.sum(over)), policy.distance * missing, policy.other * missed
 
     def _merit(self, at: _Iterate) -> float:
-        return self.problem.cost.value(at.x, at.torques.tau) + sum(at.penalties)
-
-    def _promised(self, at: _Iterate, step: QpSolution) -> float:
-        return self.problem.cost.value(at.x, at.torques.tau) + step.cost
+        return at.cost + sum(at.penalties)
 
     def _duration(self, at: _Iterate) -> float:
         return float(np.sum(at.x[self.problem.cost.durations]))

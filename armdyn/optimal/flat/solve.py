@@ -157,12 +157,12 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
 
 def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
     """Price of squared accelerations over velocity limits, by the unknowns; none where torques have a price."""
+    if spec.smooth or spec.travel:
+        return sp.csr_matrix((shape.size, shape.size))
     numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
     prices = numbers.smooth * np.ones(times.size)
     if shape.joined:  # of accelerations in time: those of short legs are large
         prices = numbers.smooth_short * (np.max(times) / times) ** 3
-    if spec.smooth or spec.travel:
-        prices = 0 * prices
     return squared_derivatives(guess, shape, 2, prices, task.problem.limits.velocity)
 
 

@@ -1,4 +1,3 @@
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +12,6 @@ from armdyn.paper.printed.examples import PAYLOADS
 from scripts_of import script
 
 ROOT = Path(__file__).parents[3]
-SCRIPT = ROOT / "scripts" / "generate_urdfs.py"
 
 
 @pytest.fixture(scope="module", name="script")
@@ -28,20 +26,18 @@ def test_urdf_folder_is_what_the_script_writes(script):
     assert script.differing(ROOT / "urdf", files) == []
 
 
-@pytest.mark.slow
-def test_check_names_what_differs(script, tmp_path):
+def test_check_names_what_differs(script, tmp_path, monkeypatch, capsys):
     def run(*arguments):
-        command = [sys.executable, str(SCRIPT), "--folder", str(tmp_path), *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        monkeypatch.setattr(sys, "argv", ["generate_urdfs.py", "--folder", str(tmp_path), *arguments])
+        return script.main()
 
-    assert run().returncode == 0
-    assert run("--check").returncode == 0
+    assert run() == 0
+    assert run("--check") == 0
     (tmp_path / "rr.urdf").write_text("<robot/>")
     (tmp_path / "r.urdf").unlink()
     (tmp_path / "left_over.urdf").touch()
-    checked = run("--check")
-    assert checked.returncode == 1
-    named = [Path(line).name for line in checked.stderr.splitlines()]
+    assert run("--check") == 1
+    named = [Path(line).name for line in capsys.readouterr().err.splitlines()]
     assert named == ["left_over.urdf", "r.urdf", "rr.urdf"]
 
 

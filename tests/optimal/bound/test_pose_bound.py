@@ -50,6 +50,14 @@ def enclosed(robot, pose, start, longest, size):
     return joined(parts)
 
 
+def held(boxes, q):
+    """Whether one of the boxes holds these joint positions; joint by joint, as few of a million hold the first."""
+    own = np.arange(len(boxes.lower))
+    for joint, at in enumerate(q):
+        own = own[(boxes.lower[own, joint] <= at) & (at <= boxes.upper[own, joint])]
+    return own.size > 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "oriented"), [("rrr", False), ("ur5", False), ("panda", False), ("ur5", True)])
 @pytest.mark.parametrize("seed", [101, 102])
@@ -63,7 +71,7 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
     near = members[times < longest]
     assert len(near)
     for q in near:
-        assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
+        assert held(boxes, q)
 
 
 @pytest.mark.slow
@@ -81,7 +89,7 @@ def test_no_joint_position_in_a_region_is_lost(region):
     longest = float(np.quantile(times, 0.1)) * (1 + 1e-9)
     boxes = enclosed(robot, goal, start, longest, 0.5)
     for q in members[times < longest]:
-        assert np.any(np.all((boxes.lower <= q) & (q <= boxes.upper), axis=1))
+        assert held(boxes, q)
 
 
 def test_a_position_that_is_free_along_an_axis_has_no_bound():

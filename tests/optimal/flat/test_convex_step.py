@@ -1,6 +1,7 @@
 """Quadratic programs of one step: held against the conditions that a convex program's solution alone satisfies."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ import scipy.sparse as sp
 from scipy.optimize import minimize
 
 from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step
+
+accurately = partial(solve_step, accuracy=1e-8)  # ten times as far as the conditions are asked
 
 
 def program(random, n=6, rows=30, upper=1.0, together=3, wide=6):
@@ -60,7 +63,7 @@ def test_the_conditions_of_a_solution_hold(n, rows, together):
     random = np.random.default_rng(n + together)
     for _ in range(5):
         problem = program(random, n, max(rows, 1), together=together)
-        expect_solution(problem, solve_step(problem))
+        expect_solution(problem, accurately(problem))
 
 
 def test_a_program_against_another_solver():
@@ -78,7 +81,7 @@ def test_a_program_against_another_solver():
     bounds = [(-0.5, 0.5)] * 6 + [(0, None)] * slacks
     other = minimize(cost, np.zeros(6 + slacks), bounds=bounds, constraints=kept, options={"maxiter": 500})
     assert other.success
-    np.testing.assert_allclose(solve_step(problem).cost, other.fun, atol=1e-6)  # SLSQP's own tolerance
+    np.testing.assert_allclose(accurately(problem).cost, other.fun, atol=1e-6)  # SLSQP's own tolerance
 
 
 def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
@@ -86,7 +89,7 @@ def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
     far = np.full(30, 20.0)  # no step within half a unit reaches so far
     twice = sp.vstack([problem.hard[0], problem.hard[0]], format="csr")
     wide = replace(problem, hard=(twice, np.append(problem.hard[1], far)))
-    alone, both = solve_step(problem), solve_step(wide)
+    alone, both = accurately(problem), accurately(wide)
     np.testing.assert_array_equal(both.step, alone.step)
     np.testing.assert_array_equal(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)))
 
@@ -94,17 +97,17 @@ def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
 def test_equations_are_missed_where_they_cost_too_much():
     problem = program(np.random.default_rng(7))
     either = sp.csr_matrix(np.eye(6)[:1] * np.array([[1.0], [-1.0]]))
-    free = float(solve_step(problem).step[0])
+    free = float(accurately(problem).step[0])
     for aim, price, missed in ((free + 0.1, 100.0, False), (free + 0.1, 1e-3, True), (free - 0.1, 100.0, False)):
         rows = SoftRows(either, np.array([aim, -aim]), np.arange(2), price)
-        found = solve_step(replace(problem, soft=(*problem.soft, rows)))
+        found = accurately(replace(problem, soft=(*problem.soft, rows)))
         assert found.found and (abs(found.step[0] - aim) > 1e-3) == missed
 
 
 def test_no_step_keeps_rows_that_exclude_each_other():
     problem = program(np.random.default_rng(9))
     both = sp.csr_matrix(np.array([[1.0, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
-    assert not solve_step(replace(problem, hard=(both, np.array([-0.2, -0.2])))).found
+    assert not accurately(replace(problem, hard=(both, np.array([-0.2, -0.2])))).found
 
 
 def test_unknowns_that_are_fixed_do_not_move_and_the_order_does_not_matter():
@@ -112,9 +115,9 @@ def test_unknowns_that_are_fixed_do_not_move_and_the_order_does_not_matter():
     held = problem.place.copy()
     held[[3, 17]] = -1
     held[held >= 0] = np.random.default_rng(12).permutation(n - 2)
-    found = solve_step(replace(problem, place=held))
+    found = accurately(replace(problem, place=held))
     assert found.found and not np.any(found.step[[3, 17]])
     lower, upper = (side.copy() for side in problem.bounds)
     lower[[3, 17]], upper[[3, 17]] = -1e-9, 1e-9
-    near = solve_step(replace(problem, bounds=(lower, upper)))
+    near = accurately(replace(problem, bounds=(lower, upper)))
     np.testing.assert_allclose(found.step, near.step, atol=1e-6)  # the two move by 1e-9

@@ -125,17 +125,10 @@ SOLVES = {
     "a via region": lambda: noted(
         between("rr", via=[ad.GoalPose("tip", (0.3, 0, -0.1), tolerance=[0.02] * 3 + [0] * 3)])
     ),
-    "acceleration limits": lambda: noted(between("rr", acceleration_limit=100.0), starts=2),
     "velocity limits on a rail": lambda: noted(
         ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[1.0], velocity_limit=0.5)
     ),
-    "velocity limits": lambda: noted(gantry_problem(velocity_limit=0.5), starts=2),
     "two joints, one of which is idle": lambda: noted(gantry_problem(), starts=2),
-    "a velocity limit that is reached where a torque jumps": lambda: noted(
-        between("rr", velocity_limit=20.0),
-        [ARCS, ("switching", {"rounds": 0}), ("refinement", {"budget": 20_000}), ("motion_mesh", {"rounds": 0})],
-        starts=1,
-    ),
     "a velocity limit that slowing down mends": lambda: noted(
         between("rr", velocity_limit=8.0),
         [
@@ -177,7 +170,6 @@ SOLVES = {
     "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
     "contacts that another joint holds": lambda: noted(CARRIED, starts=40),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
-    "a ball in the way": lambda: noted(between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), starts=2),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
         between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), [("sequential", {"eager": 0})], starts=1
     ),

@@ -34,13 +34,19 @@ class SequentialPolicy:
     hopeless: float = tuned(1.05, "of the fastest way", "a way that is slower after the eager steps is left", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)
     patience: int = tuned(30, "steps", "at most, where the last one does not promise to be near the end", TRAINED)
-    near: float = tuned(1e-3, "of the merit", "gain promised by a step that is near the end", SLOW)
+    near: float = tuned(3e-4, "of the merit", "gain promised by a step that is near the end", SLOW)
     free_steps: int = tuned(24, "steps", "without obstacles: those near their end by then take up to 20", SLOW)
     free_patience: int = tuned(
         11,
         "steps",
         "the same elsewhere: those that converge fast take 5; with 8 two of 170 more go to IPOPT, in thrice the time",
         "Panda, UR5 and xArm7, 170 random pairs",
+    )
+    accuracy: float = tuned(
+        1e-5,
+        "-",
+        "of a quadratic program; with 1e-8 it takes 1.5 times as long, and 6 of 250 motions go to IPOPT, not 4",
+        "Panda, UR5 and xArm7, 90 random pairs (seed 11), Panda, 250 (seed 12), docs/arms.md",
     )
     predicted: float = tuned(
         1e-4, "of the merit", "error of a prediction, or gain of a step, that ends the iteration", TRAINED
