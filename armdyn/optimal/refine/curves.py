@@ -76,9 +76,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
-        calm = _calm(task, one)
-        task.progress(f"replaying a motion of {calm.curve.duration:.6f} s")
-        optima.append(_landed(task, calm))
+        optima.append(_calm(task, one))
         kept = optima[-1].reports is None or constraints_mended(task, optima[-1].reports)
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
             break
@@ -189,16 +187,17 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
 
 
-def _calm(task: Task, fastest: RefinedCurve) -> RefinedCurve:
-    """A curve with calm joints, as slow as the options allow, and a proven bound where that is near; or the fastest."""
+def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
+    """A motion with calm joints, as slow as options and a proven bound that is near allow; or the fastest."""
     share, duration = task.options.calm, fastest.curve.duration
     if not _calms(task) or task.stop or not fastest.solved.converged:
-        return settled(task, fastest)
+        return _landed(task, settled(task, fastest))
+    task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that are given for calm joints")
+    calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # beside the bound's process
     bound = task.lower_bound()
-    if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound:
-        share = min(share, (1 + GAP_TOLERANCE) * bound / duration - 1)
-    task.progress(f"{duration:.6f} s; {100 * share:.2g} % of that are given for calm joints")
-    return calm_curve(task, fastest, share)
+    if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound < (1 + share) * duration:
+        share, calm = (1 + GAP_TOLERANCE) * bound / duration - 1, None
+    return calm or _landed(task, calm_curve(task, fastest, share))
 
 
 def _calms(task: Task) -> bool:
@@ -278,6 +277,7 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """A curve's motion, replayed."""
     problem, curve = task.problem, refined.curve
+    task.progress(f"replaying a motion of {curve.duration:.6f} s")
     if can_be_slowed(problem):  # velocities leave room for the replay's error
         fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
         curve = curve.slower(max((1 + task.policy.curves.off) * fastest, 1.0))

@@ -170,8 +170,8 @@ class AdjointPolicy:
     precise: float = tuned(
         1e-5,
         "-",
-        "by which a segment's propagator and the one before it in extrapolation may differ, as H feels it: what is left"
-        " changes the costates' error by 1e-7 at most, a thousandth of its tolerance",
+        "by which the last two extrapolations of a segment's propagator may differ, as H feels it: what is left "
+        "changes the costates' error by 4e-7 at most, less than a hundredth of its tolerance",
         "R, RR, RRR, three random RRR",
     )
     still: float = tuned(1e-9, "of the fastest joint", "a joint that moves less counts as if it moved that much")
