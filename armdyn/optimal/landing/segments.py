@@ -121,7 +121,7 @@ def transitions(
         _, whole, _ = step(h[left], x[left], tau[left], 2**level)
         row = [whole]
         for k, before in enumerate(table):
-            row.append(row[-1] + (row[-1] - before) / (2.0 ** (k + 2) - 1))
+            row.append(row[-1] + (row[-1] - before) / (2.0 ** (k + 2) - 1))  # errors of order 2, 3, 4 …
         apart = np.abs(row[-1] - row[-2]) * (size / size[:, None]) if table else np.full(whole.shape, np.inf)
         found[left], rough = row[-1], ~(np.max(apart, axis=(1, 2)) <= precise)
         left, table = left[rough], [each[rough] for each in row]

@@ -29,17 +29,6 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 
-def resolved_motion(task: Task, attempt: Attempt) -> Attempt | None:
-    """Solve an optimum on finer and finer meshes, a little within limits of velocity; None: none converges.
-
-    Args:
-        task: its problem; torques are constant in the intervals.
-        attempt: a solution near it.
-    """
-    found = list(_Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(attempt))
-    return found[-1] if found else None
-
-
 class ResolvedMotions:
     """Motions of one problem that meshes were resolved to: what begins on the same motion is not resolved again.
 
@@ -218,17 +207,19 @@ class _Judged:
     rough: Flags
 
 
-def _divided_until_certified(meshes: _Meshes, mesh: Attempt | None, remark: str) -> Optimum | None:
-    """The best motion of a mesh, and of those divided where the one before is not yet certified."""
-    task, best, numbers = meshes.task, None, meshes.task.policy.motion_mesh
-    for k in range(1 + numbers.again):
-        found = None if mesh is None else _judged(task, mesh, remark)
-        if mesh is None or found is None or (best and found.saving > max(best.saving, SAVING_TOLERANCE)):
+def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
+    """The best motion of a mesh, and of those divided where the one before is not yet certified; None: none lands."""
+    task, best = meshes.task, _judged(meshes.task, mesh, remark)
+    if best is None:
+        return None
+    for k in range(task.policy.motion_mesh.again):
+        excess = best.optimum.certificate.limit_violation if k else 0.0  # shorter intervals exceed limits by less
+        divided = meshes.again(mesh, best.rough, excess)
+        found = None if divided is None else _judged(task, divided, remark)
+        if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
-        best, excess = found, found.optimum.certificate.limit_violation
-        if k < numbers.again:
-            mesh = meshes.again(mesh, best.rough, excess if k else 0.0)  # shorter intervals exceed limits by less
-    return None if best is None else best.optimum
+        mesh, best = divided, found
+    return best.optimum
 
 
 def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:

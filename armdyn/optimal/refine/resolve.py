@@ -48,9 +48,7 @@ def resolve(
         resolved: motions that meshes of the problem were resolved to; more are added. None: none.
     """
     known = list[Optimum]()
-    budget = Budget(task.stop) if budget is None else budget
-    resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
-    for found in _optima(task, attempt, budget, resolved):
+    for found in _optima(task, attempt, Budget(task.stop) if budget is None else budget, resolved):
         known += found
         if certified := [one for one in found if one.certificate.ok]:
             return min(certified, key=partial(rank, task))
@@ -58,7 +56,7 @@ def resolve(
     return min(known, key=partial(rank, task))
 
 
-def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions) -> Iterator[list[Optimum]]:
+def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions | None) -> Iterator[list[Optimum]]:
     """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh.
 
     Extremals of a structure that has not settled come with those that it settles to: one of them may be certified, too,

@@ -11,7 +11,7 @@ import armdyn as ad
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import landed
 from armdyn.optimal.proof.mesh_costates import mesh_costates
-from armdyn.optimal.refine.motion_mesh import mesh_optimum, resolved_motion
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, mesh_optimum
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import cart, gantry_problem, paper_arm
@@ -26,7 +26,8 @@ def of(problem, **mesh):
     """A task, its first optimum's motion and its costates."""
     task = Task.of(problem, ad.MinimumTimeOptions(starts=4, workers=1))
     task = replace(task, policy=task.policy.changed("motion_mesh", **mesh))
-    motion = landed(task, resolved_motion(task, find(task).attempts[0]))
+    *_, finest = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
+    motion = landed(task, finest)
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     return task, motion, replay, mesh_costates(problem, motion, replay, task.policy)
 
