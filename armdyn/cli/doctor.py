@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Facts = dict[str, object]
 
-_PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "meshcat", "matplotlib")
+_PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "yourdfpy", "meshcat", "matplotlib")
 _AGREE = 1e-10
 """Relative difference of two computations of an acceleration, some hundred operations of 1e-16 apart."""
 

@@ -58,7 +58,7 @@ def ends_in_a_line(done):
         ("pinocchio", ["doctor", "rr"]),
         ("casadi", ["doctor", "rr"]),
         ("armdyn.optimal", ["mintime", "rr"]),
-        ("xml.etree.ElementTree", ["urdf", "rr"]),
+        ("yourdfpy", ["urdf", "rr"]),
     ],
 )
 def test_within_an_import(module, arguments):

@@ -1,9 +1,9 @@
-"""From an `ArmSpec` to a URDF."""
+"""From an `ArmSpec` to a URDF, written by yourdfpy."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from xml.etree import ElementTree
+import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +11,13 @@ from armdyn.arguments import expect
 from armdyn.errors import SpecError
 from armdyn.models.values.spec import ArmSpec, LinkSpec, Payload
 
+if TYPE_CHECKING:
+    import yourdfpy as yp
+
 TIP = "tip"
 POINT_INERTIA = 1e-12
 """Stands for zero in a point mass's tensor [kg m²]: positive definite, and without an effect on durations."""
 
-_ZERO = (0.0, 0.0, 0.0)
 _ROD_RADIUS = 0.012
 _JOINT_RADIUS = 0.019
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
@@ -33,6 +35,17 @@ def urdf_file_name(spec: ArmSpec, payload: Payload | None = None) -> str:
     """Name of a generated file: rr.urdf, rr_100.6g.urdf."""
     load = f"_{1000 * payload.mass:g}g" if payload is not None and payload.mass > 0 else ""
     return f"{spec.name}{load}.urdf"
+
+
+def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    pose = np.eye(4)
+    c, s = np.cos(pitch), np.sin(pitch)
+    pose[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    if roll:
+        c, s = np.cos(roll), np.sin(roll)
+        pose[:3, :3] = pose[:3, :3] @ [[1, 0, 0], [0, c, -s], [0, s, c]]
+    pose[:3, 3] = x, 0.0, z
+    return np.round(pose, 12) + 0.0  # no 6e-17 and no -0.0 in the file
 
 
 def positive_tensor(payload: Payload) -> np.ndarray:
@@ -58,103 +71,91 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
     if payload is not None:
         expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
-    robot = ElementTree.Element("robot", name=spec.name)
-    _add_base(robot)
-    for i, link in enumerate(spec.links, start=1):
-        _add_body(robot, link, f"link{i}")
-    _add(robot, "link", name=TIP)
-    load = payload if payload is not None and payload.mass > 0 else None
-    frame = load.frame or TIP if load is not None else TIP
-    if load is not None:
-        links = [link.attrib["name"] for link in robot[1:]]
-        if frame not in links:
-            raise SpecError(f"no moving link {frame!r} in ArmSpec {spec.name!r} for the payload: {', '.join(links)}")
-        _add_load(robot, load)
+    import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
+    from lxml import etree
+
+    robot = yp.Robot(name=spec.name)
+    robot.links, robot.joints = [_base()], []
     parent, reach = "base", 0.0
     for i, link in enumerate(spec.links, start=1):
-        joint = _add_joint(robot, f"joint{i}", "revolute", parent, f"link{i}", (_rounded(reach), 0.0, 0.0))
-        _add(joint, "axis", xyz=(0.0, -1.0, 0.0))  # positive turns up
-        most = spec.position_limit
-        _add(joint, "limit", effort=spec.effort_limit, velocity=spec.velocity_limit, lower=-most, upper=most)
+        robot.links.append(_body(link, f"link{i}"))
+        limit = yp.Limit(
+            effort=spec.effort_limit,
+            velocity=spec.velocity_limit,
+            lower=-spec.position_limit,
+            upper=spec.position_limit,
+        )
+        turns = {"axis": np.array([0.0, -1.0, 0.0]), "limit": limit}  # positive turns up
+        robot.joints.append(_joint(f"joint{i}", "revolute", parent, f"link{i}", _pose(x=reach), **turns))
         parent, reach = f"link{i}", link.length
-    _add_joint(robot, f"{TIP}_joint", "fixed", parent, TIP, (_rounded(reach), 0.0, 0.0))
-    if load is not None:
-        _add_joint(robot, "payload_joint", "fixed", frame, "payload", load.com)
-    ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="unicode").replace(" />", "/>") + "\n"
+    robot.links.append(yp.Link(name=TIP))
+    robot.joints.append(_joint(f"{TIP}_joint", "fixed", parent, TIP, _pose(x=reach)))
+    if payload is not None and payload.mass > 0:
+        links = [link.name for link in robot.links[1:]]
+        if (frame := payload.frame or TIP) not in links:
+            raise SpecError(f"no moving link {frame!r} in ArmSpec {spec.name!r} for the payload: {', '.join(links)}")
+        place = np.eye(4)
+        place[:3, 3] = payload.com
+        robot.links.append(_load(payload))
+        robot.joints.append(_joint("payload_joint", "fixed", frame, "payload", place))
+    tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
+    text = etree.tostring(tree, pretty_print=True, encoding="unicode")
+    return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)
 
 
-def _add(parent: ElementTree.Element, tag: str, **attributes: str | float | tuple[float, ...]) -> ElementTree.Element:
-    """Add an element; numbers with all their digits, and no -0.0."""
+def _visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Visual:
+    import yourdfpy as yp
 
-    def text(value: str | float | tuple[float, ...]) -> str:
-        if isinstance(value, str):
-            return value
-        return " ".join(str(float(x) + 0.0) for x in (value if isinstance(value, tuple) else [value]))
-
-    return ElementTree.SubElement(parent, tag, {name: text(value) for name, value in attributes.items()})
+    own = color if color in _COLORS else "link1"
+    material = yp.Material(name=color, color=yp.Color(rgba=np.array(_COLORS[own])))
+    return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material)
 
 
-def _rounded(length: float) -> float:
-    """A length without the digits that sums have got wrong [m]."""
-    return float(np.round(length, 12))
+def _joint(name: str, kind: str, parent: str, child: str, origin: np.ndarray, **more: object) -> yp.Joint:
+    import yourdfpy as yp
+
+    return yp.Joint(name=name, type=kind, parent=parent, child=child, origin=origin, **more)
 
 
-def _add_joint(
-    robot: ElementTree.Element, name: str, kind: str, parent: str, child: str, place: tuple[float, ...]
-) -> ElementTree.Element:
-    joint = _add(robot, "joint", name=name, type=kind)
-    _add(joint, "parent", link=parent)
-    _add(joint, "child", link=child)
-    _add(joint, "origin", xyz=place, rpy=_ZERO)
-    return joint
-
-
-def _add_inertial(link: ElementTree.Element, com: tuple[float, ...], mass: float, tensor: np.ndarray) -> None:
-    inertial = _add(link, "inertial")
-    _add(inertial, "origin", xyz=com, rpy=_ZERO)
-    _add(inertial, "mass", value=mass)
-    upper = {f"i{'xyz'[i]}{'xyz'[j]}": tensor[i, j] for i in range(3) for j in range(i, 3)}
-    _add(inertial, "inertia", **upper)
-
-
-def _add_visual(
-    link: ElementTree.Element,
-    name: str,
-    shape: tuple[str, Mapping[str, float | tuple[float, ...]]],
-    xyz: tuple[float, ...] = _ZERO,
-    rpy: tuple[float, ...] = _ZERO,
-    color: str = "link1",
-) -> None:
-    visual = _add(link, "visual", name=name)
-    _add(_add(visual, "geometry"), shape[0], **shape[1])
-    _add(visual, "origin", xyz=xyz, rpy=rpy)
-    _add(_add(visual, "material", name=color), "color", rgba=_COLORS.get(color, _COLORS["link1"]))
-
-
-def _add_base(robot: ElementTree.Element) -> None:
+def _base() -> yp.Link:
     """The fixed link."""
-    base = _add(robot, "link", name="base")
-    _add_visual(base, "foot", ("cylinder", {"radius": 0.045, "length": 0.03}), (0.0, 0.0, -0.035), color="base")
-    _add_visual(base, "post", ("box", {"size": (0.03, 0.05, 0.04)}), (0.0, 0.0, -0.01), color="base")
+    import yourdfpy as yp
+
+    base = yp.Link(name="base")
+    base.visuals = [
+        _visual("foot", _pose(z=-0.035), "base", cylinder=yp.Cylinder(radius=0.045, length=0.03)),
+        _visual("post", _pose(z=-0.01), "base", box=yp.Box(size=np.array([0.03, 0.05, 0.04]))),
+    ]
+    return base
 
 
-def _add_body(robot: ElementTree.Element, link: LinkSpec, name: str) -> None:
+def _body(link: LinkSpec, name: str) -> yp.Link:
     """A rod and its joint's hub."""
-    body = _add(robot, "link", name=name)
+    import yourdfpy as yp
+
     # A rod about its own axis; across it the given inertia, in both directions.
     axial = min(0.5 * link.mass * _ROD_RADIUS**2, link.inertia)
-    _add_inertial(body, (_rounded(link.com), 0.0, 0.0), link.mass, np.diag([axial, link.inertia, link.inertia]))
-    rod = ("cylinder", {"radius": _ROD_RADIUS, "length": link.length})
-    _add_visual(body, "rod", rod, (_rounded(link.length / 2), 0.0, 0.0), (0.0, np.pi / 2, 0.0), color=name)
-    hub = ("cylinder", {"radius": _JOINT_RADIUS, "length": 0.042})
-    _add_visual(body, "hub", hub, rpy=(np.pi / 2, 0.0, 0.0), color="joint")
+    inertia = np.diag([axial, link.inertia, link.inertia])
+    body = yp.Link(name=name, inertial=yp.Inertial(origin=_pose(x=link.com), mass=link.mass, inertia=inertia))
+    rod = yp.Cylinder(radius=_ROD_RADIUS, length=link.length)
+    hub = yp.Cylinder(radius=_JOINT_RADIUS, length=0.042)
+    body.visuals = [
+        _visual("rod", _pose(x=link.length / 2, pitch=np.pi / 2), name, cylinder=rod),
+        _visual("hub", _pose(roll=np.pi / 2), "joint", cylinder=hub),
+    ]
+    return body
 
 
-def _add_load(robot: ElementTree.Element, payload: Payload) -> None:
+def _load(payload: Payload) -> yp.Link:
     """The payload as a ball of its mass, unless it has shapes."""
-    load = _add(robot, "link", name="payload")
-    _add_inertial(load, _ZERO, payload.mass, positive_tensor(payload))
-    if not payload.shapes:
-        radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
-        _add_visual(load, "ball", ("sphere", {"radius": round(max(radius, 0.016), 4)}), color="payload")
+    import yourdfpy as yp
+
+    own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
+    load = yp.Link(name="payload", inertial=own)
+    radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
+    load.visuals = (
+        []
+        if payload.shapes
+        else [_visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
+    )
+    return load
