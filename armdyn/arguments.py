@@ -316,7 +316,7 @@ def checked(check: Callable[..., object], default: Any = MISSING, **conditions: 
     Args:
         check: `number`, `whole` or another function of a value and its `name`; the field becomes what it returns.
         default: of the field; if it is None, None is not checked.
-        conditions: further arguments of `check`.
+        conditions: further arguments of `check`; its `name` is by default the field's.
     """
     return field(default=default, metadata={"check": partial(check, **conditions)})
 
@@ -326,7 +326,8 @@ def check_fields(made: Any) -> None:
     for one in fields(made):
         value = getattr(made, one.name)
         if "check" in one.metadata and not (value is None and one.default is None):
-            object.__setattr__(made, one.name, one.metadata["check"](value, name=one.name))
+            check = one.metadata["check"]
+            object.__setattr__(made, one.name, check(value, **{"name": one.name, **check.keywords}))
 
 
 def _real(value: object) -> Array | None:

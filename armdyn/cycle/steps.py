@@ -8,7 +8,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, number, one_of, several, text
+from armdyn.arguments import check_fields, checked, expect, number, one_of, several, text
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
@@ -18,6 +18,7 @@ from armdyn.reprs import brief
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "-x", "-y", "-z")
+_NAME = "name of a step"
 
 
 @brief
@@ -34,19 +35,15 @@ class Straight:
         angle: largest turn of the frame from its orientation at the pose [rad].
     """
 
-    length: float
+    length: float = checked(number, name="length of a straight segment", unit="m", sign="positive")
     _: KW_ONLY
-    axis: Axis = "z"
-    frame: str | None = None
-    deviation: float = 0.5e-3
-    angle: float = 0.0087
+    axis: Axis = checked(one_of, "z", name="axis of a straight segment", known=AXES)
+    frame: str | None = checked(text, None, name="frame of a straight segment")
+    deviation: float = checked(number, 0.5e-3, name="deviation of a straight segment", unit="m", sign="positive")
+    angle: float = checked(number, 0.0087, name="angle of a straight segment", unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
-        for name, unit in (("length", "m"), ("deviation", "m"), ("angle", "rad")):
-            number(getattr(self, name), f"{name} of a straight segment", unit=unit, sign="positive")
-        one_of(self.axis, AXES, "axis of a straight segment")
-        if self.frame is not None:
-            text(self.frame, "frame of a straight segment")
+        check_fields(self)
 
 
 @brief
@@ -73,11 +70,12 @@ class Move:
     retreat: Straight | float | None = None
     approach: Straight | float | None = None
     obstacles: Sequence[Obstacle] = ()
-    speed: float | None = None
+    speed: float | None = checked(number, None, unit="m/s", sign="positive")
     path_constraints: Sequence[PathConstraintSpec] = ()
-    name: str = ""
+    name: str = checked(text, "", name=_NAME)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("retreat", "approach"):
             given = getattr(self, name)
             if given is not None and not isinstance(given, Straight):
@@ -85,21 +83,17 @@ class Move:
         for name in ("via", "obstacles"):
             object.__setattr__(self, name, several(getattr(self, name), name))
         object.__setattr__(self, "path_constraints", check_path_constraints(self.path_constraints))
-        if self.speed is not None:
-            number(self.speed, "speed", unit="m/s", sign="positive")
-        text(self.name, "name of a step")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Rest:
     """A step at rest."""
 
-    dwell: float = 0.0
-    name: str = ""
+    dwell: float = checked(number, 0.0, unit="s", sign="not negative")
+    name: str = checked(text, "", name=_NAME)
 
     def __post_init__(self) -> None:
-        number(self.dwell, "dwell", unit="s", sign="not negative")
-        text(self.name, "name of a step")
+        check_fields(self)
 
 
 @brief
@@ -113,11 +107,7 @@ class Grasp(_Rest):
         name: in tables and messages; empty: "grasp" and the part's name.
     """
 
-    part: Payload
-
-    def __post_init__(self) -> None:
-        expect(self.part, Payload, "part of a grasp", "such as Payload(mass=1.0)")
-        super().__post_init__()
+    part: Payload = checked(expect, name="part of a grasp", kind=Payload, hint="such as Payload(mass=1.0)")
 
 
 @brief
@@ -131,12 +121,9 @@ class Release(_Rest):
         name: in tables and messages; empty: "release" and the part's name.
     """
 
-    part: Payload | None = None
-
-    def __post_init__(self) -> None:
-        if self.part is not None:
-            expect(self.part, Payload, "part of a release", "the part that was grasped")
-        super().__post_init__()
+    part: Payload | None = checked(
+        expect, None, name="part of a release", kind=Payload, hint="the part that was grasped"
+    )
 
 
 @brief
@@ -149,13 +136,12 @@ class Wait:
         name: in tables and messages; empty: "wait".
     """
 
-    seconds: float
+    seconds: float = checked(number, name="seconds of a wait", unit="s", sign="not negative")
     _: KW_ONLY
-    name: str = ""
+    name: str = checked(text, "", name=_NAME)
 
     def __post_init__(self) -> None:
-        number(self.seconds, "seconds of a wait", unit="s", sign="not negative")
-        text(self.name, "name of a step")
+        check_fields(self)
 
     @property
     def dwell(self) -> float:

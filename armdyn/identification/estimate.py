@@ -10,10 +10,10 @@ from scipy.stats import chi2
 
 from armdyn.arguments import MOST_MEMBERS, number, numbers, whole
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import Equations
 from armdyn.identification.fitting import Fit, Normal, minimise
-from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 
@@ -142,8 +142,7 @@ class Estimate:
             ProblemError: shapes do not fit.
         """
         states, shape = self._states(q, v, a)
-        found = rigid_torques(self.robot, *states) + self.robot.friction.torque(states[1]) + self.offset
-        return np.asarray(found.reshape(shape))
+        return np.asarray((inverse_dynamics(self.robot)(*states) + self.offset).reshape(shape))
 
     def torque_deviation(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Standard deviation of the predicted torques without the sensors' noise; else see `torques`."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from armdyn.arguments import check_fields, checked, expect, number, one_of, several
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification.assembly import assembled
 from armdyn.identification.checks import MOVED, check_log
@@ -16,7 +17,7 @@ from armdyn.identification.equations import WHAT, Equations, What
 from armdyn.identification.estimate import Estimate, Judged
 from armdyn.identification.fitting import Fit, FitOptions, fit
 from armdyn.identification.log import Log, Signals
-from armdyn.identification.model import means_of, rigid_torques
+from armdyn.identification.model import means_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
@@ -134,7 +135,7 @@ def _judged(robot: Robot, estimate: Estimate, signals: list[Signals], step: floa
     return Judged(
         t=np.asarray(step * np.arange(len(torque)), dtype=float),
         torque=torque,
-        prior=means(lambda one: rigid_torques(robot, one.q, one.v, one.a) + robot.friction.torque(one.v)),
+        prior=means(lambda one: inverse_dynamics(robot)(one.q, one.v, one.a)),
         fitted=means(lambda one: estimate.torques(one.q, one.v, one.a)),
     )
 

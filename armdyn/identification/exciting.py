@@ -9,10 +9,10 @@ from scipy.interpolate import BSpline
 
 from armdyn.arguments import check_fields, checked, expect, number, one_of, several, whole
 from armdyn.arrays import Array
+from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import WHAT, Equations, What
 from armdyn.identification.log import Signals
-from armdyn.identification.model import rigid_torques
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel
@@ -223,7 +223,7 @@ class _Search:
     def motion(self, coefficients: Array) -> Trajectory:
         """The motion, with torques by inverse dynamics."""
         q, v, a = self.states(coefficients)
-        tau = rigid_torques(self.robot, q, v, a) + self.robot.friction.torque(v)
+        tau = inverse_dynamics(self.robot)(q, v, a)
         return Trajectory(
             t=self.t,
             q=q,

@@ -4,11 +4,12 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.models.robots.arm import Arm
+from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.models.robots.robot import Robot
 
 
-def rigid_torques(robot: Arm, q: Array, v: Array, a: Array) -> Array:
-    """Torques without friction [N m or N], shape (n, nv), by `pin.rnea`, rotors included.
+def rigid_torques(robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    """Torques without friction [N m or N], shape (n, nv), rotors included.
 
     Args:
         robot: the arm.
@@ -16,11 +17,10 @@ def rigid_torques(robot: Arm, q: Array, v: Array, a: Array) -> Array:
         v: velocities [rad/s or m/s], shape (n, nv).
         a: accelerations [rad/s² or m/s²], shape (n, nv).
     """
-    model, data = robot.model, robot.model.createData()
-    return np.array([pin.rnea(model, data, robot.configuration(x), y, z) for x, y, z in zip(q, v, a, strict=True)])
+    return inverse_dynamics(robot)(q, v, a) - robot.friction.torque(v)
 
 
-def mean_regressor(robot: Arm, q: Array, v: Array, a: Array, every: int) -> Array:
+def mean_regressor(robot: Robot, q: Array, v: Array, a: Array, every: int) -> Array:
     """Means of the torque regressor over runs of samples, shape (n // every, nv, 10 nv); other arguments see above."""
     model, data = robot.model, robot.model.createData()
     means = np.zeros((len(q) // every, robot.nv, 10 * robot.nv))

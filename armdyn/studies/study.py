@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from armdyn.arguments import number, one_of, whole
+from armdyn.arguments import check_fields, checked, number, one_of, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
@@ -149,19 +149,17 @@ class Study(Cases):
 
     task: StudyTask
     axes: tuple[Axis, ...]
-    method: Method = "grid"
-    count: int = 0
-    seed: int = 0
+    method: Method = checked(one_of, "grid", known=METHODS)
+    count: int = checked(whole, 0, least=0)
+    seed: int = checked(whole, 0, least=0)
 
     def __post_init__(self) -> None:
-        one_of(self.method, METHODS, "method")
+        check_fields(self)
         if not self.axes:
             raise ProblemError("nothing varies: give [vary] a setting")
         names = [axis.name for axis in self.axes]
         if len(names) > MAX_AXES or len(set(names)) < len(names):
             raise ProblemError(f"{len(names)} settings vary; at most {MAX_AXES} do, each once")
-        whole(self.seed, "seed", least=0)
-        whole(self.count, "count", least=0)
         if self.method == "grid":
             if self.count:
                 raise ProblemError("count: a grid has as many cases as its values make; leave count out")

@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.arguments import Sign, check_fields, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
-from armdyn.control.laws.readings import Readings, law_function, reference_of, table
+from armdyn.control.laws.readings import Readings, held, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import Ticks
@@ -183,8 +183,10 @@ class Lqr:
             "q": reference.q,
             "v": reference.v,
             "tau": reference.tau,
-            "pending": np.hstack([np.empty((len(reference.q), 0)), *(_later(ticks, i, more) for i in range(delay))]),
-            "K": np.vstack([gains.reshape(len(gains), -1), np.repeat(gains[-1:].reshape(1, -1), more, axis=0)]),
+            "pending": np.hstack(
+                [np.empty((len(reference.q), 0)), *(held(ticks.ahead(i), more) for i in range(delay))]
+            ),
+            "K": held(gains.reshape(len(gains), -1), more),
         }
 
         def torque(given: Readings) -> ca.SX:
@@ -205,9 +207,3 @@ def _along(steps: Steps, weights: Array, effort: Array) -> Array:
     gains = np.zeros((len(steps.A), nv, m))
     gains[:, :, used] = best_gains(part, weights[:, used], effort)
     return gains
-
-
-def _later(ticks: Ticks, count: int, more: int) -> Array:
-    """Mean torques of some ticks later, and the last row as often again [N m or N], shape (n + more, nv)."""
-    rows = ticks.ahead(count)
-    return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])

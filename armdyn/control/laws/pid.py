@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import MOST_MEMBERS, expect, flag, one_of, whole
+from armdyn.arguments import MOST_MEMBERS, check_fields, checked, expect, flag, one_of, whole
 from armdyn.arrays import Array
 from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
@@ -99,16 +99,14 @@ class Pid:
         ProblemError: no gains, unknown form, a switch neither True nor False; gravity with "computed_torque".
     """
 
-    gains: PidGains = DEFAULT_GAINS
-    form: Form = "torque"
-    feedforward: bool = True
-    gravity: bool = False
+    gains: PidGains = checked(expect, DEFAULT_GAINS, kind=PidGains, hint="PidGains(kp=…, ki=…, kd=…)")
+    form: Form = checked(one_of, "torque", known=FORMS)
+    feedforward: bool = checked(flag, True)
+    gravity: bool = checked(flag, False)
 
     def __post_init__(self) -> None:
-        expect(self.gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)")
-        one_of(self.form, FORMS, "form")
-        flag(self.feedforward, "feedforward")
-        if flag(self.gravity, "gravity") and self.form == "computed_torque":
+        check_fields(self)
+        if self.gravity and self.form == "computed_torque":
             raise ProblemError('gravity=True is for the other forms: form="computed_torque" compensates gravity itself')
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:

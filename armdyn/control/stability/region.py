@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, interval, number, numbers, one_of
+from armdyn.arguments import check_fields, checked, expect, interval, number, numbers, one_of
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
@@ -45,14 +45,12 @@ class GainRegion:
         ProblemError: something is not finite, or the inertia not positive.
     """
 
-    inertia: float
-    stiffness: float
-    damping: float = 0.0
+    inertia: float = checked(number, unit="kg m²", sign="positive")
+    stiffness: float = checked(number, unit="N m/rad")
+    damping: float = checked(number, 0.0, unit="N m s/rad")
 
     def __post_init__(self) -> None:
-        number(self.inertia, "inertia", unit="kg m²", sign="positive")
-        number(self.stiffness, "stiffness", unit="N m/rad")
-        number(self.damping, "damping", unit="N m s/rad")
+        check_fields(self)
 
     @classmethod
     def of(cls, robot: Robot, q_goal: ArrayLike, form: Form = "acceleration") -> Self:

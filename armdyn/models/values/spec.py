@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.arguments import check_fields, checked, expect, number, numbers, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
 from armdyn.models.values.placement import Placement, homogeneous
@@ -31,15 +31,13 @@ class LinkSpec:
         inertia: about the centre of mass, around the joint's axis [kg m²].
     """
 
-    length: float
-    com: float
-    mass: float
-    inertia: float
+    length: float = checked(number, name="length of a link", unit="m", sign="positive", error=SpecError)
+    com: float = checked(number, name="com of a link", unit="m", error=SpecError)
+    mass: float = checked(number, name="mass of a link", unit="kg", sign="positive", error=SpecError)
+    inertia: float = checked(number, name="inertia of a link", unit="kg m²", sign="positive", error=SpecError)
 
     def __post_init__(self) -> None:
-        for field, unit in (("length", "m"), ("mass", "kg"), ("inertia", "kg m²")):
-            number(getattr(self, field), f"{field} of a link", unit=unit, sign="positive", error=SpecError)
-        number(self.com, "com of a link", unit="m", error=SpecError)
+        check_fields(self)
 
 
 PLANAR_LINKS = (

@@ -22,12 +22,7 @@ _IDLE = 1e-12
 
 def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
     """Joints between the world and the frame, in order."""
-    chain: list[int] = []
-    joint = robot.frame(goal.frame).parentJoint
-    while joint:
-        chain.insert(0, joint)
-        joint = robot.model.parents[joint]
-    return chain
+    return list(robot.model.supports[robot.frame(goal.frame).parentJoint])[1:]
 
 
 @built_once(maxsize=16)

@@ -102,9 +102,9 @@ class Course:
         ways = Interval(self.times.lower[:, None], self.times.upper[:, None]) * v
         onward, back = [leg.start.q], [leg.goal.q]
         for k in range(count):
-            onward.append(both(onward[-1] + ways[k], self.nodes[k + 1]))
-            back.append(both(back[-1] - ways[count - 1 - k], self.nodes[count - 1 - k]))
-        nodes = both(joined([box[None] for box in onward]), joined([box[None] for box in reversed(back)]))
+            onward.append((onward[-1] + ways[k]).both(self.nodes[k + 1]))
+            back.append((back[-1] - ways[count - 1 - k]).both(self.nodes[count - 1 - k]))
+        nodes = joined([box[None] for box in onward]).both(joined([box[None] for box in reversed(back)]))
         if np.any(nodes.lower > nodes.upper):
             return None
         for k, region in self.passed.items():
@@ -114,7 +114,7 @@ class Course:
             nodes.lower[k], nodes.upper[k] = box.lower[0], box.upper[0]
         q = self.q
         for ends, way in ((nodes[:-1], ways), (nodes[1:], -ways)):
-            q = both(q, ends.hull(ends + way))
+            q = q.both(ends.hull(ends + way))
         if np.any(q.lower > q.upper):
             return None
         for line in {line for line in self.lines if line is not None}:
@@ -123,7 +123,7 @@ class Course:
             if box is None:
                 return None
             q.lower[own], q.upper[own] = box.lower, box.upper
-        inner = both(nodes[1:-1], both(q[:-1], q[1:]))
+        inner = nodes[1:-1].both(q[:-1].both(q[1:]))
         nodes = joined([leg.start.q[None], inner, leg.goal.q[None]])
         return None if np.any(nodes.lower > nodes.upper) else replace(self, q=q, v=v, nodes=nodes)
 
@@ -146,11 +146,6 @@ class Course:
             for i, k in enumerate(own):
                 found[k] = LegEnd(self.nodes[k], None, Affine(*(part[..., i : i + 1] for part in forms.parts)))
         return found
-
-
-def both(one: Interval, other: Interval) -> Interval:
-    """Intersection; empty where an end is above the other."""
-    return Interval(np.maximum(one.lower, other.lower), np.minimum(one.upper, other.upper))
 
 
 def _lengths(phase: Phase, from_rest: bool, to_rest: bool, numbers: BoundPolicy) -> list[float]:

@@ -18,6 +18,7 @@ from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.linear_program import LinearProgram
+from armdyn.optimal.bound.relaxation import free_at_ends, impulses
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ def relaxed_course(
     v = program.unknown((len(fixed), nv), course.v.lower[fixed] / speed, course.v.upper[fixed] / speed)
     x, d = program.unknown((len(free), nv)), program.unknown((len(free), 1), 0.0, cost=1.0)
     half = course.lengths[fixed, None] / 2 / unit
-    given, lower, upper = _impulses(leg, inertia.centre, half, Interval(rate.lower[fixed], rate.upper[fixed]), unit)
+    given, lower, upper = impulses(leg, inertia.centre, half, Interval(rate.lower[fixed], rate.upper[fixed]), unit)
     pushed = program.unknown(given.shape, lower, upper)
     pushed_free = program.unknown((len(free), nv))
     beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, course.v.magnitude)[fixed] / unit
@@ -95,41 +96,11 @@ def relaxed_course(
         return None
     return CourseMultipliers(
         way=(marginals[ways] / speed)[segment],
-        momentum=_known(leg, -scale * marginals[momentum] / unit)[node],
+        momentum=free_at_ends(leg, -scale * marginals[momentum] / unit)[node],
         combinations=tuple(
             None if (rows := closing.get(k)) is None else scale * marginals[rows[0]] / rows[1] for k in range(len(ends))
         ),
     )
-
-
-def _impulses(leg: BoundLeg, inertia: Array, half: Array, rate: Interval, unit: Array) -> tuple[Array, Array, Array]:
-    """Given momentum at the nodes, and least and largest impulse there, all as parts of `unit`, shape (nodes, nv).
-
-    Args:
-        leg: its ends; an end of free velocity may take any impulse.
-        inertia: joint-space inertia in the cells, shape (cells, nv, nv).
-        half: half the durations of the cells that are no elastic ones, over `unit`, shape (nodes - 1, nv).
-        rate: of the momentum in those cells [N m or N], shape (nodes - 1, nv).
-        unit: of momentum, shape (nv,).
-    """
-    given, lower, upper = np.zeros((3, len(half) + 1, unit.size))
-    for bound, force in ((lower, rate.lower), (upper, rate.upper)):
-        bound[:-1] += half * force
-        bound[1:] += half * force
-    for at, own, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
-        if own is None:
-            lower[at], upper[at] = -np.inf, np.inf
-        else:
-            given[at] = sign * (inertia[at] @ own) / unit
-    return given, lower, upper
-
-
-def _known(leg: BoundLeg, momentum: Array) -> Array:
-    """Multipliers, zero at an end where no velocity is given."""
-    for node, v in ((0, leg.start.v), (-1, leg.goal.v)):
-        if v is None:
-            momentum[node] = 0.0
-    return momentum
 
 
 def _within_end(

@@ -72,8 +72,7 @@ class Within:
         finite = np.isfinite(self.velocity)
         far = np.where(finite, up(np.where(finite, self.velocity, 1.0) * self.duration), np.inf)
         for q in self.ends:
-            near = Interval.at(q) + Interval(-far, far)
-            box = Interval(np.maximum(box.lower, near.lower), np.minimum(box.upper, near.upper))
+            box = box.both(Interval.at(q) + Interval(-far, far))
         return box
 
     def times(self, boxes: Interval, turning: Flags) -> Array:
@@ -154,10 +153,10 @@ class GoalSet:
         """Boxes, shape (boxes, nv), after all whole turns that limits and time allow, and these turns, shape (nv,)."""
         inside, count = self.within.box, boxes.lower.shape[1]
         found = [(boxes, np.zeros(count))]
-        first, last = np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0)
+        around = boxes.around
         for joint in np.flatnonzero(self.turning & np.isfinite(self.within.velocity)):
-            least = int(np.ceil((inside.lower[joint] - last[joint]) / (2 * np.pi) - _NEAR))
-            most = int(np.floor((inside.upper[joint] - first[joint]) / (2 * np.pi) + _NEAR))
+            least = int(np.ceil((inside.lower[joint] - around.upper[joint]) / (2 * np.pi) - _NEAR))
+            most = int(np.floor((inside.upper[joint] - around.lower[joint]) / (2 * np.pi) + _NEAR))
             unit = np.eye(count)[joint]
             by = [(k * unit, Interval.at(float(k)) * TURN) for k in range(least, most + 1)]
             found = [
@@ -202,15 +201,15 @@ class GoalSet:
     def shrunk(self, boxes: Interval, stop: Callable[[], bool]) -> Interval:
         """Boxes that touch, shape (boxes, nv): one as small as a point if they hold but an isolated joint position."""
         few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
-        tiny = boxes if self.continuous else few.enclosed(_hull(boxes), self.policy.isolated, stop)
-        small = len(tiny.lower) == 0 or np.max(_hull(tiny).radius) < self.policy.isolated
-        return boxes if self.continuous or not small else _hull(tiny) if len(tiny.lower) else tiny
+        tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.isolated, stop)
+        small = len(tiny.lower) == 0 or np.max(tiny.around.radius) < self.policy.isolated
+        return boxes if self.continuous or not small else tiny.around[None] if len(tiny.lower) else tiny
 
     def cut(self, boxes: Interval) -> list[Interval]:
         """Boxes, shape (boxes, nv), in two groups: where they lie along the joint in which they move the frame most."""
-        lower, upper = np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0)
-        joint = int(np.argmax((upper - lower) * self.levers))
-        beyond = boxes.centre[:, joint] > (lower[joint] + upper[joint]) / 2
+        around = boxes.around
+        joint = int(np.argmax((around.upper - around.lower) * self.levers))
+        beyond = boxes.centre[:, joint] > (around.lower[joint] + around.upper[joint]) / 2
         return [part for part in (boxes[~beyond], boxes[beyond]) if len(part.lower)]
 
     def closure_over(self, box: Interval) -> Affine:
@@ -292,11 +291,6 @@ def clusters(boxes: Interval) -> list[Interval]:
 def is_closed(goal: GoalPose) -> bool:
     """Whether equations enclose the joint positions that reach a goal: not where it is free along an axis."""
     return bool(np.all(np.isfinite(goal.deviations[:3])))
-
-
-def _hull(boxes: Interval) -> Interval:
-    """One box, shape (1, nv), that holds all."""
-    return Interval(np.min(boxes.lower, axis=0)[None], np.max(boxes.upper, axis=0)[None])
 
 
 def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interval]:

@@ -51,7 +51,7 @@ class Region:
     @property
     def hull(self) -> Interval:
         """One box that holds all, each end of shape (nv,)."""
-        return Interval(np.min(self.boxes.lower, axis=0), np.max(self.boxes.upper, axis=0))
+        return self.boxes.around
 
     def end(self, v: Array | None) -> LegEnd:
         """The region as an end of a leg, with velocities there."""

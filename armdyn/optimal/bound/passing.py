@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.course import Phase, both
+from armdyn.optimal.bound.course import Phase
 from armdyn.optimal.bound.course_bound import course_bound
-from armdyn.optimal.bound.enclosure.interval import Interval, sum_down, up
+from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound
@@ -113,7 +113,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
             break
         before, most = known, min((1 + numbers.phase_ahead) * known, longest)
         far = up(leg.velocity * most)
-        box = both((leg.start if first else leg.goal).q + Interval(-far, far), event.box)
+        box = ((leg.start if first else leg.goal).q + Interval(-far, far)).both(event.box)
         near = event.region.narrowed(box[None], numbers) if np.all(box.lower <= box.upper) else None
         if near is None:
             known = most
@@ -180,11 +180,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: Stop) ->
         turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
         if not turned:
             return None
-        box = Interval(
-            np.min([one.lower.min(axis=0) for one in turned], axis=0),
-            np.max([one.upper.max(axis=0) for one in turned], axis=0),
-        )
-        box = both(box, within.box)
+        box = joined(turned).around.both(within.box)
     found = region.narrowed(box[None], leg.policy)
     return None if found is None else found[0]
 

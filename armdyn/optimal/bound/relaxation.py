@@ -110,8 +110,8 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     whole = np.sum(found[:momenta], axis=0)
     return Multipliers(
         way=marginals[ways] / (duration * leg.velocity),
-        momentum=_free_at_ends(leg, whole),
-        speed=_free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
+        momentum=free_at_ends(leg, whole),
+        speed=free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
         shares=shares_of(np.reshape(found[1:momenta], (momenta - 1, nodes, nv)), whole),
     )
 
@@ -136,21 +136,34 @@ def _ways(
 def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
     """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
     k, nv, inertia = cells.middle, len(leg.velocity), held.centre
-    half = cells.lengths[:, None] / 2
     scale = np.abs(inertia[0]) @ leg.velocity
-    change = np.zeros((2, 2 * k + 1, nv))
-    for bound, end in zip(change, (rate.lower, rate.upper), strict=True):
-        bound[:-1] += half * end[cells.outer]
-        bound[1:] += half * end[cells.outer]
-        bound[k] += max(duration - np.sum(cells.lengths), 0.0) * end[k]
-    given = np.zeros((2 * k + 1, nv))
-    for node, v, sign in ((0, leg.start.v, 1.0), (2 * k, leg.goal.v, -1.0)):
-        if v is None:
-            change[:, node] = np.array([-np.inf, np.inf])[:, None]
-        else:
-            given[node] = sign * inertia[node] @ v
+    given, *ends = impulses(leg, inertia, cells.lengths[:, None] / 2 / scale, rate[cells.outer], scale)
+    change = np.array(ends)
+    change[:, k] += max(duration - np.sum(cells.lengths), 0.0) * np.array([rate.lower[k], rate.upper[k]]) / scale
     moved = inertia[cells.outer] * leg.velocity / scale[:, None]
-    return _Rows(moved, -moved, np.zeros((nv, nv)), change / scale, given / scale, scale)
+    return _Rows(moved, -moved, np.zeros((nv, nv)), change, given, scale)
+
+
+def impulses(leg: BoundLeg, inertia: Array, half: Array, rate: Interval, unit: Array) -> tuple[Array, Array, Array]:
+    """Given momentum at the nodes, and least and largest impulse there, all as parts of `unit`, shape (nodes, nv).
+
+    Args:
+        leg: its ends; an end of free velocity may take any impulse.
+        inertia: joint-space inertia in the cells, shape (cells, nv, nv).
+        half: half the durations of the cells of fixed length, over `unit`, shape (nodes - 1, nv).
+        rate: of the momentum in those cells [N m or N], shape (nodes - 1, nv).
+        unit: of momentum, shape (nv,).
+    """
+    given, lower, upper = np.zeros((3, len(half) + 1, unit.size))
+    for bound, force in ((lower, rate.lower), (upper, rate.upper)):
+        bound[:-1] += half * force
+        bound[1:] += half * force
+    for at, own, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
+        if own is None:
+            lower[at], upper[at] = -np.inf, np.inf
+        else:
+            given[at] = sign * (inertia[at] @ own) / unit
+    return given, lower, upper
 
 
 def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration: float) -> _Rows:
@@ -163,7 +176,7 @@ def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration
     return replace(rows, onward=rows.onward + half, back=rows.back + half, cruise=cruise)
 
 
-def _free_at_ends(leg: BoundLeg, nodes: Array) -> Array:
+def free_at_ends(leg: BoundLeg, nodes: Array) -> Array:
     """Multipliers, zero at an end where no velocity is given."""
     for node, v in ((0, leg.start.v), (-1, leg.goal.v)):
         if v is None:

@@ -67,7 +67,7 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
     # of where it meets the plane then, if at all, nothing need be known.
     if last is None or _time(leg, (end, inner[0], other)) < longest:
         return None
-    return Tube(_hull(inner[1:]), last[0])
+    return Tube(inner[1:].around, last[0])
 
 
 def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
@@ -111,7 +111,3 @@ def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | N
 
 def _inside(inner: Interval, outer: Interval) -> bool:
     return bool(np.all(inner.lower > outer.lower) and np.all(inner.upper < outer.upper))
-
-
-def _hull(boxes: Interval) -> Interval:
-    return Interval(np.min(boxes.lower, axis=0), np.max(boxes.upper, axis=0))

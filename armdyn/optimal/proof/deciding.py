@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdyn.arguments import number, text
+from armdyn.arguments import check_fields, checked, number, text
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.sensitivity import by_limits
@@ -26,14 +26,12 @@ class Share:
         ProblemError: no text, or no number.
     """
 
-    limit: str
-    joint: str
-    part: float
+    limit: str = checked(text)
+    joint: str = checked(text)
+    part: float = checked(number)
 
     def __post_init__(self) -> None:
-        text(self.limit, "limit")
-        text(self.joint, "joint")
-        number(self.part, "part")
+        check_fields(self)
 
     @property
     def name(self) -> str:

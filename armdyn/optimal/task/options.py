@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from armdyn.arguments import expect, flag, number, one_of, several, whole
+from armdyn.arguments import check_fields, checked, expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
@@ -17,6 +17,16 @@ MAX_CALM = 0.5
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
 up for."""
+
+
+def _motions(value: object, name: str) -> tuple[Trajectory, ...]:
+    return tuple(expect(one, Trajectory, f"{name}[{i}]") for i, one in enumerate(several(value, name)))
+
+
+def _meshes(value: object, name: str) -> tuple[int, ...]:
+    if not (meshes := several(value, name)):
+        raise ProblemError(f"{name} is empty; it must be numbers of at least 1")
+    return tuple(whole(mesh, f"{name}[{i}]", least=1) for i, mesh in enumerate(meshes))
 
 
 @brief
@@ -65,60 +75,30 @@ class MinimumTimeOptions:
         verbose: let solvers print.
     """
 
-    guesses: tuple[Trajectory, ...] = ()
-    search: SearchLevel = "normal"
-    starts: int | None = None
-    seed: int = 0
-    refinements: int | None = None
-    coarse_intervals: tuple[int, ...] | None = None
-    intervals: int = 40
-    max_intervals: int = 160
-    arcs: bool = True
-    replay_tolerance: float = REPLAY_TOLERANCE
-    method: str = "lobatto3"
-    control: Control = "constant"
-    dynamics: DynamicsForm = "forward"
-    compile: bool | None = None
-    max_iterations: int = 500
-    tolerance: float = 1e-8
-    calm: float = 1e-3
-    bound: bool = True
-    bound_programs: int | None = None
-    time_limit: float = 300.0
-    workers: int | None = None
-    verbose: bool = False
+    guesses: tuple[Trajectory, ...] = checked(_motions, ())
+    search: SearchLevel = checked(one_of, "normal", known=SEARCH_LEVELS)
+    starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)
+    seed: int = checked(whole, 0, least=0)
+    refinements: int | None = checked(whole, None, least=1, most=MAX_STARTS)
+    coarse_intervals: tuple[int, ...] | None = checked(_meshes, None)
+    intervals: int = checked(whole, 40, least=1)
+    max_intervals: int = checked(whole, 160, least=1)
+    arcs: bool = checked(flag, True)
+    replay_tolerance: float = checked(number, REPLAY_TOLERANCE, sign="positive", finite=False)
+    method: str = checked(one_of, "lobatto3", known=tuple(TABLEAUS))
+    control: Control = checked(one_of, "constant", known=("linear", "constant"))
+    dynamics: DynamicsForm = checked(one_of, "forward", known=("forward", "inverse"))
+    compile: bool | None = checked(flag, None)
+    max_iterations: int = checked(whole, 500, least=1)
+    tolerance: float = checked(number, 1e-8, sign="positive", finite=False)
+    calm: float = checked(number, 1e-3, sign="not negative")
+    bound: bool = checked(flag, True)
+    bound_programs: int | None = checked(whole, None, least=1)
+    time_limit: float = checked(number, 300.0, sign="positive", finite=False)
+    workers: int | None = checked(whole, None, least=1)
+    verbose: bool = checked(flag, False)
 
     def __post_init__(self) -> None:
-        guesses = tuple(
-            expect(guess, Trajectory, f"guesses[{i}]") for i, guess in enumerate(several(self.guesses, "guesses"))
-        )
-        object.__setattr__(self, "guesses", guesses)
-        if self.coarse_intervals is not None:
-            meshes = several(self.coarse_intervals, "coarse_intervals")
-            if not meshes:
-                raise ProblemError("coarse_intervals is empty; it must be numbers of at least 1")
-            meshes = tuple(whole(mesh, f"coarse_intervals[{i}]", least=1) for i, mesh in enumerate(meshes))
-            object.__setattr__(self, "coarse_intervals", meshes)
-        for name in ("intervals", "max_intervals", "max_iterations"):
-            whole(getattr(self, name), name, least=1)
-        for name, most in (
-            ("starts", MAX_STARTS),
-            ("refinements", MAX_STARTS),
-            ("bound_programs", None),
-            ("workers", None),
-        ):
-            if getattr(self, name) is not None:
-                whole(getattr(self, name), name, least=1, most=most)
-        whole(self.seed, "seed", least=0)
-        for name in ("replay_tolerance", "tolerance", "time_limit"):
-            number(getattr(self, name), name, sign="positive", finite=False)
-        if number(self.calm, "calm", sign="not negative") > MAX_CALM:
+        check_fields(self)
+        if self.calm > MAX_CALM:
             raise ProblemError(f"calm is {self.calm:g}; a part of the duration of at most {MAX_CALM:g} may be given")
-        one_of(self.search, SEARCH_LEVELS, "search")
-        one_of(self.method, tuple(TABLEAUS), "method")
-        one_of(self.control, ("linear", "constant"), "control")
-        one_of(self.dynamics, ("forward", "inverse"), "dynamics")
-        for name in ("arcs", "bound", "verbose"):
-            flag(getattr(self, name), name)
-        if self.compile is not None:
-            flag(self.compile, "compile")

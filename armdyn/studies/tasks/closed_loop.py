@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeVar
 
-from armdyn.arguments import expect, number, one_of
+from armdyn.arguments import check_fields, checked, expect, number, one_of
 from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
@@ -56,16 +56,13 @@ class ClosedLoopTask:
     """Keys of the task's table."""
 
     problems: ArmProblems
-    controller: str = "lqr"
-    reference: str = "minimum-time"
-    duration: float = 2.0
-    tolerance: float = 0.005
+    controller: str = checked(one_of, "lqr", known=tuple(CONTROLLERS))
+    reference: str = checked(one_of, "minimum-time", known=REFERENCES)
+    duration: float = checked(number, 2.0, unit="s", sign="positive")
+    tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
-        one_of(self.controller, tuple(CONTROLLERS), "controller")
-        one_of(self.reference, REFERENCES, "reference")
-        number(self.duration, "duration", unit="s", sign="positive")
-        number(self.tolerance, "tolerance", unit="rad", sign="positive")
+        check_fields(self)
 
     @classmethod
     def read(cls, table: Table, problems: ArmProblems, names: Mapping[str, Table]) -> Self:

@@ -103,6 +103,15 @@ class Interval:
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
         return Interval(np.minimum(lower, upper), np.maximum(lower, upper))
 
+    def both(self, other: Interval) -> Interval:
+        """Intersection; empty where an end is above the other."""
+        return Interval(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
+
+    @property
+    def around(self) -> Interval:
+        """One interval that holds all along the first axis."""
+        return Interval(np.min(self.lower, axis=0), np.max(self.upper, axis=0))
+
     def hull(self, other: Interval) -> Interval:
         """Convex hull of the union."""
         return Interval(np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
