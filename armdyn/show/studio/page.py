@@ -157,11 +157,9 @@ class Page:
         sliders = []
         for i, name in enumerate(short_names(robot.joint_names)):
             unit = "m" if robot.slides[i] else "rad"
-            at = float(np.clip(q[i], lower[i], upper[i]))
-            shown = float(np.clip(round(at, 3), lower[i], upper[i]))  # its digits are those of the number's field
-            one = gui.add_slider(
-                f"{name} [{unit}]", float(lower[i]), float(upper[i]), _STEP, shown, hint=robot.joint_names[i]
-            )
+            range_of_joint = float(lower[i]), float(upper[i])
+            at = _fitting(q[i], *range_of_joint)
+            one = gui.add_slider(f"{name} [{unit}]", *range_of_joint, _STEP, at, hint=robot.joint_names[i])
             sliders.append(one)
             self._hear(one, partial(self._turn, end, i))
         return sliders
@@ -313,7 +311,7 @@ class Page:
             if not held and self._changed(f"gizmo {end}", (getattr(state, end), self._held.get(end))):
                 view.place_gizmo(end)
             for slider, q in zip(self._sliders[end], getattr(state, end), strict=True):
-                self._write(slider, q)
+                self._write(slider, _fitting(q, slider.min, slider.max))
         if self._changed("ends", (state.start, state.goal, session.touching, id(session.solution))):
             view.show_ends(session.solution.trajectory if session.solution else None)
         if self._changed("payload", state.payload):
@@ -398,6 +396,11 @@ class Page:
 
         place(self._server.initial_camera, 1.0, 0.0)
         self._server.on_client_connect(connected)
+
+
+def _fitting(position: float, lower: float, upper: float) -> float:
+    """A joint's position [rad or m], rounded as the field beside its slider has room for."""
+    return float(np.clip(round(float(position), 3), lower, upper))
 
 
 def _key(handle: Any) -> str:
