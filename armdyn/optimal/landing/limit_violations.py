@@ -6,7 +6,6 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
@@ -111,17 +110,3 @@ def worst_violation(
     """Where a motion exceeds its limits most; None where it keeps them. Arguments as of `excesses`."""
     worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
     return worst.worst(joint_names) if worst.share > 0 else None
-
-
-def miss_of(problem: MinimumTimeProblem, wanted: Trajectory, replay: Trajectory) -> float:
-    """Largest error of the goal state, or excess of a velocity [rad, m, and their rates]; infinite if it broke off.
-
-    Args:
-        problem: its goal and velocity limits.
-        wanted: the motion replayed.
-        replay: what became of it.
-    """
-    if replay.t[-1] != wanted.t[-1]:
-        return float("inf")
-    _, velocity, _ = excesses(problem.limits, replay)
-    return float(max(np.max(np.abs(problem.beside_goal(replay))), np.max(velocity.beyond)))

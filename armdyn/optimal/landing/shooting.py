@@ -15,6 +15,7 @@ from scipy.linalg import solveh_banded
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
+from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.segments import gauss_steps
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.attempt import Attempt
@@ -54,17 +55,6 @@ class Shooting:
         x[-1] = np.concatenate([problem.q_goal, problem.v_goal])
         tau = np.where(level > 1 - near, actuators.upper, np.where(level < near - 1, actuators.lower, tau))
         return cls(t, x, tau)
-
-    @classmethod
-    def held(cls, motion: Trajectory) -> Self | None:
-        """A motion whose torques are constant between jumps, which are its knots; None: they are not."""
-        t, tau, passes = motion.t, motion.tau, ~motion.jumps
-        if not np.array_equal(tau[1:][passes], tau[:-1][passes]):
-            return None
-        first = np.append(True, np.any(tau[1:] != tau[:-1], axis=1))[:-1] & passes
-        first[0] = True
-        knots = np.append(np.flatnonzero(first), t.size - 1)
-        return cls(t[knots], np.concatenate([motion.q, motion.v], axis=1)[knots], tau[knots[:-1]])
 
     @property
     def size(self) -> Array:
@@ -124,6 +114,41 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
             return motion
         motion, free = _closed(motion, found, free, task, numbers)
     return None
+
+
+def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
+    """The replay of a mesh's motion, landed where that is possible.
+
+    What multiple shooting leaves, with dry friction all of it, is closed by the replay's own miss, from its own states.
+    """
+    problem, numbers, shooting = task.problem, task.policy.landing, task.policy.shooting
+    actuators = problem.limits.actuators
+    motion = landed(task, attempt) or Shooting.of(problem, attempt, shooting.near)
+    free = (motion.tau > actuators.lower) & (motion.tau < actuators.upper)
+    replay, miss = _replayed(task, motion)
+    for _ in range(numbers.rounds):
+        if miss <= numbers.landed or miss > numbers.far or task.stop:
+            break
+        x = np.concatenate([replay.q, replay.v], axis=1)[np.append(np.arange(0, len(replay.t), 2), -1)]
+        x[-1] = problem.x_goal
+        tried = replace(motion, x=x)
+        found = gaps(problem.robot, tried, shooting.steps)
+        if not all(np.all(np.isfinite(each)) for each in found):
+            break
+        found[0][:-1], found[0][-1] = 0.0, problem.beside_goal(replay) / tried.size
+        motion, free = _closed(tried, found, free, task, shooting)
+        replayed, closer = _replayed(task, motion)
+        if closer > miss / 2:
+            break
+        replay, miss = replayed, closer
+    return replay
+
+
+def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
+    """The replay of a motion, and by how much it misses the goal [rad or m, and per second]; inf: it broke off."""
+    replay = replay_of(task, motion.trajectory(task.problem.robot.joint_names))
+    whole = replay.t[-1] == motion.t[-1]
+    return replay, float(np.max(np.abs(task.problem.beside_goal(replay)))) if whole else np.inf
 
 
 def _closed(

@@ -8,8 +8,7 @@ import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, merged
 from armdyn.optimal.arcs.detection import detect
-from armdyn.optimal.landing.aim import aimed
-from armdyn.optimal.landing.shooting import landed
+from armdyn.optimal.landing.shooting import replay_on_goal
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
@@ -89,14 +88,8 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
 
 
 def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
-    """The motion of a mesh's solution, landed where that is possible.
-
-    Multiple shooting ends where its own steps do; the rest, with dry friction all of it, is closed by the replay's.
-    """
-    shot = landed(task, mesh)
-    near = mesh.trajectory if shot is None else shot.trajectory(task.problem.robot.joint_names)
-    _, replay = aimed(task, near)
-    return Optimum.of(task.problem, replay, mesh.intervals, None, remark)
+    """The motion of a mesh's solution, landed where that is possible."""
+    return Optimum.of(task.problem, replay_on_goal(task, mesh), mesh.intervals, None, remark)
 
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.landing.limit_violations import excesses, limit_violation, miss_of, worst_violation
+from armdyn.optimal.landing.limit_violations import excesses, limit_violation, worst_violation
 from problems import paper_problem
 
 
@@ -33,10 +33,3 @@ def test_what_keeps_its_limits_exceeds_none():
     still = ad.Trajectory([0, 1], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
     assert limit_violation(problem.limits, still) == 0.0
     assert worst_violation(problem.limits, still, problem.robot.joint_names) is None
-
-
-def test_a_replay_that_broke_off_misses_by_infinity():
-    problem = paper_problem("r")
-    whole, part = (ad.Trajectory([0, end], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1))) for end in (1.0, 0.5))
-    assert miss_of(problem, whole, part) == np.inf
-    assert miss_of(problem, whole, whole) == pytest.approx(np.abs(problem.x_goal).max())

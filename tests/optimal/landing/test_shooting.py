@@ -1,15 +1,19 @@
-"""Multiple shooting from a mesh's motion, against the replay."""
+"""Multiple shooting from a mesh's motion, and what the replay leaves of its miss, against the replay."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import armdyn as ad
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.landing.shooting import Shooting, gaps, landed
+from armdyn.optimal.landing.shooting import Shooting, gaps, landed, replay_on_goal
 from armdyn.optimal.search.candidates import find
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import paper_problem
+from problems import both_sides, cart, miss, paper_problem
 
 PROBLEM = paper_problem("rr")
 
@@ -54,3 +58,41 @@ def test_a_mesh_that_is_far_from_any_motion_does_not_land():
     motion = attempt.trajectory
     far = replace(attempt, trajectory=replace(motion, tau=np.zeros_like(motion.tau), v=10 * motion.v))
     assert landed(task, far) is None
+    replay = replay_on_goal(task, far)  # and is left alone
+    assert not replay.tau.any()
+    assert replay.duration == pytest.approx(motion.duration, rel=1e-12)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05])
+def test_the_torques_of_a_mesh_change_a_little_and_land(friction):
+    bare = paper_problem("rr", velocity_limit=15.0)
+    robot = bare.robot.with_friction(friction, friction)
+    problem = ad.MinimumTimeProblem(robot, q_start=bare.q_start, q_goal=bare.q_goal, velocity_limit=15.0)
+    task = Task.of(problem)
+    found = solve_on_mesh(task, spline(problem, []), 40, task.alone())
+    before = miss(problem, ad.replay_torques(robot, found.trajectory))
+    assert before > 1e-6
+    replay = replay_on_goal(task, found)
+    # What it aims for, in rad; 1e-6 rad/s is 1e-7 of the speeds.
+    assert np.abs(replay.q[-1] - problem.q_goal).max() < 1e-8
+    assert miss(problem, replay) < 1e-6
+    assert np.all(np.abs(replay.tau) <= problem.limits.effort_upper)
+    # The change is about as large as the miss, not as the motion.
+    assert replay.duration == pytest.approx(found.trajectory.duration, rel=10 * before)
+
+
+def on_mesh(t, tau):
+    """What a mesh of equal intervals says of a cart under given forces of its intervals."""
+    both, force = both_sides(t), np.repeat(tau, 2)[:, None]
+    v = np.minimum(both, both[-1] - both)[:, None]
+    motion = ad.Trajectory(both, np.zeros_like(v), v, force, cart().joint_names)
+    return Attempt(ad.Status.SOLVED, "", motion, len(tau), 0, None)
+
+
+def test_a_mesh_lands_exactly_where_the_answer_is_known():
+    """A cart's torques that are a little weak: the double integrator's way is linear in the force."""
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
+    t = np.linspace(0, 3, 31)
+    replay = replay_on_goal(Task.of(problem), on_mesh(t, np.where(t[:-1] < 1.5, 1, -1) * 2.0 / 1.5**2 * 0.99))
+    assert replay.q[-1, 0] == pytest.approx(2.0, abs=1e-9)
+    assert np.abs(replay.tau).max() <= 1.0

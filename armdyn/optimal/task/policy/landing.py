@@ -12,18 +12,13 @@ class LandingPolicy:
 
     cases: ClassVar = LARGE
 
-    rounds: int = tuned(8, "rounds", "of Newton's method on the torques", PLANAR)
+    rounds: int = tuned(8, "rounds", "of Newton's method on the replay's miss", PLANAR)
     landed: float = tuned(1e-9, "rad or m", "miss of the goal that is a few of the integrator's own", PLANAR)
     far: float = tuned(0.1, "rad or m", "miss beyond which a replay is no neighbour of what is sought")
     check_part: float = tuned(
         0.3, "of the time limit", "kept for replay and checks of what the search has", "Panda, xArm6"
     )
     check_time: float = tuned(1.0, "s", "the same, at most", "Panda, xArm6")
-    samples: int = tuned(8, "samples", "of the motion under each constant torque", PLANAR)
-    below: float = tuned(1e-8, "of a limit", "kept from a velocity limit: what interpolation may be off")
-    near: float = tuned(1e-3, "of a limit", "a velocity so near its limit is held while the goal is corrected")
-    rank: float = tuned(1e-10, "-", "part of the most that torques can do about the goal: rounding")
-    longer: float = tuned(10.0, "-", "cost of a change of duration against that of all torques")
 
 
 @dataclass(frozen=True, kw_only=True)
