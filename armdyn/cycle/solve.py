@@ -19,9 +19,8 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -98,7 +97,7 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
 def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> dict[Edge, float | None]:
     """Lower bounds on the durations of edges [s], in parallel; None: of those that pose no problem, or unknown."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
-    jobs = [partial(_bound_of, problem, stop) for _, problem in posed]
+    jobs = [partial(least_duration, problem, stop.__bool__) for _, problem in posed]
     found = dict[Edge, float | None].fromkeys(edges)
     for (edge, _), bound in zip(posed, in_processes(jobs, options.workers), strict=True):
         found[edge] = bound
@@ -106,11 +105,6 @@ def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, st
             graph.learn_bound(edge, bound)
             graph.learn(edge, max(bound, graph.lengths[edge[:2]][edge[2:]]), exact=False)
     return found
-
-
-def _bound_of(problem: MinimumTimeProblem, stop: Stop) -> float | None:
-    bound = lower_bound(problem, stop.__bool__)
-    return None if bound is None else bound.duration
 
 
 def _solve(

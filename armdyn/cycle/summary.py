@@ -12,7 +12,6 @@ from armdyn.files import attributes
 from armdyn.models.scene.attached import payload_entry
 from armdyn.models.values.spec import Payload
 from armdyn.optimal.proof.certificate import percent
-from armdyn.optimal.proof.deciding import Share
 
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""
@@ -123,16 +122,14 @@ def _move(leg: CycleLeg) -> dict[str, Any]:
     }
 
 
-def _quantity(share: Share) -> str:
-    return f"{_QUANTITIES.get(share.limit, share.limit)} of {share.joint}"
-
-
 def _decided(leg: CycleLeg | None, duration: float) -> str:
     """The limit that decides most of a step's time, in plain words; empty: unknown, or the step takes no time."""
     if leg is None:
         return f"a rest of {duration:g} s" if duration else ""
-    most = leg.solution.decides[:1]
-    return f"{_quantity(most[0])}, {100 * most[0].part:.0f} %" if most else ""
+    if not leg.solution.decides:
+        return ""
+    most = leg.solution.decides[0]
+    return f"{_QUANTITIES.get(most.limit, most.limit)} of {most.joint}, {100 * most.part:.0f} %"
 
 
 def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -> str:

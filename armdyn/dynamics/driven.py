@@ -15,6 +15,9 @@ from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.actuator_limits import ActuatorLimits
 
+_library = cache(compiled_library)
+"""Loaded for good: addresses of a library's functions are in use. Another Function of the same source shares it."""
+
 
 class Plant(NamedTuple):
     """An arm whose last body and friction are numbers, so that all its payloads share one function."""
@@ -132,9 +135,3 @@ def _callable(function: ca.Function) -> Any:
         return bridge.Callable(0, [0, 0, 0, 0], function.serialize())
     address = ctypes.cast(getattr(library, function.name()), ctypes.c_void_p).value
     return bridge.Callable(address, [function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()], "")
-
-
-@cache
-def _library(source: str, instructions: int) -> ctypes.CDLL | None:
-    """Load a library for good: addresses of its functions are in use. Another Function of the same source shares it."""
-    return compiled_library(source, instructions)

@@ -19,6 +19,9 @@ BODY = (
 )
 """Numbers of a body, its inertia about its centre of mass."""
 
+_TORQUE = ("N m", "N")
+_UNITS = {"armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m"), "coulomb": _TORQUE, "offset": _TORQUE}
+"""Units of a joint that turns, and of one that slides."""
 _DIFFERENCE = 1e-5
 """Step of the derivatives of a body's numbers by its relative unknowns."""
 
@@ -104,18 +107,11 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
     start, found = 10 * len(unknowns.joints), unknowns.numbers(fit.x)
     priors = (robot.model.armature, *robot.friction.per_joint(robot.nv), np.zeros(robot.nv))
     scales = (unknowns.armature, unknowns.damping, unknowns.coulomb, unknowns.offset)
-    for kind, before, after, sizes in zip(
-        ("armature", "damping", "coulomb", "offset"), priors, found, scales, strict=True
-    ):
+    for kind, before, after, sizes in zip(_UNITS, priors, found, scales, strict=True):
         for j in range(sizes.size):
-            unit = _unit(kind, bool(robot.slides[j]))
+            unit = _UNITS[kind][bool(robot.slides[j])]
             yield estimated(f"{kind} of {robot.joint_names[j]}", unit, before[j], after[j], row(start + j, sizes[j]))
         start += sizes.size
-
-
-def _unit(kind: str, slides: bool) -> str:
-    units = {"armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m")}
-    return units.get(kind, ("N m", "N"))[slides]
 
 
 def _slopes(function: Callable[[Array], Array], x: Array, count: int) -> Array:

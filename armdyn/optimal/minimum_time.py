@@ -12,7 +12,7 @@ from armdyn.arguments import expect, listener
 from armdyn.optimal.answer.assembly import assembled, failed
 from armdyn.optimal.answer.goals import fastest_goal
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.slow_limits import check_pace
 from armdyn.optimal.problem.stop import stopping
@@ -144,11 +144,6 @@ def _bounded(task: Task) -> Iterator[Task]:
     if not (task.policy.strategy.bounded and task.options.bound):
         yield task
         return
-    with concurrently(partial(_lower_bound, task), task.workers) as bound:
+    job = partial(least_duration, task.problem, task.stop.__bool__, task.policy.bound)
+    with concurrently(job, task.workers) as bound:
         yield replace(task, lower_bound=bound)
-
-
-def _lower_bound(task: Task) -> float | None:
-    """Lower bound on the duration [s]; None: none is known."""
-    bound = lower_bound(task.problem, task.stop.__bool__, task.policy.bound)
-    return None if bound is None else bound.duration

@@ -107,7 +107,7 @@ def _is_file(name: str) -> bool:
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     """The robot as it was when it moved; where the user does not name it, it is looked for in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
-    payload, tool = (_given(model.part(part)) for part in ("payload", "tool"))
+    payload, tool = (model.part(part).given() for part in ("payload", "tool"))
     carried = spec.payload or (payload_from(payload) if payload else None)
     locked = [
         f"{joint}={q!r}"
@@ -129,11 +129,6 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     if len(damping) == len(coulomb) == arm.nv and None not in (*damping, *coulomb):
         arm = arm.with_friction([x or 0.0 for x in damping], [x or 0.0 for x in coulomb], friction.number("width"))
     return arm
-
-
-def _given(facts: Facts) -> dict[str, Any]:
-    """Payload or tool of a result."""
-    return {name: value for name, value in facts.values.items() if value is not None}
 
 
 def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:

@@ -11,7 +11,7 @@ from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.assembly import ended_in_time, with_certificate
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.bound.lower_bound import lower_bound
+from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
@@ -112,7 +112,7 @@ def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> floa
     if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds) as stop:
-        bound = lower_bound(task.problem, stop.__bool__, task.policy.bound)
+        bound = least_duration(task.problem, stop.__bool__, task.policy.bound)
     if stop.cut_short:
         task.stop.cut()
-    return None if bound is None else bound.duration
+    return bound

@@ -42,6 +42,14 @@ class LowerBound:
         return self.duration - self.kinematic
 
 
+def least_duration(
+    problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
+) -> float | None:
+    """The bound of `lower_bound` [s]; None: none is known."""
+    bound = lower_bound(problem, stop, policy)
+    return None if bound is None else bound.duration
+
+
 def lower_bound(
     problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
 ) -> LowerBound | None:

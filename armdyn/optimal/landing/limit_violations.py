@@ -51,7 +51,9 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         motion: any.
         dense: velocities and positions are looked at so many times between samples; 1: at the samples.
     """
-    t, q, v = _finer(motion, dense)
+    between = _between(motion, dense)
+    at = motion(between)
+    t, q, v = np.append(motion.t, between), np.vstack([motion.q, at.q]), np.vstack([motion.v, at.v])
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
         Excess(
@@ -75,28 +77,15 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
     )
 
 
-def _finer(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
-    """Times, positions and velocities of a motion at its samples and between them, as `Trajectory.__call__` has them.
+def _between(motion: Trajectory, dense: int) -> Array:
+    """Times of places between a motion's samples [s], shape (m,).
 
     Args:
         motion: any.
         dense: places for each interval between samples, its first sample among them; a jump has no others.
-
-    Returns:
-        Of shape (m,), (m, nv) and (m, nv); the samples come first.
     """
-    flows, s = np.flatnonzero(~motion.jumps), (np.arange(1, dense) / dense)[:, None, None]
-    h, q0, v0, v1 = np.diff(motion.t)[flows, None], motion.q[flows], motion.v[flows], motion.v[flows + 1]
-    rise, h_v0 = motion.q[flows + 1] - q0, h * v0
-    c2, c3 = 3 * rise - h * (2 * v0 + v1), h * (v0 + v1) - 2 * rise
-    n = motion.q.shape[1]
-    q, v = q0 + s * (h_v0 + s * (c2 + s * c3)), v0 + s * (2 * c2 + 3 * s * c3) / h
-    t = motion.t[flows] + s[..., 0] * h[:, 0]
-    return (
-        np.append(motion.t, t),
-        np.concatenate([motion.q, q.reshape(-1, n)]),
-        np.concatenate([motion.v, v.reshape(-1, n)]),
-    )
+    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense) / dense
+    return np.asarray(motion.t[flows] + parts[:, None] * np.diff(motion.t)[flows]).ravel()
 
 
 def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:

@@ -344,9 +344,6 @@ class MinimumTimeProblem:
         bounds[[leg for i in self.via_regions for leg in (i, i + 1)]] = 0.0
         return np.asarray(bounds)
 
-    def _joints(self, value: Any, name: str) -> Array:
-        return per_joint(value, self.robot.joint_names, name, error=ProblemError, scalar=False)
-
     def _resolve_ends(self) -> None:
         """Check the states at both ends, and keep them as arrays; no velocity is rest, no pose is none."""
         for name in ("q_start", "q_goal", "v_start", "v_goal"):
@@ -357,7 +354,8 @@ class MinimumTimeProblem:
             if name in ("q_start", "q_goal"):
                 array = pose_given(self.robot, given, name)
             else:
-                array = self._joints(np.zeros(self.robot.nv) if given is None else given, name)
+                given = np.zeros(self.robot.nv) if given is None else given
+                array = per_joint(given, self.robot.joint_names, name, error=ProblemError, scalar=False)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 

@@ -113,7 +113,7 @@ def parts_in(facts: Facts) -> list[CarriedPart]:
     for one in facts.parts("parts")[:_MOST_PARTS]:
         begin = one.number("begin")
         with suppress(ArmdynError, TypeError, ValueError):
-            entry = {name: value for name, value in one.part("part").values.items() if value is not None}
+            entry = one.part("part").given()
             if begin is not None:
                 found.append(CarriedPart(payload_from(entry), max(begin, 0.0), one.number("end")))
     return found

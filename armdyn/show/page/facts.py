@@ -44,6 +44,10 @@ class Facts:
         """Whether the value is true; False if it is missing."""
         return self.values.get(name) is True
 
+    def given(self) -> dict[str, Any]:
+        """All values but those that are none."""
+        return {name: value for name, value in self.values.items() if value is not None}
+
     def part(self, name: str) -> Facts:
         """Facts inside of these."""
         value = self.values.get(name)
