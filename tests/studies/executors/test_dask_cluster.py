@@ -26,10 +26,15 @@ reserve = { from = 0.0, to = 0.2, count = 5 }
 
 @pytest.fixture
 def cluster():
+    """Two workers, forked by a process that has imported what they need, as they are killed and started again."""
+    import dask
     from distributed import LocalCluster
+    from distributed.utils import get_mp_context
 
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
-        yield running
+    with dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}):
+        get_mp_context().set_forkserver_preload(["distributed", "armdyn.studies.tasks.minimum_time"])
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as running:
+            yield running
 
 
 @pytest.mark.slow
