@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,8 +15,10 @@ import armdyn as ad
 # Before numpy is imported: matrices are small, and each thread of BLAS would wait for the other on a core of a worker.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Of the hundreds of processes that the tests spawn only the first compiles armdyn's modules.
+# Of the hundreds of processes that the tests spawn only the first compiles armdyn's modules, and only the first run
+# rewrites the asserts of the tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # Examples are the same in every run, and none is judged by the clock of a busy machine.
 settings.register_profile("armdyn", deadline=None, derandomize=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +18,8 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.placement import Placement, homogeneous
 from armdyn.reprs import brief
+
+Row = tuple[float, ...]
 
 _STARTS = 80
 _STEPS = 100
@@ -120,18 +124,9 @@ def poses_reaching(
     if frame.parentJoint == 0:
         raise ProblemError(f"frame {goal.frame!r} of {robot.name} does not move: it has no goal")
     near = np.asarray(near, dtype=float)
-    random = np.random.default_rng(seed)
-    low = np.maximum(limits.position_lower, np.minimum(near, limits.position_upper) - np.pi)
-    high = np.minimum(limits.position_upper, np.maximum(near, limits.position_lower) + np.pi)
-    starts = [near, *(random.uniform(low, high) for _ in range(_STARTS - 1))]
-    found: list[Array] = []
-    missed: list[tuple[float, float]] = []
-    for start in starts:
-        q, error = _approach(robot, goal, frame, start, limits)
-        if np.linalg.norm(error) <= REACHED:
-            found.append(_unwound(robot, q, near, limits))
-        else:
-            missed.append((float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))))
+    ends = tuple(limits.position_lower.tolist()), tuple(limits.position_upper.tolist())
+    reached, missed = _searched(robot, goal, tuple(near.tolist()), ends, seed)
+    found = [_unwound(robot, q, near, limits) for q in reached]
     if not found:
         distance, angle = min(missed, key=lambda miss: miss[0] + miss[1])
         turned = f" and {angle:.3g} rad" if goal.oriented else ""
@@ -148,6 +143,28 @@ def poses_reaching(
     return kept[:most]
 
 
+@lru_cache(maxsize=32)
+def _searched(
+    robot: Robot, goal: GoalPose, near: Row, ends: tuple[Row, Row], seed: int
+) -> tuple[list[Array], list[tuple[float, float]]]:
+    """Joint positions that reach a goal from many starts, and distances [m, rad] of those that miss it.
+
+    Kept, as variants of a problem ask for the same.
+    """
+    random, middle, (lower, upper) = np.random.default_rng(seed), np.array(near), map(np.array, ends)
+    low = np.maximum(lower, np.minimum(middle, upper) - np.pi)
+    high = np.minimum(upper, np.maximum(middle, lower) + np.pi)
+    reached: list[Array] = []
+    missed: list[tuple[float, float]] = []
+    for start in [middle, *(random.uniform(low, high) for _ in range(_STARTS - 1))]:
+        q, error = _approach(robot, goal, robot.frame(goal.frame), start, (lower, upper))
+        if np.linalg.norm(error) <= REACHED:
+            reached.append(q)
+        else:
+            missed.append((float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))))
+    return reached, missed
+
+
 def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
     """Orthonormal directions of the joint positions that leave the frame at its goal, shape (nv, k); k is 0 if none.
 
@@ -156,7 +173,8 @@ def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
         goal: where the frame is.
         q: joint positions that reach it [rad or m], shape (nv,).
     """
-    _, jacobian = _error(robot, goal, robot.frame(goal.frame), robot.model.createData(), q)
+    _, by = _error(robot, goal, robot.frame(goal.frame), robot.model.createData(), q)
+    jacobian = by()
     if not np.any(jacobian):  # in the midst of a region
         return np.eye(robot.nv)
     _, sizes, rows = np.linalg.svd(jacobian)
@@ -177,12 +195,13 @@ def approached(robot: Robot, goal: GoalPose, near: Array, limits: JointLimits) -
         The positions [rad or m], shape (nv,), and how far the frame is from the goal there [m, rad], shape (6,) or
         (3,).
     """
-    return _approach(robot, goal, robot.frame(goal.frame), near, limits)
+    ends = limits.position_lower, limits.position_upper
+    return _approach(robot, goal, robot.frame(goal.frame), near, ends)
 
 
 def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimits) -> Array | None:
     """The joint positions near q + step that reach the goal, too; None: none was found. Each of shape (nv,)."""
-    moved, error = _approach(robot, goal, robot.frame(goal.frame), q + step, limits)
+    moved, error = approached(robot, goal, q + step, limits)
     return moved if np.linalg.norm(error) <= REACHED else None
 
 
@@ -218,7 +237,7 @@ def moving_directions(robot: Robot, goal: GoalPose, seed: int = 0) -> Flags:
     fixed, data, random = robot.frame(goal.frame), robot.model.createData(), np.random.default_rng(seed)
     most, back = np.zeros(6), goal.pose.rotation.T
     for q in random.uniform(-1, 1, (3, robot.nv)):
-        frame, own = _frame_jacobian(robot, fixed, data, q)
+        frame, own = _placed(robot, fixed, data, q), _jacobian(robot, fixed, data)
         rows = np.vstack([back @ frame.rotation @ own[:3], back @ frame.rotation @ own[3:]])
         most = np.maximum(most, np.max(np.abs(rows), axis=1))
     return np.asarray(most > REACHED)
@@ -232,43 +251,58 @@ def _turn(goal: GoalPose, rotation: Array) -> Array:
     return swing(axis, rotation @ axis)
 
 
-def _error(robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[Array, Array]:
-    """Error of a frame from its goal or region [m, rad], and its Jacobian by q."""
-    here, jacobian = _frame_jacobian(robot, frame, data, q)
+def _error(
+    robot: Robot, goal: GoalPose, frame: pin.Frame, data: pin.Data, q: Array
+) -> tuple[Array, Callable[[], Array]]:
+    """Error of a frame from its goal or region [m, rad], and a function that returns its Jacobian by q.
+
+    The function is valid until `data` is of other joint positions.
+    """
+    here = _placed(robot, frame, data, q)
     if not goal.exact:
-        return _outside(goal, goal._pose.actInv(here), jacobian)
+        return _outside(goal, goal._pose.actInv(here), partial(_jacobian, robot, frame, data))
+    off = here.actInv(goal._pose)
     if goal.oriented:
-        off = here.actInv(goal._pose)
-        return pin.log6(off).vector, pin.Jlog6(off.inverse()) @ jacobian
-    return here.actInv(goal._pose.translation), jacobian[:3]
+        return pin.log6(off).vector, lambda: pin.Jlog6(off.inverse()) @ _jacobian(robot, frame, data)
+    return off.translation, lambda: _jacobian(robot, frame, data)[:3]
 
 
-def _frame_jacobian(robot: Robot, frame: pin.Frame, data: pin.Data, q: Array) -> tuple[pin.SE3, Array]:
-    """Placement of a frame in the world, and its Jacobian in its own axes, shape (6, nv)."""
+def _placed(robot: Robot, frame: pin.Frame, data: pin.Data, q: Array) -> pin.SE3:
+    """Placement of a frame in the world; `data` then has the joints' Jacobians, too."""
     pin.computeJointJacobians(robot.model, data, robot.configuration(q))
-    jacobian = pin.getJointJacobian(robot.model, data, frame.parentJoint, pin.ReferenceFrame.LOCAL)
-    return data.oMi[frame.parentJoint] * frame.placement, frame.placement.toActionMatrixInverse() @ jacobian
+    return data.oMi[frame.parentJoint] * frame.placement
 
 
-def _outside(goal: GoalPose, off: pin.SE3, jacobian: Array) -> tuple[Array, Array]:
-    """Deviations beyond a region, with the sign that leads back; rows of those within it are zero.
+def _jacobian(robot: Robot, frame: pin.Frame, data: pin.Data) -> Array:
+    """Jacobian of a frame in its own axes, shape (6, nv), where `_placed` has placed it."""
+    own = pin.getJointJacobian(robot.model, data, frame.parentJoint, pin.ReferenceFrame.LOCAL)
+    return np.asarray(frame.placement.toActionMatrixInverse() @ own)
+
+
+def _outside(goal: GoalPose, off: pin.SE3, jacobian: Callable[[], Array]) -> tuple[Array, Callable[[], Array]]:
+    """Deviations beyond a region, with the sign that leads back, and a function that returns their rows by q.
+
+    Rows of deviations within the region are zero.
 
     Args:
         goal: the region.
         off: the frame's placement in that of the goal.
-        jacobian: of the frame in its own axes, shape (6, nv).
+        jacobian: returns that of the frame in its own axes, shape (6, nv).
     """
-    turned, vector = jacobian[3:], _turn(goal, off.rotation)
-    if goal.axis is None:
-        by = pin.Jlog3(off.rotation) @ turned
-    else:
-        axis = np.eye(3)[goal.axis]
-        # Exact where the axes agree, and near enough elsewhere for a method that compares errors.
-        by = (np.eye(3) - np.outer(axis, axis)) @ off.rotation @ turned
-    deviation, most = np.concatenate([off.translation, vector]), goal.deviations
-    error = np.clip(deviation, -most, most) - deviation
-    rows = np.vstack([off.rotation @ jacobian[:3], by])
-    return error, np.where((np.abs(deviation) >= most - REACHED)[:, None], rows, 0.0)
+    deviation, most = np.concatenate([off.translation, _turn(goal, off.rotation)]), goal.deviations
+
+    def by() -> Array:
+        own = jacobian()
+        if goal.axis is None:
+            turning = pin.Jlog3(off.rotation) @ own[3:]
+        else:
+            axis = np.eye(3)[goal.axis]
+            # Exact where the axes agree, and near enough elsewhere for a method that compares errors.
+            turning = (np.eye(3) - np.outer(axis, axis)) @ off.rotation @ own[3:]
+        rows = np.vstack([off.rotation @ own[:3], turning])
+        return np.where((np.abs(deviation) >= most - REACHED)[:, None], rows, 0.0)
+
+    return np.clip(deviation, -most, most) - deviation, by
 
 
 def swing(axis: Array, turned: Array) -> Array:
@@ -303,22 +337,27 @@ def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement
     return values if any(values) else ()
 
 
-def _approach(robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, limits: JointLimits) -> tuple[Array, Array]:
-    """Joint positions after a Levenberg-Marquardt iteration, and the error there."""
-    data = robot.model.createData()
-    q = np.clip(start, limits.position_lower, limits.position_upper)
-    error, jacobian = _error(robot, goal, frame, data, q)
-    damping = 1e-3
+def _approach(
+    robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, ends: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    """Joint positions after a Levenberg-Marquardt iteration within position limits, and the error there."""
+    data, (low, high) = robot.model.createData(), ends
+    q = np.clip(start, low, high)
+    error, by = _error(robot, goal, frame, data, q)
+    jacobian, damping = by(), 1e-3
     for _ in range(_STEPS):
         cost = float(error @ error)
         if cost <= (REACHED / 10) ** 2 or damping > 1e6:
             break
-        normal = jacobian.T @ jacobian + damping * cost * np.eye(q.size) + 1e-12 * np.eye(q.size)
+        normal = jacobian.T @ jacobian
+        diagonal = normal.reshape(-1)[:: q.size + 1]
+        diagonal += damping * cost
+        diagonal += 1e-12
         step = np.linalg.solve(normal, jacobian.T @ error)
-        tried = np.clip(q + step, limits.position_lower, limits.position_upper)
-        new_error, new_jacobian = _error(robot, goal, frame, data, tried)
+        tried = np.minimum(np.maximum(q + step, low), high)
+        new_error, by = _error(robot, goal, frame, data, tried)
         if float(new_error @ new_error) < cost:
-            q, error, jacobian, damping = tried, new_error, new_jacobian, max(damping / 5, 1e-6)
+            q, error, jacobian, damping = tried, new_error, by(), max(damping / 5, 1e-6)
         else:
             damping = max(4 * damping, 1e-3)
     return q, error

@@ -1,6 +1,7 @@
 """What a change of a motion saves, against closed forms, slower motions and another integrator."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -22,11 +23,24 @@ FAST = ad.MinimumTimeProblem(
 """Both velocity limits are met."""
 
 
+@cache
+def attempted(problem):
+    """A task, and its search's first optimum on a coarse mesh."""
+    task = Task.of(problem, ad.MinimumTimeOptions(starts=4, workers=1))
+    return task, find(task).attempts[0]
+
+
+@cache
+def fast():
+    """`of(FAST)`, for several tests."""
+    return of(FAST)
+
+
 def of(problem, **mesh):
     """A task, its first optimum's motion and its costates."""
-    task = Task.of(problem, ad.MinimumTimeOptions(starts=4, workers=1))
+    task, coarse = attempted(problem)
     task = replace(task, policy=task.policy.changed("motion_mesh", **mesh))
-    *_, finest = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
+    *_, finest = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(coarse)
     motion = landed(task, finest)
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     return task, motion, replay, mesh_costates(problem, motion, replay, task.policy)
@@ -51,7 +65,7 @@ def test_a_cart_with_a_velocity_limit_has_the_costates_of_the_closed_form():
 
 @pytest.mark.slow
 def test_a_motion_that_is_slower_has_a_saving_of_no_less():
-    best = of(FAST)
+    best = fast()
     assert best[3].saving < 1e-4
     for mesh in ({"rounds": 3}, {"rounds": 2}, {"rounds": 1}, {"inside": 1e-4}):
         *_, replay, costates = of(FAST, **mesh)
@@ -61,7 +75,7 @@ def test_a_motion_that_is_slower_has_a_saving_of_no_less():
 
 @pytest.mark.slow
 def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
-    task, motion, replay, costates = of(FAST)
+    task, motion, replay, costates = fast()
     robot, n = FAST.robot, 2
     data = robot.model.createData()
     assert np.any(costates.held)
@@ -81,15 +95,14 @@ def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
 
 
 def test_what_time_leaves_idle_does_not_count():
-    task = Task.of(gantry_problem(), ad.MinimumTimeOptions(starts=4, workers=1))
-    optimum = mesh_optimum(task, find(task).attempts[0], "")
+    optimum = mesh_optimum(*attempted(gantry_problem()), "")
     assert optimum.certificate.ok
     assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)
 
 
 @pytest.mark.slow
 def test_a_program_that_comes_no_nearer_is_solved_less_closely():
-    task, motion, replay, costates = of(FAST)
+    task, motion, replay, costates = fast()
     unreached = 1e-20  # beyond rounding
     for tolerances, found in (((unreached,), False), ((unreached, 1e-6), True)):
         policy = task.policy.changed("shooting", converged=tolerances)
@@ -108,9 +121,9 @@ def test_a_joint_without_a_motor_has_no_torque_to_change():
 
 @pytest.mark.slow
 def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
-    task = Task.of(FAST, ad.MinimumTimeOptions(starts=4, workers=1))
+    task, attempt = attempted(FAST)
     coarse = replace(task, policy=task.policy.changed("motion_mesh", inside=1e-3))
-    optimum = mesh_optimum(coarse, find(coarse).attempts[0], "its arcs are not resolved")
+    optimum = mesh_optimum(coarse, attempt, "its arcs are not resolved")
     assert optimum.certificate.usable
     assert not optimum.certificate.ok
     assert "its arcs are not resolved" in optimum.certificate.reasons
