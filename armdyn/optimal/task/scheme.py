@@ -28,15 +28,6 @@ class Scheme:
     dynamics: DynamicsForm = "forward"
     compile: bool | None = None
 
-    def __post_init__(self) -> None:
-        for value, known in (
-            (self.method, tuple(TABLEAUS)),
-            (self.control, ("linear", "constant", "stage")),
-            (self.dynamics, ("forward", "inverse")),
-        ):
-            if value not in known:
-                raise ValueError(f"{value!r} is none of {', '.join(known)}")
-
     @property
     def tableau(self) -> Tableau:
         """Coefficients of the collocation method."""
