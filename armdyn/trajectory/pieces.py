@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armdyn.arguments import expect, number, numbers, several, shown, text
+from armdyn.arguments import check_fields, checked, expect, number, numbers, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.reprs import brief
@@ -81,18 +81,14 @@ class Piece:
         TrajectoryError: a field has another type, or start is not finite.
     """
 
-    start: float
-    name: str = ""
-    model_hash: str = ""
-    load: Load | None = None
-    event: str = ""
+    start: float = checked(number, name="piece start", unit="s", error=TrajectoryError)
+    name: str = checked(text, "", name="piece name", error=TrajectoryError)
+    model_hash: str = checked(text, "", name="piece model_hash", error=TrajectoryError)
+    load: Load | None = checked(expect, None, kind=Load, name="piece load", hint="Load(mass=…)", error=TrajectoryError)
+    event: str = checked(text, "", name="piece event", error=TrajectoryError)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", number(self.start, "piece start", unit="s", error=TrajectoryError))
-        for field in ("name", "model_hash", "event"):
-            text(getattr(self, field), f"piece {field}", error=TrajectoryError)
-        if self.load is not None:
-            expect(self.load, Load, "piece load", "Load(mass=…)", error=TrajectoryError)
+        check_fields(self)
 
 
 def check_pieces(pieces: object, t: Array) -> tuple[Piece, ...]:

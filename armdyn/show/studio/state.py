@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import flag, number, numbers, shown, text
+from armdyn.arguments import check_fields, checked, flag, number, numbers, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.presets.preset import ControllerPreset
@@ -52,11 +52,12 @@ class StudioState:
     payload: float = 0.0
     reserve: float = 0.0
     calm: float = 1e-3
-    preset: str = ""
-    self_collision: bool = False
+    preset: str = checked(text, "")
+    self_collision: bool = checked(flag, False)
     obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for end in ("start", "goal"):
             positions = numbers(getattr(self, end), end)
             if not np.all(np.isfinite(positions)):
@@ -65,8 +66,6 @@ class StudioState:
         for name, most in (("payload", MOST_PAYLOAD), ("reserve", MOST_RESERVE), ("calm", MAX_CALM)):
             if number(getattr(self, name), name, sign="not negative") > most:
                 raise ProblemError(f"{name} is {getattr(self, name):g}; the studio takes at most {most:g}")
-        flag(self.self_collision, "self_collision")
-        text(self.preset, "preset")
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, calm: float) -> Self:
