@@ -137,7 +137,7 @@ def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [["doctor"], ["--help"]], ids=str)
+@pytest.mark.parametrize("arguments", [["doctor", "panda"], ["--help"]], ids=str)
 def test_at_twenty_moments(arguments):
     begun = time.perf_counter()
     python(BEGIN, *arguments)

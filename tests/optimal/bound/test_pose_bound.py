@@ -52,7 +52,7 @@ def enclosed(robot, pose, start, longest, size):
 
 def held(boxes, q):
     """Whether one of the boxes holds these joint positions; joint by joint, as few of a million hold the first."""
-    own = np.arange(len(boxes.lower))
+    own = np.flatnonzero((boxes.lower[:, 0] <= q[0]) & (q[0] <= boxes.upper[:, 0]))
     for joint, at in enumerate(q):
         own = own[(boxes.lower[own, joint] <= at) & (at <= boxes.upper[own, joint])]
     return own.size > 0

@@ -61,7 +61,7 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
 
 @pytest.mark.slow
 def test_ur5_at_reduced_speed():
-    start, goal = [0, -1.2, 1.2, -1.5, -1.5, 0], [0.3, -1.3, 1.4, -1.6, -1.5, 0.2]
+    start, goal = [0, -1.2, 1.2, -1.5, -1.5, 0], [0.15, -1.25, 1.3, -1.55, -1.5, 0.1]
     robot = ad.Robot.from_library("ur5")
     solution = between(robot, start, goal, ad.FrameSpeedLimit(0.25), starts=1, calm=0.0, bound=False)
     tip = solution.problem.path_constraints[0].frame
