@@ -137,7 +137,7 @@ def test_three_links_land_through_dry_friction(velocity_limit):
     robot = bare.robot.with_friction(0.3, 0.3)
     ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": velocity_limit}
     solution = ad.solve_minimum_time(
-        ad.MinimumTimeProblem(robot, **ends), ad.MinimumTimeOptions(starts=16, bound=False)
+        ad.MinimumTimeProblem(robot, **ends), ad.MinimumTimeOptions(starts=8, bound=False)
     )
     assert solution.usable and solution.duration < 0.43
     replay = ad.replay_torques(robot, solution.trajectory)

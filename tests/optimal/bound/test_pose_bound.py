@@ -27,7 +27,7 @@ def reaching(robot, seed, oriented=False):
     pin.framesForwardKinematics(model, data, goal)
     at, rows = data.oMf[frame].copy(), 6 if oriented else 3
     found = [goal]
-    for _ in range(150):
+    for _ in range(400):
         q = rng.uniform(low, high) if rng.random() < 0.5 else found[-1] + rng.normal(0, 0.3, robot.nv)
         for _ in range(30):
             pin.framesForwardKinematics(model, data, q)
@@ -66,7 +66,7 @@ def test_no_joint_position_that_reaches_the_pose_is_lost(name, seed, oriented):
     start, pose, members = reaching(robot, seed, oriented)
     limits = robot.limits
     times = np.max(np.abs(members - start) / limits.velocity, axis=1)
-    longest = float(np.quantile(times, 0.1 if oriented else 0.3)) * (1 + 1e-9)
+    longest = float(np.quantile(times, 0.1)) * (1 + 1e-9)
     boxes = enclosed(robot, pose, start, longest, 0.1)
     near = members[times < longest]
     assert len(near)

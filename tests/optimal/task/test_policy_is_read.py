@@ -117,7 +117,7 @@ SOLVES = {
         [("smooth", {"refined": 1000, "worth": 100.0}), ("same", {"coarse_cost": 0.0})],
         starts=2,
     ),
-    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=8),
+    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=4),
     "a fine mesh for time and energy": lambda: noted(
         between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
     ),
