@@ -136,9 +136,7 @@ def test_three_links_land_through_dry_friction(velocity_limit):
     bare = paper_problem("rrr")
     robot = bare.robot.with_friction(0.3, 0.3)
     ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": velocity_limit}
-    solution = ad.solve_minimum_time(
-        ad.MinimumTimeProblem(robot, **ends), ad.MinimumTimeOptions(starts=8, bound=False)
-    )
+    solution = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, **ends), ad.MinimumTimeOptions(starts=8, bound=False))
     assert solution.usable and solution.duration < 0.43
     replay = ad.replay_torques(robot, solution.trajectory)
     assert np.max(np.abs(replay.q[-1] - bare.q_goal)) < 1e-6

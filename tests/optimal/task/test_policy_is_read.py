@@ -136,7 +136,6 @@ SOLVES = {
             ("switching", {"rounds": 0}),
             ("refinement", {"budget": 20_000}),
             ("motion_mesh", {"rounds": 0}),
-            ("landing", {"below": -1e-4}),
         ],
         starts=1,
     ),
