@@ -25,6 +25,7 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.policy.search import SamePolicy
+from armdyn.optimal.task.solver_settings import Acceptable
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
@@ -106,7 +107,13 @@ class _Meshes:
         numbers, self.tie, size = self.task.policy.motion_mesh, tie, knots.size - 1
         iterations = numbers.tied_iterations if tie else numbers.iterations
         most = min(iterations, max(numbers.fewest, self.resolved.left // size))
-        settings = replace(task.sharp(), max_iterations=most, barrier=numbers.barrier)
+        settings = replace(
+            task.sharp(),
+            max_iterations=most,
+            barrier=numbers.barrier,
+            fall=numbers.fall,
+            acceptable=Acceptable(numbers.close, numbers.close, after=numbers.patience),
+        )
         found = solve_on_knots(task, guess, knots, settings, numbers.ties[tie])
         self.resolved.left -= found.iterations * size
         if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):

@@ -7,6 +7,14 @@ enum { SOLVED, ACCEPTED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, 
 static const double RELAXED = 1e-8, ACCEPTABLE = 1e-6;
 enum { ACCEPTED_AFTER = 15 };
 
+/* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu, which falls to
+   no less than a share `fall` of it at a time. Ours: once E_0 <= `close` only so many iterations more are `patience`,
+   and the best iterate will do. Joints that time leaves idle make the way from 1e-7 to 1e-9 a long one. */
+typedef struct {
+    double tolerance, barrier, fall, close;
+    int iterations, patience;
+} Settings;
+
 /* Told where it stands; not zero: stop. */
 typedef int (*Watch)(int iteration, double cost, double infeasible, double error, double mu);
 
@@ -140,10 +148,25 @@ static double newton(Solve *s) {
     return largest;
 }
 
+/* The best iterate so far. */
+static void keep(Solve *s, double error) {
+    s->closest = error;
+    memcpy(s->best_w, s->w, s->it.all * sizeof *s->w), memcpy(s->best_lam, s->lam, s->it.rows * sizeof *s->lam);
+    memcpy(s->best_zl, s->zl, s->it.all * sizeof *s->zl), memcpy(s->best_zu, s->zu, s->it.all * sizeof *s->zu);
+}
+
+/* How iterations end: where there is an iterate close to a solution it will do. */
+static int closest(Solve *s, int ended) {
+    if (ended == SOLVED || ended == STOPPED || !isfinite(s->closest)) return ended;
+    memcpy(s->w, s->best_w, s->it.all * sizeof *s->w), memcpy(s->lam, s->best_lam, s->it.rows * sizeof *s->lam);
+    memcpy(s->zl, s->best_zl, s->it.all * sizeof *s->zl), memcpy(s->zu, s->best_zu, s->it.all * sizeof *s->zu);
+    return ACCEPTED;
+}
+
 /* Iterations; returns how they ended, and in `k` after how many. */
-static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch watch, int *k) {
-    double least_mu = tolerance / 11, cost, alpha, tau, error;
-    int acceptable = 0, tiny = 0;
+static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k) {
+    double least_mu = how->tolerance / 11, cost, alpha, tau, error;
+    int acceptable = 0, tiny = 0, last = how->iterations;
     for (*k = 0;; ++*k) {
         differentiate(&s->it, s->w, s->lam, s->gradient);
         transposed(&s->it, s->lam, s->d);
@@ -151,12 +174,15 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
         error = error_of(s, 0);
         if (!isfinite(error)) return NO_NUMBERS;
         acceptable = error <= ACCEPTABLE ? acceptable + 1 : 0;
-        if (error <= tolerance) return SOLVED;
+        if (error <= how->close && isinf(s->closest)) last = *k + how->patience < last ? *k + how->patience : last;
+        if (error <= how->close && error < s->closest) keep(s, error);
+        if (error <= how->tolerance) return SOLVED;
         if (acceptable == ACCEPTED_AFTER) return ACCEPTED;
-        if (*k >= iterations) return ITERATIONS;
+        if (*k >= last) return ITERATIONS;
         if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
         while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
-            s->mu = larger(least_mu, smaller(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
+            double next = smaller(0.2 * s->mu, pow(s->mu, 1.5)); /* (7) */
+            s->mu = larger(least_mu, larger(next, how->fall * s->mu));
             s->filtered = tiny = 0;
         }
         if (tiny) return acceptable ? ACCEPTED : NO_STEP;
@@ -170,7 +196,7 @@ static int iterate(Solve *s, double tolerance, int iterations, int asked, Watch 
             }
         }
         tiny = 0;
-        if (!restored(s, k, iterations)) return *k > iterations ? (*k = iterations, ITERATIONS) : NO_WAY_BACK;
+        if (!restored(s, k, last)) return *k > last ? (*k = last, ITERATIONS) : NO_WAY_BACK;
     }
 }
 
@@ -227,22 +253,23 @@ int values_at(int N, const double *parameters, const double *w, double *c, doubl
 /* Solves from w, where it ends; lam are the equations' multipliers, z the bounds', k the iterations. x_0 and x_N are
    held at their lower bounds. Where the middles are `bounded` w, lam, z and the bounds have places for them; of w these
    need not be set. `watch` is told every `asked` iterations. */
-int solve(int N, int bounded, const double *parameters, const double *lower, const double *upper, double tolerance,
-          double barrier, int iterations, int asked, Watch watch, double *w, double *lam, double *z, int *k) {
-    Solve s = {.it = program_of(N, parameters, bounded), .w = w, .lam = lam, .mu = barrier};
+int solve(int N, int bounded, const double *parameters, const double *lower, const double *upper, const Settings *how,
+          int asked, Watch watch, double *w, double *lam, double *z, int *k) {
+    Solve s = {.it = program_of(N, parameters, bounded), .w = w, .lam = lam, .mu = how->barrier, .closest = INFINITY};
     int n = s.it.all, m = s.it.rows, ended = NO_MEMORY;
-    double *memory = calloc(14 * (size_t)n + 5 * (size_t)m, sizeof *memory), *next = memory;
+    double *memory = calloc(17 * (size_t)n + 6 * (size_t)m, sizeof *memory), *next = memory;
     char *open = calloc(n, 1);
     s.it.stages = calloc(N, sizeof *s.it.stages), s.it.open = open;
     if (s.it.stages && memory && open) {
         double **wide[] = {&s.zl, &s.zu, &s.gradient, &s.d, &s.dw, &s.dzl, &s.dzu, &s.trial, &s.other_dw,
-                           &s.it.bent, &s.it.reduced};
-        double **deep[] = {&s.c, &s.dlam, &s.trial_c, &s.other_c, &s.other_dlam};
+                           &s.it.bent, &s.it.reduced, &s.best_w, &s.best_zl, &s.best_zu};
+        double **deep[] = {&s.c, &s.dlam, &s.trial_c, &s.other_c, &s.other_dlam, &s.best_lam};
         for (size_t i = 0; i < sizeof wide / sizeof *wide; i++, next += n) *wide[i] = next;
         for (size_t i = 0; i < sizeof deep / sizeof *deep; i++, next += m) *deep[i] = next;
         opened(&s.it, lower, upper, open);
         ended = NO_NUMBERS, *k = 0, memset(lam, 0, m * sizeof *lam);
-        if (begun(&s, lower, upper, next, next + n)) ended = iterate(&s, tolerance, iterations, asked, watch, k);
+        if (begun(&s, lower, upper, next, next + n))
+            ended = closest(&s, iterate(&s, how, asked, watch, k));
         for (int i = 0; i < n; i++) z[i] = s.zu[i] - s.zl[i];
     }
     free(memory), free(s.it.stages), free(open);

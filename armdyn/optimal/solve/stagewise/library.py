@@ -23,6 +23,15 @@ WATCH = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, *[ctypes.c_double] * 4)
 """(iteration, cost, sum of the equations' errors, error, barrier) to whether to stop."""
 
 
+class Settings(ctypes.Structure):
+    """`Settings` of `interior_point.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("tolerance", "barrier", "fall", "close")),
+        *((name, ctypes.c_int) for name in ("iterations", "patience")),
+    )
+
+
 @built_once(maxsize=16)
 def stagewise_library(dynamics: Dynamics, compile_mode: bool | None) -> ctypes.CDLL | None:
     """The library of an arm, with `solve` and `values_at` as `interior_point.c` says.
@@ -44,8 +53,8 @@ def stagewise_library(dynamics: Dynamics, compile_mode: bool | None) -> ctypes.C
     library = compiled_library(source, sum(f.n_instructions() for f in one.functions) + _OWN, compile_mode)
     if library is not None:
         library.solve.argtypes = [
-            ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.c_double, ctypes.c_double,
-            ctypes.c_int, ctypes.c_int, WATCH, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
+            ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.POINTER(Settings),
+            ctypes.c_int, WATCH, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
         ]  # fmt: skip
         library.values_at.argtypes = [ctypes.c_int, *[_Numbers] * 4]
     return library

@@ -14,7 +14,7 @@ from armdyn.optimal.program.condensed import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
-from armdyn.optimal.solve.stagewise.library import WATCH, stagewise_library
+from armdyn.optimal.solve.stagewise.library import WATCH, Settings, stagewise_library
 from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
 
@@ -103,7 +103,7 @@ class Stagewise:
                 return True
 
         code = self.library.solve(
-            self.intervals, slacks > 0, *map(_pointer, given), own.tolerance, own.barrier, own.max_iterations,
+            self.intervals, slacks > 0, *map(_pointer, given), ctypes.byref(self._settings),
             1 if own.verbose else _ASKED, WATCH(watched), *map(_pointer, (w, lam, z)), ctypes.byref(count),
         )  # fmt: skip
         if raised:
@@ -120,6 +120,12 @@ class Stagewise:
     def middles(self, x: Array, p: Array) -> Array:
         """States in the middle of the intervals, a column each, shape (2 nv, N)."""
         return self._values(x, p)[1].reshape(self.intervals, -1).T
+
+    @property
+    def _settings(self) -> Settings:
+        own, enough = self.settings, self.settings.acceptable
+        close, patience = (0.0, 0) if enough is None else (enough.tolerance, enough.after)
+        return Settings(own.tolerance, own.barrier, own.fall, close, own.max_iterations, patience)
 
     @property
     def _equations(self) -> int:

@@ -77,6 +77,14 @@ class MotionMeshPolicy:
     rounds: int = tuned(5, "meshes", "a switch is then located to 1e-6 of the duration")
     iterations: int = tuned(200, "iterations", "at most: most take 40 to 90, some 150")
     barrier: float = tuned(1e-6, "scaled", "first of the interior-point method: the guess is near")
+    fall: float = tuned(
+        0.1,
+        "of itself",
+        "that it falls to at least: where joints are idle 1e-9 at once takes half as many iterations more",
+        "random arms (RRR)",
+    )
+    close: float = tuned(1e-7, "scaled", "error from which on the best iterate will do", "random arms (RRR)")
+    patience: int = tuned(80, "iterations", "more from there on, at most: most take 10", "random arms (RRR)")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
     bow: float = tuned(2e-5, "of a velocity limit", "by which a constant torque strays from it within an interval")
