@@ -245,8 +245,7 @@ class _StationarityProgram:
     def _changes(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows of H and S, costs, and bounds of the changes of the pace and the torques that they belong to.
 
-        The pace changes along every stretch, torques at its ends, as those of the intervals beside them may;
-        an interval shorter than the numbers' `brief` counts for its part of that.
+        The pace changes along every stretch, torques at its ends, as they may in the halves of the stretches there.
         """
         G, n = len(stretches.carried), self.width.size
         t, ends, m = self.motion.t / self.motion.t[-1], stretches.ends, 2 * n
@@ -256,14 +255,28 @@ class _StationarityProgram:
         velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
         places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
         torques = sp.csr_matrix((-self.into[ends].ravel(), places), shape=(n * (G + 1), width))
-        beside = (np.append(lengths, 0.0) + np.append(0.0, lengths))[:, None] / 2
-        counts = np.minimum(np.diff(t)[:, None] / self.numbers.brief, 1.0)
-        falls, rises = (
-            beside * np.maximum(np.vstack([part, part[-1:]]), np.vstack([part[:1], part]))[ends]
-            for part in (counts * self.share, counts * (1 - self.share))
-        )
+        falls, rises = (self._about_ends(stretches.ends, part) for part in (self.share, 1 - self.share))
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
         return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
+
+    def _about_ends(self, ends: Index, share: Array) -> Array:
+        """Integral of shares of the torques' ranges, as parts of the duration, from the middles of the stretches.
+
+        Args:
+            ends: knots at which stretches begin and end, shape (G + 1,).
+            share: in the intervals, shape (K, nv).
+
+        Returns:
+            Of the halves of the stretches before and after each end, shape (G + 1, nv).
+        """
+        t = self.motion.t / self.motion.t[-1]
+        stretch = np.searchsorted(ends, np.arange(len(share)), side="right") - 1
+        h, middle = np.diff(t), ((t[ends[:-1]] + t[ends[1:]]) / 2)[stretch]
+        before = np.clip(middle - t[:-1], 0.0, h)
+        found = np.zeros((ends.size, share.shape[1]))
+        np.add.at(found, stretch, before[:, None] * share)
+        np.add.at(found, stretch + 1, (h - before)[:, None] * share)
+        return found
 
     def _measured(self, stretches: _Stretches, at_ends: Array, multipliers: Array) -> MeshCostates:
         """The costates from those at the stretches' ends, and what is missed at the worse end of every interval."""

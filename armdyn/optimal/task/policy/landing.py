@@ -66,7 +66,6 @@ class ShootingPolicy:
     states: float = tuned(1.0, "-", "cost of a change of a state against that of all torques")
     longer: float = tuned(1.0, "-", "the same of a change of the duration")
     held: float = tuned(2e-2, "of a limit", "a velocity, or as a part of its way a position, so near may be held by it")
-    brief: float = tuned(1e-3, "of the duration", "a shorter interval counts less where the linear program looks at it")
     stretch: float = tuned(5e-4, "of the duration", "between costates of the linear program, at least")
     furthest: float = tuned(
         3.0, "-", "bound of changes of the states in that program, as parts of their ways and largest speeds"
