@@ -20,6 +20,8 @@ from armdyn.optimal.switching.refinement import prepare_switching
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 
+_GIVEN_UP = "refinement was given up: its budget of integrator steps and mesh iterations is spent"
+
 
 def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     """Optima with arcs, in the order of their durations on the mesh, and the search they come from.
@@ -30,12 +32,12 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     found = find(task)
     if not found.attempts:
         return [], found
-    optima = refined(task.with_options(intervals=found.mesh), found)
+    optima, given_up = refined(task.with_options(intervals=found.mesh), found)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
-    return optima, replace(found, slower=tuple(left))
+    return optima, replace(found, slower=tuple(left), met=_GIVEN_UP if given_up else found.met)
 
 
-def refined(task: Task, found: Found) -> list[Optimum]:
+def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
     """The arcs of optima read on the first mesh; on finer ones for the best, until one lands or is certified.
 
     Args:
@@ -43,7 +45,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
         found: the optima, best first.
 
     Returns:
-        As many of them, in their order, as are worth it.
+        As many of them, in their order, as are worth it, and whether the work that they may take is spent.
     """
     attempts, numbers, options = found.attempts, task.policy.refinement, task.options
     if _reads_arcs(task):
@@ -66,6 +68,8 @@ def refined(task: Task, found: Found) -> list[Optimum]:
     for k, reached in enumerate(in_processes(climbs, 1 if alone else task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
+        if shared and optima[k].certificate.ok:
+            shared.best = min(shared.best, optima[k].cost)
         if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             sure = duration + numbers.sure * abs(duration - cost) if optima[k].certificate.ok else np.inf
@@ -76,7 +80,7 @@ def refined(task: Task, found: Found) -> list[Optimum]:
             break
         if left:
             task.progress(f"refining optimum {k + 2}, about {left[0].trajectory.duration:.4f} s")
-    return optima
+    return optima, shared is not None and shared.spent
 
 
 @dataclass(frozen=True, eq=False)

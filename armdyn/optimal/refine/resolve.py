@@ -65,6 +65,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
         yield [_of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")]
         return
     fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
+    begun = budget.left
     found = _by_switching(task, shooting_problem(task, attempt.trajectory), attempt, budget)
     extremals = _landed(task, found, attempt, budget)
     if not (found.settled or found.idle or fast):
@@ -73,10 +74,14 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     yield extremals
     # Else a finer mesh may show a structure yet.
     last = budget.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+    if fast and resolved is not None:
+        resolved.spend(begun - budget.left)
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
     if motion is not None:
         yield [motion]
-    if fast and motion is None and not found.settled:
+    elif resolved is not None and (resolved.spent or resolved.beat(found.mesh)):
+        budget.spend(budget.left)
+    if fast and motion is None and not found.settled and budget.left > 0:
         found = found.again(budget)
         yield _landed(task, found, attempt, budget)
     if motion is not None and motion.within_limits:

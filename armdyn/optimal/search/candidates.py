@@ -33,7 +33,8 @@ class Found:
         listed: durations of the others on coarse meshes [s].
         slower: durations of those that were told apart better, and were not worth more [s].
         iterations: of IPOPT.
-        met: how many different optima the guesses have met, for people, where nothing else says how good the best is.
+        met: how many different optima the guesses have met, or that refinement was given up, for people, where nothing
+            else says how good the best is.
     """
 
     attempts: tuple[Attempt, ...]

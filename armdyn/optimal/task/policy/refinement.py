@@ -104,9 +104,18 @@ class MotionMeshPolicy:
     )
     tied_iterations: int = tuned(300, "iterations", "at most, with all but the first", "random arms (RRR)")
     work: int = tuned(
-        1_300_000,
+        1_000_000,
         "intervals",
-        "times iterations of all meshes of a problem: 3 to 4 s with three joints",
+        "times iterations of all meshes of a problem, and its structures: 3 to 4 s with three joints",
+        "random arms (RRR)",
+    )
+    step: float = tuned(
+        6.0, "intervals", "times iterations that take as long as an integrator step", "random arms (RRR)"
+    )
+    beaten: float = tuned(
+        5e-4,
+        "of a certified duration",
+        "by which a mesh that is slower is given up: the second is right to 2e-4",
         "random arms (RRR)",
     )
     spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
