@@ -56,7 +56,8 @@ class Solution:
             missing it is the best so far; else it is no motion, and `duration` says nothing.
         decides: how much of the time each limit decides, most first; empty if that is not known.
         calm: time that was given for calm joints [s]: without, the motion takes so much less.
-        met: how many different optima the guesses met, and how often the best, of a curve that is not certified.
+        met: how many different optima the guesses met, and how often the best, of a curve that is not certified; or
+            that refinement was given up.
     """
 
     success: bool

@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
+from armdyn.optimal.proof.repeat import repeated
+from armdyn.optimal.refine import motion_mesh
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, mesh_optimum
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import paper_arm
@@ -50,3 +53,38 @@ def test_without_work_left_one_mesh_is_solved():
     resolved = ResolvedMotions(task.policy.motion_mesh)
     assert optimum_of(task, resolved).intervals == task.policy.motion_mesh.intervals
     assert -resolved.left <= task.policy.motion_mesh.intervals * task.policy.motion_mesh.fewest
+
+
+def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():
+    task = task_of()
+    resolved = ResolvedMotions(task.policy.motion_mesh)
+    resolved.best = 0.9 * optimum_of(task_of(work=0)).trajectory.duration
+    assert optimum_of(task, resolved) is None
+    assert task.policy.motion_mesh.work - resolved.left < 100 * (
+        160 + 3 * 160 + 160
+    )  # the second mesh was the last one
+
+
+def test_structures_take_work_off_the_meshes():
+    numbers = task_of().policy.motion_mesh
+    resolved = ResolvedMotions(numbers)
+    resolved.spend((numbers.work - numbers.spare) / numbers.step + 1)
+    assert resolved.spent
+
+
+@pytest.mark.slow
+def test_a_motion_whose_replay_does_not_land_is_judged_by_its_segments(monkeypatch):
+    monkeypatch.setattr(motion_mesh, "replay_of", lambda task, motion: replace(motion, q=motion.q + 1e-3))
+    optimum = optimum_of(task_of())
+    judged = repeated(FAST, optimum.trajectory, optimum.certificate)
+    assert judged.usable and judged.saving < 1e-4 and judged.segment_error < 1e-9
+
+
+def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
+    folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
+    task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
+    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(0.0, 1e-3).problem.limits
+    assert within.position_lower == pytest.approx([-2.6 + 4.7e-3, -1.6 + 2.7e-3])
+    assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
+    wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(0.0, 0.1).problem.limits
+    assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
