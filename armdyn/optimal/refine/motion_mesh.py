@@ -29,6 +29,9 @@ from armdyn.optimal.task.solver_settings import Acceptable
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
+_CONVERGED = "Solve Succeeded"
+"""Message of a solution that is one to the tolerance, and not the best of the iterates near it."""
+
 
 class ResolvedMotions:
     """Motions of one problem that meshes were resolved to: what begins on the same motion is not resolved again.
@@ -108,13 +111,29 @@ class _Meshes:
         found = self._solved(self._within(faster, beyond), attempt.trajectory, knots, self.tie)
         return found if found.usable else None
 
+    def sharper(self, attempt: Attempt) -> Attempt:
+        """The solution itself where it has converged; else, if work is left, the faster of it and of one begun there."""
+        if attempt.message == _CONVERGED or self.tie or not self.worth(attempt.mesh) or self.task.stop:
+            return attempt
+        found = self._once(self._within(), attempt.trajectory, attempt.mesh, self.tie)
+        return found if found.usable and found.trajectory.duration < attempt.trajectory.duration else attempt
+
     def worth(self, knots: Array, spare: int = 0) -> bool:
         """Whether enough work is left for a mesh, and some to spare."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
         """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
-        numbers, self.tie, size = self.task.policy.motion_mesh, tie, knots.size - 1
+        numbers, self.tie = self.task.policy.motion_mesh, tie
+        found = self._once(task, guess, knots, tie)
+        if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
+            return found
+        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
+        return self._solved(task, near, knots, tie + 1)
+
+    def _once(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
+        """What one solve on a mesh comes to."""
+        numbers, size = self.task.policy.motion_mesh, knots.size - 1
         iterations = numbers.tied_iterations if tie else numbers.iterations
         most = min(iterations, max(numbers.fewest, int(self.resolved.left // size)))
         settings = replace(
@@ -126,10 +145,7 @@ class _Meshes:
         )
         found = solve_on_knots(task, guess, knots, settings, numbers.ties[tie])
         self.resolved.left -= found.iterations * size
-        if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
-            return found
-        near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
-        return self._solved(task, near, knots, tie + 1)
+        return found
 
     def _within(self, faster: float = 0.0, beyond: float = 0.0) -> Task:
         problem, limits = self.task.problem, self.task.problem.limits
@@ -218,7 +234,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
         if resolved.beat(mesh):
             break
     else:
-        best = _divided_until_certified(meshes, mesh, remark)
+        best = _divided_until_certified(meshes, meshes.sharper(mesh), remark)
     resolved.add(first, best)
     return best
 

@@ -88,3 +88,15 @@ def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
     wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(0.0, 0.1).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
+
+
+@pytest.mark.slow
+def test_the_best_iterate_of_the_last_mesh_is_made_sharper():
+    task = task_of(close=1e-5, patience=0, rounds=2)
+    meshes = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))
+    *_, rough = meshes.finer(find(task).attempts[0])
+    exact = _Meshes(task_of(rounds=2), ResolvedMotions(task.policy.motion_mesh))
+    sharp = exact.sharper(rough)
+    assert rough.message == "Solved To Acceptable Level" and sharp.message == "Solve Succeeded"
+    assert sharp.trajectory.duration < rough.trajectory.duration
+    assert exact.sharper(sharp) is sharp
