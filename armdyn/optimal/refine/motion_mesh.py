@@ -112,7 +112,7 @@ class _Meshes:
         return found if found.usable else None
 
     def sharper(self, attempt: Attempt) -> Attempt:
-        """The solution itself where it has converged, or no work is left; else the faster of it and of one begun there."""
+        """The solution itself where it has converged or no work is left; else the faster of it and one begun there."""
         if attempt.message == _CONVERGED or self.tie or not self.worth(attempt.mesh) or self.task.stop:
             return attempt
         found = self._once(self._within(), attempt.trajectory, attempt.mesh, self.tie)
