@@ -289,6 +289,11 @@ def core_count() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def may_thread() -> bool:
+    """Whether a second thread has a core: not in a worker, whose siblings have the others."""
+    return core_count() > 1 and not _is_worker()
+
+
 def _can_fork() -> bool:
     return "fork" in multiprocessing.get_all_start_methods()
 

@@ -5,6 +5,7 @@ collocation method. Both let go of the interpreter's lock.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -16,10 +17,13 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import bridge_arm
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.actuator_limits import ActuatorLimits
+from armdyn.parallel import may_thread
 from armdyn.trajectory import Trajectory
 
 STAGES = int(DOP853.n_stages)
 """Accelerations that an explicit step takes."""
+_WORTH_A_THREAD = 100
+"""Implicit steps that take ten times as long as a thread's start."""
 
 
 @cache
@@ -96,7 +100,7 @@ def tracked(
 
 
 class Collocation:
-    """Implicit steps through many segments; for one thread.
+    """Implicit steps through many segments, half of them in a second thread; to be called by one thread at a time.
 
     Newton's method on the accelerations at the stages, with Pinocchio's derivatives of the forward dynamics at the
     middle of the step. The same linear equations yield how the end state depends on the start state and on a constant
@@ -116,7 +120,8 @@ class Collocation:
         import _armdyn_bridge as bridge
 
         A, b, c = (np.ascontiguousarray(each, dtype=float) for each in tableau)
-        self._arm, self._method = bridge_arm(robot), bridge.ImplicitMethod(A, b, c, tolerance, stalled, most)
+        self._arms = [bridge_arm(robot) for _ in range(1 + may_thread())]
+        self._method = bridge.ImplicitMethod(A, b, c, tolerance, stalled, most)
 
     def __call__(self, h: Array, x: Array, tau: Array, parts: int = 1) -> tuple[Array, Array, Array]:
         """Integrate each segment by equal steps, and differentiate its end state.
@@ -131,5 +136,16 @@ class Collocation:
             End states, shape (K, 2 nv), and their derivatives by start state, shape (K, 2 nv, 2 nv), and constant
             torque, shape (K, 2 nv, nv). End states are not numbers where Newton's method does not converge.
         """
-        found: tuple[Array, Array, Array] = self._arm.implicit_steps(self._method, h, x, tau, parts)
-        return found
+        cut = h.size // 2 if len(self._arms) > 1 and h.size * parts >= _WORTH_A_THREAD else 0
+
+        def steps(arm: Any, part: slice) -> tuple[Array, Array, Array]:
+            found: tuple[Array, Array, Array] = arm.implicit_steps(self._method, h[part], x[part], tau[part], parts)
+            return found
+
+        if not cut:
+            return steps(self._arms[0], slice(None))
+        with ThreadPoolExecutor(1) as beside:
+            later = beside.submit(steps, self._arms[1], slice(cut, None))
+            first = steps(self._arms[0], slice(cut))
+        end, by_state, by_torque = (np.concatenate(pair) for pair in zip(first, later.result(), strict=True))
+        return end, by_state, by_torque

@@ -140,3 +140,15 @@ def test_arrays_that_do_not_fit_are_refused():
         motion.bridge_arm(robot).replay(
             motion._explicit(), wanted.t, wanted.tau, wanted.tau, wanted.jumps, np.zeros(4), 1e-10, 0
         )
+
+
+def test_two_threads_make_the_steps_of_one(monkeypatch):
+    robot, wanted = swing(0.5, 301)
+    x, tau = np.concatenate([wanted.q, wanted.v], axis=1)[:-1], np.stack([wanted.tau[:-1], wanted.tau[1:]], axis=1)
+    found = []
+    for second in (False, True):
+        monkeypatch.setattr(motion, "may_thread", lambda second=second: second)
+        steps = Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), 1e-14, 1e-9, 12)
+        found.append(steps(np.diff(wanted.t), x, tau, 2))
+    for one, both in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, both)
