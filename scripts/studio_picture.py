@@ -43,7 +43,7 @@ def look(url: str) -> None:
     def picture(page, name, moment):
         page.get_by_role("button", name="Pause").click()
         page.locator("label", has_text="time").locator("xpath=../../..").locator("input[inputmode]").fill(str(moment))
-        page.wait_for_timeout(40_000)
+        page.wait_for_timeout(20_000)
         page.screenshot(path=ROOT / "docs" / name)
         page.get_by_role("button", name="Play").click()
 

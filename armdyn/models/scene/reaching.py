@@ -151,13 +151,14 @@ def _searched(
 
     Kept, as variants of a problem ask for the same.
     """
-    random, middle, (lower, upper) = np.random.default_rng(seed), np.array(near), map(np.array, ends)
+    frame, random = robot.frame(goal.frame), np.random.default_rng(seed)
+    middle, (lower, upper) = np.array(near), map(np.array, ends)
     low = np.maximum(lower, np.minimum(middle, upper) - np.pi)
     high = np.minimum(upper, np.maximum(middle, lower) + np.pi)
     reached: list[Array] = []
     missed: list[tuple[float, float]] = []
     for start in [middle, *(random.uniform(low, high) for _ in range(_STARTS - 1))]:
-        q, error = _approach(robot, goal, robot.frame(goal.frame), start, (lower, upper))
+        q, error = _approach(robot, goal, frame, start, (lower, upper))
         if np.linalg.norm(error) <= REACHED:
             reached.append(q)
         else:

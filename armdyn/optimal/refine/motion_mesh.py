@@ -54,7 +54,7 @@ class ResolvedMotions:
         """Take integrator steps of structures off the work that is left."""
         self.left -= self._numbers.step * steps
 
-    def beat(self, mesh: Attempt) -> bool:
+    def beats(self, mesh: Attempt) -> bool:
         """Whether a certified motion is so much faster than a mesh's that resolving that one is worth no work."""
         return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
 
@@ -152,10 +152,7 @@ class _Meshes:
         velocity = (1 - self.task.policy.motion_mesh.inside - faster) * limits.velocity
         if not beyond:
             return replace(self.task, problem=problem.variant(velocity_limit=velocity))
-        room, ends = (
-            beyond * (limits.position_upper - limits.position_lower),
-            np.array([problem.q_start, problem.q_goal]),
-        )
+        room, ends = beyond * (limits.position_upper - limits.position_lower), problem.poses[[0, -1]]
         lower = np.minimum(limits.position_lower + room, np.min(ends, axis=0))
         upper = np.maximum(limits.position_upper - room, np.max(ends, axis=0))
         return replace(self.task, problem=problem.variant(velocity_limit=velocity, position_limit=(lower, upper)))
@@ -231,7 +228,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
         return known[0]
     mesh, best = first, None
     for mesh in finer:
-        if resolved.beat(mesh):
+        if resolved.beats(mesh):
             break
     else:
         best = _divided_until_certified(meshes, meshes.sharper(mesh), remark)

@@ -79,7 +79,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
     if motion is not None:
         yield [motion]
-    elif resolved is not None and (resolved.spent or resolved.beat(found.mesh)):
+    elif resolved is not None and (resolved.spent or resolved.beats(found.mesh)):
         budget.spend(budget.left)
     if fast and motion is None and not found.settled and budget.left > 0:
         found = found.again(budget)

@@ -60,9 +60,8 @@ def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():
     resolved = ResolvedMotions(task.policy.motion_mesh)
     resolved.best = 0.9 * optimum_of(task_of(work=0)).trajectory.duration
     assert optimum_of(task, resolved) is None
-    assert task.policy.motion_mesh.work - resolved.left < 100 * (
-        160 + 3 * 160 + 160
-    )  # the second mesh was the last one
+    first, second = 160, 3 * 160 + 160  # intervals; the second mesh was the last one
+    assert task.policy.motion_mesh.work - resolved.left < 100 * (first + second)
 
 
 def test_structures_take_work_off_the_meshes():
