@@ -1,20 +1,27 @@
 """Cells of time, each with boxes that enclose the reachable positions and velocities.
 
-Time is cut into cells: from the start on, short ones first, then one cell in the middle that is as long as the motion
-wants, then cells towards the goal. A motion of any duration from the cells' own on has this shape, so that one proof
-serves all durations.
+Time is cut into cells of fixed lengths, whose sum no motion falls short of, and elastic ones that are as long as the
+motion wants. A leg by itself has short cells from the start on, one elastic cell in the middle, and cells towards the
+goal. Where it passes regions, it has an elastic cell between any two of them. A motion of any duration has this shape,
+whenever it passes the regions, so that one proof serves all durations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arrays import Array
-from armdyn.optimal.bound.enclosure.interval import Interval, joined
-from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.arrays import Array, Flags
+from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.interval import Interval, joined, stacked
+from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
+from armdyn.optimal.bound.rates import torques
+from armdyn.optimal.bound.region import BoundRegion
+from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 _EDGE = 1e-9
@@ -22,71 +29,170 @@ _EDGE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """Cells of time in their order: those from the start, the middle one, those to the goal.
+class Phase:
+    """Part of a motion, between regions that it passes.
 
     Attributes:
-        side: lengths of those from the start [s], shape (k,), and of those to the goal, back in time.
-        q: positions [rad or m], shape (2 k + 1, nv).
-        v: velocities [rad/s or m/s], shape (2 k + 1, nv).
-        longest: no motion that takes longer [s] is spoken of.
+        least: no motion takes less time for it [s].
+        box: of all joint positions on it [rad or m], each end of shape (nv,).
+        line: region in which it stays; None: there is none.
+        goal: region where it ends, and the box of joint positions there; None: the leg's goal.
     """
 
-    side: Array
-    q: Interval
-    v: Interval
+    least: float
+    box: Interval
+    line: BoundRegion | None = None
+    goal: tuple[BoundRegion, Interval] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells of time in their order, and what is known of the nodes between them.
+
+    Attributes:
+        lengths: [s], shape (n,); of elastic cells 0.
+        longest: no motion that takes longer [s] is spoken of.
+        lines: region in which the frame is all along a cell, of every cell; None: there is none.
+        passed: region of the frame at a node, by its number; neither at the first nor at the last one.
+        q: positions in the cells [rad or m], shape (n, nv).
+        nodes: positions at the nodes, shape (n + 1, nv).
+        v: velocities in the cells [rad/s or m/s], shape (n, nv).
+    """
+
+    lengths: Array
     longest: float
+    lines: tuple[BoundRegion | None, ...]
+    passed: dict[int, BoundRegion]
+    q: Interval
+    nodes: Interval
+    v: Interval
 
     @classmethod
-    def of(cls, leg: BoundLeg, half: float, longest: float) -> Cells:
-        """Cells within the limits of velocity alone.
+    def of(cls, leg: BoundLeg, half: float, longest: float) -> Cells | None:
+        """Cells of a leg by itself, within limits; None: no motion is as fast.
 
         Args:
-            leg: what is to be done.
+            leg: its ends.
             half: at most so long are the cells of each side [s]; no motion is faster than twice that.
             longest: no motion that takes longer [s] is spoken of.
         """
         side = _side(half, leg.policy)
-        most = np.broadcast_to(leg.velocity, (2 * len(side) + 1, len(leg.velocity)))
-        v = Interval(-most, most)
-        return cls(side, _positions(leg, side, v, longest), v, longest)
+        return cls._of(leg, [Phase(0.0, leg.position)], [[*side, 0.0, *side[::-1]]], longest)
 
-    def cut(self, leg: BoundLeg, half: float) -> Cells:
-        """Shorter sides, with bounds on the velocities there."""
-        new = Cells.of(leg, half, self.longest)
-        old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
-        first = np.searchsorted(old, begin[:-1] * (1 - _EDGE))
-        last = np.minimum(np.searchsorted(old, begin[1:] * (1 + _EDGE)), k - 1)
-        every = [self.v[a : b + 1] for a, b in zip(first, last, strict=True)]
-        back = [self.v[2 * k - b : 2 * k - a + 1] for a, b in zip(first, last, strict=True)]
-        within = [Interval(x.lower.min(axis=0), x.upper.max(axis=0))[None] for x in (*every, *back[::-1])]
-        middle = new.v[new.middle][None]
-        return new.narrowed(leg, joined([*within[: new.middle], middle, *within[new.middle :]]))
+    @classmethod
+    def in_phases(cls, leg: BoundLeg, phases: Sequence[Phase], longest: float) -> Cells | None:
+        """Cells of a leg that passes regions, phase by phase, within limits; None: no motion is as fast."""
+        rest = [leg.start.at_rest, *[False] * (len(phases) - 1), leg.goal.at_rest]
+        lengths = [_lengths(*each, leg.policy) for each in zip(phases, rest[:-1], rest[1:], strict=True)]
+        return cls._of(leg, phases, lengths, longest)
 
-    def narrowed(self, leg: BoundLeg, v: Interval) -> Cells:
-        """Cells with further bounds on the velocities, and the positions that these admit."""
-        v = self.v.meet(v)
-        return Cells(self.side, self.q.meet(_positions(leg, self.side, v, self.longest)), v, self.longest)
+    @classmethod
+    def _of(
+        cls, leg: BoundLeg, phases: Sequence[Phase], lengths: Sequence[Sequence[float]], longest: float
+    ) -> Cells | None:
+        """Cells of phases whose lengths are given, phase by phase."""
+        lines, boxes = list[BoundRegion | None](), list[Interval]()
+        passed, nodes = dict[int, BoundRegion](), [leg.start.q]
+        for phase, own in zip(phases, lengths, strict=True):
+            lines += [phase.line] * len(own)
+            boxes += [phase.box] * len(own)
+            nodes += [phase.box] * (len(own) - 1)
+            if phase.goal is not None:
+                passed[len(lines)] = phase.goal[0]
+            nodes.append(leg.goal.q if phase.goal is None else phase.goal[1])
+        most = np.broadcast_to(leg.velocity, (len(lines), len(leg.velocity)))
+        every, v = np.concatenate(lengths), Interval(-most, most)
+        cells = cls(every, longest, tuple(lines), passed, stacked(boxes, 0), stacked(nodes, 0), v)
+        return cells.narrowed(leg, v) if cells.room > 0 else None
 
     @property
-    def lengths(self) -> Array:
-        """Lengths of all cells but the middle one [s], shape (2 k,)."""
-        return np.concatenate([self.side, self.side[::-1]])
+    def elastic(self) -> Flags:
+        """Which cells are elastic, shape (n,)."""
+        return np.asarray(self.lengths == 0)
 
     @property
-    def outer(self) -> NDArray[np.intp]:
-        """Indices of all cells but the middle one."""
-        return np.delete(np.arange(len(self.q.lower)), self.middle)
+    def fixed(self) -> NDArray[np.intp]:
+        """Indices of all other cells."""
+        return np.flatnonzero(self.lengths)
+
+    @property
+    def node(self) -> NDArray[np.intp]:
+        """Number of every node but for elastic cells, whose two ends count once, shape (n + 1,)."""
+        return np.concatenate([[0], np.cumsum(~self.elastic)])
+
+    @property
+    def room(self) -> float:
+        """Time of the elastic cells in the longest motion [s]; not positive: there is no such motion."""
+        return float((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper)
+
+    @property
+    def times(self) -> Interval:
+        """Lengths of all cells [s], shape (n,)."""
+        return Interval(self.lengths, np.where(self.elastic, self.room, self.lengths))
 
     @property
     def middle(self) -> int:
-        """Index of the middle cell."""
-        return len(self.side)
+        """Index of the first elastic cell; of a leg by itself it is the only one."""
+        return int(np.argmax(self.elastic))
 
     @property
-    def between(self) -> float:
-        """The middle cell's length in the longest motion [s]."""
-        return float(np.maximum((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper, 0.0))
+    def side(self) -> Array:
+        """Lengths of the cells before that [s], shape (k,); of a leg by itself those to the goal have the same."""
+        return self.lengths[: self.middle]
+
+    def cut(self, leg: BoundLeg, half: float) -> Cells | None:
+        """Shorter sides of a leg by itself, with bounds on the velocities there."""
+        new = Cells.of(leg, half, self.longest)
+        if new is None:
+            return None
+        old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
+        first = np.searchsorted(old, begin[:-1] * (1 - _EDGE))
+        last = np.minimum(np.searchsorted(old, begin[1:] * (1 + _EDGE)), k - 1)
+        onward = [self.v[a : b + 1].around for a, b in zip(first, last, strict=True)]
+        back = [self.v[2 * k - b : 2 * k - a + 1].around for a, b in zip(first, last, strict=True)]
+        return new.narrowed(leg, stacked([*onward, new.v[new.middle], *back[::-1]], 0))
+
+    def narrowed(self, leg: BoundLeg, v: Interval) -> Cells | None:
+        """Cells with further bounds of the velocities, and the positions that these admit; None: no motion."""
+        v = self.v.meet(v)
+        ways = self.times[:, None] * v
+        nodes = self.nodes.led_by(ways).both(self.nodes[::-1].led_by(-ways[::-1])[::-1])
+        if np.any(nodes.lower > nodes.upper):
+            return None
+        for k, region in self.passed.items():
+            box = region.narrowed(nodes[k : k + 1], leg.policy, rounds=1)
+            if box is None:
+                return None
+            nodes.lower[k], nodes.upper[k] = box.lower[0], box.upper[0]
+        q = self.q
+        for ends, way in ((nodes[:-1], ways), (nodes[1:], -ways)):
+            q = q.both(ends.hull(ends + way))
+        if np.any(q.lower > q.upper):
+            return None
+        for line in {line for line in self.lines if line is not None}:
+            own = np.array([k for k, one in enumerate(self.lines) if one == line])
+            box = line.narrowed(q[own], leg.policy, rounds=1)
+            if box is None:
+                return None
+            q.lower[own], q.upper[own] = box.lower, box.upper
+        inner = nodes[1:-1].both(q[:-1].both(q[1:]))
+        nodes = joined([leg.start.q[None], inner, leg.goal.q[None]])
+        return None if np.any(nodes.lower > nodes.upper) else replace(self, q=q, v=v, nodes=nodes)
+
+    def forces(self, leg: BoundLeg) -> Forces:
+        """Forces over the cells."""
+        return Forces(terms_over(leg.dynamics, self.q), self.v, torques(leg, self), leg.friction)
+
+    def ends(self, leg: BoundLeg) -> list[LegEnd | None]:
+        """Known positions, or linear forms of them, at all nodes, the ends included; None: nothing known."""
+        found: list[LegEnd | None] = [leg.start, *[None] * (len(self.lengths) - 1), leg.goal]
+        owners = [None, *(self.passed.get(k) or self.lines[k] for k in range(1, len(self.lengths))), None]
+        for region in {region for region in owners if region is not None}:
+            own = [k for k, one in enumerate(owners) if one == region]
+            forms = region.forms(self.nodes[own])
+            for i, k in enumerate(own):
+                found[k] = LegEnd(self.nodes[k], None, Affine(*(part[..., i : i + 1] for part in forms.parts)))
+        return found
 
 
 def _side(half: float, numbers: BoundPolicy) -> Array:
@@ -99,16 +205,14 @@ def _side(half: float, numbers: BoundPolicy) -> Array:
     return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # which rounding does not make up for
 
 
-def _positions(leg: BoundLeg, side: Array, v: Interval, longest: float) -> Interval:
-    """Where velocities may lead to: from the start on, from the goal back, and within the limits."""
-    k = len(side)
-    lengths = Interval.at(side[:, None])
-    onward = leg.start.q + (lengths * v[:k]).running()
-    back = leg.goal.q - (lengths * v[:k:-1]).running()
-    passed = Interval.at(side).running()
-    left = (Interval.at(longest) - passed - passed[-1]).upper  # until the other side's cells begin
-    far = Interval.at(np.maximum(left, 0.0)[:, None]) * Interval(-leg.velocity, leg.velocity)
-    from_start = onward[:-1].hull(onward[1:]).meet(back[-1] + far[:-1])
-    from_goal = back[:-1].hull(back[1:]).meet(onward[-1] + far[:-1])
-    middle = (onward[-1] + far[-1]).meet(back[-1] + far[-1])
-    return joined([from_start, middle[None], from_goal[::-1]]).meet(leg.position)
+def _lengths(phase: Phase, from_rest: bool, to_rest: bool, numbers: BoundPolicy) -> list[float]:
+    """Lengths of a phase's cells [s]: the elastic one, 0, is where the arm rests, or else in the middle."""
+    if phase.least <= 0:
+        return [0.0]
+    count = numbers.phase_cells
+    if from_rest != to_rest:
+        fixed = [phase.least / count * (1 - 1e-12)] * count
+        return [0.0, *fixed] if from_rest else [*fixed, 0.0]
+    parts = numbers.phase_growth ** np.arange(count // 2)
+    side = (phase.least / (2 * np.sum(parts)) * (1 - 1e-12) * parts).tolist()
+    return [*side, 0.0, *side[::-1]]

@@ -7,78 +7,61 @@ d_e (τ + e). The least Σ d_e is sought.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array
-from armdyn.optimal.bound.course import Course
+from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.linear_program import LinearProgram
+from armdyn.optimal.bound.proof import Multipliers
 from armdyn.optimal.bound.relaxation import free_at_ends, impulses
 
 
-@dataclass(frozen=True, eq=False)
-class CourseMultipliers:
-    """Dual variables of the proof: any values give a valid bound.
-
-    Attributes:
-        way: λ in every cell [s/rad or s/m], shape (n, nv).
-        momentum: w where every cell begins and ends [1/(N m)], shape (n + 1, nv): linear within the fixed cells, the
-            same on both sides of an elastic one.
-        combinations: of the equations at each node, as of `LegEnd.least`; None: there are none.
-    """
-
-    way: Array
-    momentum: Array
-    combinations: tuple[Array | None, ...]
-
-
 def relaxed_course(
-    leg: BoundLeg, course: Course, forces: Forces, ends: Sequence[LegEnd | None], scale: float
-) -> CourseMultipliers | None:
+    leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | None], scale: float
+) -> Multipliers | None:
     """The multipliers of a course's program; None if the solver finds none.
 
     Args:
         leg: its ends.
-        course: its cells.
+        cells: that speak of it.
         forces: over the cells.
         ends: what is known of the positions at the nodes.
         scale: a time [s], by which all times are divided.
     """
-    elastic = course.elastic
-    fixed, free = np.flatnonzero(~elastic), np.flatnonzero(elastic)
-    node = np.concatenate([[0], np.cumsum(~elastic)])  # of momentum: an elastic cell is none
+    elastic, fixed, node = cells.elastic, cells.fixed, cells.node
+    free = np.flatnonzero(elastic)
     known = [k for k, end in enumerate(ends) if end is not None]
     segment = np.searchsorted(known, np.arange(len(elastic)), side="right") - 1
     nv, speed = len(leg.velocity), leg.velocity
     inertia, rate = forces.terms.inertia, forces.rate(np.eye(nv))
     unit = np.abs(inertia.centre[0]) @ speed
     program = LinearProgram(nv)
-    v = program.unknown((len(fixed), nv), course.v.lower[fixed] / speed, course.v.upper[fixed] / speed)
+    v = program.unknown((len(fixed), nv), cells.v.lower[fixed] / speed, cells.v.upper[fixed] / speed)
     x, d = program.unknown((len(free), nv)), program.unknown((len(free), 1), 0.0, cost=1.0)
-    half = course.lengths[fixed, None] / 2 / unit
+    half = cells.lengths[fixed, None] / 2 / unit
     given, lower, upper = impulses(leg, inertia.centre, half, Interval(rate.lower[fixed], rate.upper[fixed]), unit)
     pushed = program.unknown(given.shape, lower, upper)
     pushed_free = program.unknown((len(free), nv))
-    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, course.v.magnitude)[fixed] / unit
+    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, cells.v.magnitude)[fixed] / unit
     open_ = program.unknown((len(fixed), nv), -beside, beside)
     # Momentum: out of a node less into it, and what forces add there.
     momentum = program.rows(given)
     moved = inertia.centre[fixed] * speed / unit[:, None]
-    for cells, sign in ((slice(0, -1), 1.0), (slice(1, None), -1.0)):
-        program.blocks(momentum[cells], v, sign * moved)
-        program.diagonal(momentum[cells], open_, sign)
+    for own, sign in ((slice(0, -1), 1.0), (slice(1, None), -1.0)):
+        program.blocks(momentum[own], v, sign * moved)
+        program.diagonal(momentum[own], open_, sign)
     program.diagonal(momentum, pushed, -1.0)
     program.diagonal(momentum[node[free]], pushed_free, -1.0)
     # Ways between nodes of which something is known.
     given_ends = [end for end in ends if end is not None]
     centres = np.array([end.q.centre for end in given_ends])
     ways = program.rows(np.diff(centres, axis=0) / (speed * scale))
-    program.diagonal(ways[segment[fixed]], v, course.lengths[fixed, None] / scale)
+    program.diagonal(ways[segment[fixed]], v, cells.lengths[fixed, None] / scale)
     program.diagonal(ways[segment[free]], x, 1.0)
     closing = {
         node: _within_end(program, ways, k, end, speed * scale)
@@ -86,7 +69,7 @@ def relaxed_course(
     }
     # Elastic cells: their ways and impulses lie between their lengths times bounds.
     for inner, ends_ in (
-        (x, (course.v.lower / speed, course.v.upper / speed)),
+        (x, (cells.v.lower / speed, cells.v.upper / speed)),
         (pushed_free, (rate.lower * scale / unit, rate.upper * scale / unit)),
     ):
         for sign, bound in zip((-1.0, 1.0), ends_, strict=True):
@@ -94,12 +77,14 @@ def relaxed_course(
     marginals = program.solved(leg.policy.feasible)
     if marginals is None:
         return None
-    return CourseMultipliers(
+    return Multipliers(
         way=(marginals[ways] / speed)[segment],
-        momentum=free_at_ends(leg, -scale * marginals[momentum] / unit)[node],
-        combinations=tuple(
+        momentum=free_at_ends(leg, -scale * marginals[momentum] / unit),
+        speed=np.zeros(given.shape),
+        shares=np.zeros((0, *given.shape)),
+        combinations=[
             None if (rows := closing.get(k)) is None else scale * marginals[rows[0]] / rows[1] for k in range(len(ends))
-        ),
+        ],
     )
 
 

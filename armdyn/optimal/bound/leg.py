@@ -123,10 +123,6 @@ class BoundLeg:
         """From start to goal [rad or m], shape (nv,)."""
         return self.goal.q - self.start.q
 
-    def least_way(self, way: Array) -> float:
-        """The least λᵀ Δq from any joint position of the start to any of the goal, rounded down, λ of shape (nv,)."""
-        return float(down(np.array(self.goal.least(way) + self.start.least(-way))))
-
     @property
     def kinematic(self) -> Array:
         """Time of every joint at its greatest speed [s], rounded down, shape (nv,); 0 without a limit."""

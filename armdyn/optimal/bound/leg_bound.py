@@ -1,20 +1,20 @@
-"""Lower bound of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
+"""Lower bounds of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.cells import Cells, Phase
+from armdyn.optimal.bound.course_program import relaxed_course
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
-from armdyn.optimal.bound.terms import terms_over
+
+Stop = Callable[[], bool]
 
 
-def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tuple[float, int]:
+def leg_bound(leg: BoundLeg, stop: Stop, known: float = 0.0) -> tuple[float, int]:
     """Lower bound on the duration of a leg [s], and the joint that decides it.
 
     Args:
@@ -36,22 +36,22 @@ def leg_bound(leg: BoundLeg, stop: Callable[[], bool], known: float = 0.0) -> tu
     return known, joint
 
 
-def _on_grid(
-    leg: BoundLeg, known: float, joint: int, longest: float, stop: Callable[[], bool]
-) -> tuple[float, int, bool]:
+def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop) -> tuple[float, int, bool]:
     """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
     cells, full, cut, numbers = Cells.of(leg, known / 2, longest), False, False, leg.policy
     for done in range(numbers.passes):
+        if cells is None:
+            return longest, joint, True
         if stop():
             break
-        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
+        forces = cells.forces(leg)
         if done:  # the first boxes are too wide for a program to say much
             by = relaxed(leg, cells, forces, known)
             if by is None:
                 break
-            before, bound = known, min(proven(leg, cells, forces, by), longest)
+            before, bound = known, min(proven(leg, cells, forces, cells.ends(leg), by), longest)
             if bound > known:
-                known, joint = bound, int(np.argmax(by.way * leg.away.centre))
+                known, joint = bound, int(np.argmax(by.way[0] * leg.away.centre))
             half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
             full = not cut and ramp > numbers.full * half
             if 0 < ramp * numbers.room < half and not cut:
@@ -59,5 +59,27 @@ def _on_grid(
                 continue
             if known < before * (1 + numbers.worth):
                 break
-        cells = cells.narrowed(leg, reached(leg, cells, forces))
+        if done + 1 < numbers.passes:
+            cells = cells.narrowed(leg, reached(leg, cells, forces))
     return known, joint, full or known == longest
+
+
+def course_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: float, stop: Stop) -> float:
+    """Lower bound on the duration of a leg in phases [s].
+
+    Args:
+        leg: between joint positions, or boxes of them.
+        phases: of it.
+        known: a bound that is proven already [s].
+        longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
+        stop: polled now and then; once it is true, the bound that is proven so far is returned.
+    """
+    cells = Cells.in_phases(leg, phases, longest)
+    if cells is not None and np.all(cells.elastic):
+        return known  # momentum says nothing of motions that may take no time
+    cells = None if cells is None else cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
+    if cells is None:
+        return longest
+    forces, ends = cells.forces(leg), cells.ends(leg)
+    by = None if stop() else relaxed_course(leg, cells, forces, ends, known)
+    return known if by is None else max(known, min(proven(leg, cells, forces, ends, by), longest))

@@ -8,12 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.course import Phase
-from armdyn.optimal.bound.course_bound import course_bound
+from armdyn.optimal.bound.cells import Phase
 from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.bound.tube import tube
 

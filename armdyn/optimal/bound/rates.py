@@ -49,35 +49,31 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
 
 
 def accelerations(leg: BoundLeg, cells: Cells) -> Array:
-    """Largest accelerations in every cell [rad/s² or m/s²], shape (2 k + 1, nv); infinite: no limit."""
-    if leg.start.v is None or leg.goal.v is None:  # at a via point any acceleration is allowed
+    """Largest accelerations in every cell [rad/s² or m/s²], shape (n, nv); infinite: no limit."""
+    if leg.start.v is None or leg.goal.v is None or cells.passed:  # at a via point any acceleration is allowed
         return np.broadcast_to(leg.acceleration, cells.v.lower.shape)
-    since = _since_ends(cells)
-    since[cells.middle] = up(np.array(cells.longest / 2))
+    since = np.minimum(np.minimum(*_since_ends(cells)), up(np.array(cells.longest / 2)))
     return np.minimum(leg.acceleration, up(since[:, None] * leg.jerk))
 
 
 def torques(leg: BoundLeg, cells: Cells) -> Interval:
-    """Torques in every cell [N m or N], shape (2 k + 1, nv)."""
-    k, actuators = cells.middle, leg.torque.actuators
-    shape = cells.v.lower.shape
-    found = Interval(actuators.lower, actuators.upper).spread(shape)
-    if not np.any(np.isfinite(leg.torque_rate)):
+    """Torques in every cell [N m or N], shape (n, nv)."""
+    actuators = leg.torque.actuators
+    found = Interval(actuators.lower, actuators.upper).spread(cells.v.lower.shape)
+    if cells.passed or not np.any(np.isfinite(leg.torque_rate)):
         return found
-    room = up(_since_ends(cells)[:, None] * leg.torque_rate)
-    lower, upper = found.lower.copy(), found.upper.copy()
-    for end, own in ((leg.start, slice(0, k)), (leg.goal, slice(k + 1, None))):
+    for end, since in zip((leg.start, leg.goal), _since_ends(cells), strict=True):
         terms = terms_over(leg.dynamics, end.q[None])
         open_ = up(np.sum(terms.gravity_slopes.magnitude[0], axis=0))
         hold = terms.gravity[0] + Interval(-open_, open_)
         held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else torques begin anywhere
         if end.at_rest and np.all(held):
-            lower[own] = np.maximum(lower[own], hold.lower - room[own])
-            upper[own] = np.minimum(upper[own], hold.upper + room[own])
-    return Interval(lower, upper).outward()
+            room = up(since[:, None] * leg.torque_rate)
+            found = found.meet(Interval(hold.lower - room, hold.upper + room))
+    return found.outward()
 
 
-def _since_ends(cells: Cells) -> Array:
-    """Most time since the nearer end in every cell [s], rounded up, shape (2 k + 1,); infinite in the middle one."""
-    times = Interval.at(cells.side).running().upper[1:]
-    return np.concatenate([times, [np.inf], times[::-1]])
+def _since_ends(cells: Cells) -> tuple[Array, Array]:
+    """Most time since the start, and to the goal, in every cell [s], rounded up, each of shape (n,)."""
+    times = Interval.at(cells.times.upper)
+    return times.running().upper[1:], times[::-1].running().upper[:0:-1]

@@ -54,16 +54,17 @@ class End:
 
 
 def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
-    """Bounds of the velocities in every cell, shape (2 k + 1, nv)."""
-    k = cells.middle
+    """Bounds of the velocities in every cell, from both ends, shape (n, nv)."""
     lower, upper = cells.v.lower.copy(), cells.v.upper.copy()
-    times, fastest = np.append(cells.side, cells.between), accelerations(leg, cells)
-    for outward, own in ((1, np.arange(k + 1)), (-1, np.arange(2 * k, k - 1, -1))):
-        end = End.at(leg, outward)
+    times, fastest = cells.times, accelerations(leg, cells)
+    for outward in (1, -1):
+        end, own = End.at(leg, outward), np.arange(len(lower))[::outward]
+        later = np.flatnonzero(cells.elastic[own[1:]])
+        own = own[: later[0] + 2] if later.size else own  # behind an elastic cell momentum may be anything
         if end is not None:
-            found = by_momentum(leg, end, Interval.at(times), forces[own]).meet(_accelerated(end, times, fastest[own]))
-            met = found.meet(Interval(lower[own], upper[own]))
-            lower[own], upper[own] = met.lower, met.upper
+            found = by_momentum(leg, end, times[own], forces[own])
+            met = found.meet(_accelerated(end, times.upper[own], fastest[own]))
+            lower[own], upper[own] = np.maximum(lower[own], met.lower), np.minimum(upper[own], met.upper)
     return Interval(lower, upper)
 
 

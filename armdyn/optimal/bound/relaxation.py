@@ -24,38 +24,11 @@ from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.linear_program import LinearProgram
+from armdyn.optimal.bound.proof import Multipliers
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Multipliers:
-    """Dual variables of the proof: any values give a valid bound, those of the linear program a tight one.
-
-    Attributes:
-        way: λ of the joints' ways [1/rad or 1/m], λᵀ Δq about 1, shape (nv,).
-        momentum: w at the nodes between cells [1/(N m s)], shape (2 k + 1, nv): linear within the cells from the
-            start and to the goal, constant in the middle one.
-        speed: likewise of the limits of acceleration [s/rad or s/m]; zero where there is none.
-        shares: of `momentum` that counts by each line of the torque-speed curves, shape (lines, 2 k + 1, nv).
-    """
-
-    way: Array
-    momentum: Array
-    speed: Array
-    shares: Array
-
-    def ramp(self, leg: BoundLeg, cells: Cells) -> float:
-        """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
-        torque = leg.torque.actuators.strongest
-        most = np.max(accelerations(leg, cells), axis=0)
-        worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ np.where(np.isfinite(most), most, 0.0)
-        counts = worth > leg.policy.idle * np.max(worth)
-        times = np.append(0.0, np.cumsum(cells.side))
-        k = cells.middle
-        return float(np.max(times, where=counts[: k + 1] | counts[: k - 1 : -1], initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +62,14 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     if np.any(accelerated):
         units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
         kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
-    program, outer = LinearProgram(nv), cells.outer
+    program, fixed = LinearProgram(nv), cells.fixed
     v = program.unknown((nodes, nv), cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
     rows = program.rows(np.stack([kind.given for kind in kinds], axis=1))
-    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, cells.v.magnitude)[outer] / kinds[0].scale
+    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, cells.v.magnitude)[fixed] / kinds[0].scale
     open_ = program.unknown((2 * cells.middle, nv), -beside, beside)
     for k, kind in enumerate(kinds):
-        program.blocks(rows[:-1, k], v[outer], kind.onward)
-        program.blocks(rows[1:, k], v[outer], kind.back)
+        program.blocks(rows[:-1, k], v[fixed], kind.onward)
+        program.blocks(rows[1:, k], v[fixed], kind.back)
         program.blocks(rows[cells.middle, None, k], v[cells.middle, None], kind.cruise[None])
         program.diagonal(rows[:, k], program.unknown((nodes, nv), *kind.change), -1.0)
         if k < momenta:
@@ -109,10 +82,11 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     found = [-marginals[rows[:, k]] / kind.scale for k, kind in enumerate(kinds)]
     whole = np.sum(found[:momenta], axis=0)
     return Multipliers(
-        way=marginals[ways] / (duration * leg.velocity),
+        way=np.broadcast_to(marginals[ways] / (duration * leg.velocity), cells.v.lower.shape),
         momentum=free_at_ends(leg, whole),
         speed=free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
         shares=shares_of(np.reshape(found[1:momenta], (momenta - 1, nodes, nv)), whole),
+        combinations=[None] * (nodes + 1),
     )
 
 
@@ -120,9 +94,9 @@ def _ways(
     program: LinearProgram, leg: BoundLeg, cells: Cells, v: NDArray[np.intp], duration: float
 ) -> NDArray[np.intp]:
     """Add the rows Σ Δt v = θ Δq, with the places within the ends' boxes as further unknowns, and the cost of θ."""
-    nv, k, scale = len(leg.velocity), cells.middle, duration * leg.velocity
+    nv, scale = len(leg.velocity), duration * leg.velocity
     ways, made = program.rows(np.zeros(nv)), program.unknown((1, 1), cost=-1.0)
-    times = np.insert(cells.lengths, k, max(duration - np.sum(cells.lengths), 0.0))
+    times = np.where(cells.elastic, max(duration - np.sum(cells.lengths), 0.0), cells.lengths)
     program.diagonal(np.broadcast_to(ways, v.shape), v, times[:, None] / duration)
     program.diagonal(ways, np.repeat(made, nv), -leg.away.centre / scale)
     for end, sign in ((leg.start, -1.0), (leg.goal, 1.0)):
@@ -137,10 +111,11 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration:
     """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
     k, nv, inertia = cells.middle, len(leg.velocity), held.centre
     scale = np.abs(inertia[0]) @ leg.velocity
-    given, *ends = impulses(leg, inertia, cells.lengths[:, None] / 2 / scale, rate[cells.outer], scale)
+    half = cells.lengths[cells.fixed, None] / 2 / scale
+    given, *ends = impulses(leg, inertia, half, rate[cells.fixed], scale)
     change = np.array(ends)
     change[:, k] += max(duration - np.sum(cells.lengths), 0.0) * np.array([rate.lower[k], rate.upper[k]]) / scale
-    moved = inertia[cells.outer] * leg.velocity / scale[:, None]
+    moved = inertia[cells.fixed] * leg.velocity / scale[:, None]
     return _Rows(moved, -moved, np.zeros((nv, nv)), change, given, scale)
 
 
@@ -172,7 +147,10 @@ def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration
     rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(np.eye(nv)), duration)
     rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]
     damped = np.diag(line.slope * leg.velocity / rows.scale)
-    half, cruise = cells.lengths[:, None, None] / 2 * damped, max(duration - np.sum(cells.lengths), 0.0) * damped
+    half, cruise = (
+        cells.lengths[cells.fixed, None, None] / 2 * damped,
+        max(duration - np.sum(cells.lengths), 0.0) * damped,
+    )
     return replace(rows, onward=rows.onward + half, back=rows.back + half, cruise=cruise)
 
 

@@ -9,15 +9,15 @@ import pytest
 import armdyn as ad
 from armdyn.cycle.posing import problem_of
 from armdyn.models.scene.reaching import deviations_of, slid
-from armdyn.optimal.bound import course_bound as module
 from armdyn.optimal.bound import passing
+from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.course import Course, Phase
-from armdyn.optimal.bound.course_bound import course_bound
+from armdyn.optimal.bound.course_program import relaxed_course
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.leg_bound import leg_bound
+from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
+from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.bound.tube import tube
 from armdyn.optimal.task.policy.bound import BoundPolicy
@@ -137,7 +137,7 @@ def test_a_bound_for_short_motions_says_no_more_than_that(straight, solved):
 
 
 def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
-    """The motion is one of those that the course speaks of."""
+    """The motion is one of those that the cells speak of."""
     problem, leg, passage = straight
     solution, _, _ = solved
     motion, first = solution.trajectory, passage.regions[0]
@@ -164,21 +164,20 @@ def test_multipliers_need_not_be_the_best(straight, solved):
         Phase(0.24, leg.position, None, (passage.regions[1], tubes[1].plane)),
         Phase(0.03, tubes[1].box, passage.lines[2]),
     ]
-    course = Course.of(leg, phases, 1.05 * solution.duration)
-    forces, ends = module._forces(leg, course), course.ends(leg)
-    by = module.relaxed_course(leg, course, forces, ends, 0.3)
-    best = module._proven(leg, course, forces, ends, by)
+    cells = Cells.in_phases(leg, phases, 1.05 * solution.duration)
+    forces, ends = cells.forces(leg), cells.ends(leg)
+    by = relaxed_course(leg, cells, forces, ends, 0.3)
+    best = proven(leg, cells, forces, ends, by)
     rng = np.random.default_rng(1)
     assert 0.3 < best < solution.duration
     known = [k for k, end in enumerate(ends) if end is not None]
     segment = np.searchsorted(known, np.arange(len(by.way)), side="right")
     for size in (1e-3, 1e-2, 0.1, 1.0):
         way = by.way * (1 + size * rng.uniform(-1, 1, (segment[-1] + 1, 6)))[segment]
-        node = np.concatenate([[0], np.cumsum(~course.elastic)])
-        momentum = by.momentum * (1 + size * rng.uniform(-1, 1, (node[-1] + 1, 6)))[node]
+        momentum = by.momentum * (1 + size * rng.uniform(-1, 1, by.momentum.shape))
         combinations = [None if one is None else one * (1 + size * rng.uniform(-1, 1)) for one in by.combinations]
-        disturbed = replace(by, way=way, momentum=momentum, combinations=tuple(combinations))
-        other = module._proven(leg, course, forces, ends, disturbed)
+        disturbed = replace(by, way=way, momentum=momentum, combinations=combinations)
+        other = proven(leg, cells, forces, ends, disturbed)
         assert other < solution.duration
 
 

@@ -5,11 +5,8 @@ import pytest
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.reach import reached
-from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, random_problem
 
@@ -23,8 +20,7 @@ def nested(problem, passes=3, ahead=1.5):
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)
     for _ in range(passes):
-        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
-        cells = cells.narrowed(leg, reached(leg, cells, forces))
+        cells = cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
     return leg, cells
 
 
@@ -82,7 +78,7 @@ def test_early_boxes_are_as_small_as_torque_allows():
 
 
 def test_acceleration_limits_narrow_the_boxes():
-    _, cells = nested(random_problem(ARMS["ur5"](), 0, acceleration_limit=np.full(6, 2.0)))
+    _, cells = nested(random_problem(ARMS["ur5"](), 0, acceleration_limit=np.full(6, 2.0)), ahead=3.0)
     ends = np.cumsum(cells.side)[:, None]
     assert np.all(cells.v.upper[: cells.middle] <= 2.0 * ends * (1 + 1e-12))
 

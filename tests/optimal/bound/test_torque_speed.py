@@ -12,7 +12,6 @@ from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
 from armdyn.optimal.bound.terms import terms_over
@@ -99,9 +98,8 @@ def boxes(problem):
     known = leg.shortest
     cells = Cells.of(leg, known / 2, 2 * known)
     for _ in range(2):
-        forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
-        cells = cells.narrowed(leg, reached(leg, cells, forces))
-    forces = Forces(terms_over(leg.dynamics, cells.q), cells.v, torques(leg, cells), leg.friction)
+        cells = cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
+    forces = cells.forces(leg)
     return leg, cells, forces, relaxed(leg, cells, forces, known)
 
 
@@ -110,13 +108,14 @@ def test_any_multipliers_and_shares_of_lines_prove_a_bound():
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[3.0], velocity_limit=limit)
     exact = driving_cruising_braking(3.0, 18.0, 4.0, limit, corner=2.0)
     leg, cells, forces, by = boxes(problem)
-    best, rng = proven(leg, cells, forces, by), np.random.default_rng(3)
+    ends = cells.ends(leg)
+    best, rng = proven(leg, cells, forces, ends, by), np.random.default_rng(3)
     assert 0 < best <= exact and np.any(by.shares > 0.5)
     for _ in range(50):
         momentum = by.momentum * rng.uniform(0.5, 1.5, by.momentum.shape)
         shares = rng.dirichlet([1.0] * (1 + len(by.shares)), by.momentum.shape)[..., 1:]
         other = replace(by, momentum=momentum, shares=np.moveaxis(shares, -1, 0))
-        assert proven(leg, cells, forces, other) <= exact
+        assert proven(leg, cells, forces, ends, other) <= exact
 
 
 def test_no_torque_of_a_motor_is_beyond_its_lines():

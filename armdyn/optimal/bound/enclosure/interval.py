@@ -154,6 +154,17 @@ class Interval:
         error = rounding(len(self.lower), sizes)
         return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
 
+    def led_by(self, ways: Interval) -> Interval:
+        """Boxes along the first axis, as far as ways, one less, lead from the first through all others to each.
+
+        Of the upper ends of a box and of all before it, each with the sum of the ways since, the least counts.
+        """
+        sizes = _from_zero(np.cumsum(ways.magnitude, 0))
+        low, high = (_from_zero(np.cumsum(end, 0)) for end in (ways.lower, ways.upper))
+        most, least = np.minimum.accumulate(self.upper - high), np.maximum.accumulate(self.lower - low)
+        below, above = (rounding(len(sizes) + 2, 2 * sizes + np.abs(end)) for end in (least, most))
+        return self.both(Interval(low + least - below, high + most + above))
+
 
 def joined(parts: Sequence[Interval]) -> Interval:
     """Intervals joined along the first axis."""
