@@ -85,6 +85,15 @@ def chromium():
 
 
 @pytest.fixture
+def unrendered():
+    """Figures of the test are not rendered."""
+    from undrawn import unrendered
+
+    with unrendered():
+        yield
+
+
+@pytest.fixture
 def tiny_disk(tmp_path):
     """A file system of 64 KiB, for whoever may mount one."""
     disk = tmp_path / "disk"

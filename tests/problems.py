@@ -46,6 +46,7 @@ search = "quick"
 """A problem file."""
 
 
+@cache
 def paper_arm(arm, mass=0.1006):
     """An arm of Table 1 with a point mass at its tip."""
     return ad.Robot.from_spec(ad.ArmSpec.paper(arm), payload=ad.Payload(mass=mass))
@@ -55,6 +56,12 @@ def paper_problem(arm, mass=0.1006, **limits):
     """Examples 1 to 3."""
     start, goal = POSES[arm]
     return ad.MinimumTimeProblem(paper_arm(arm, mass), q_start=start, q_goal=goal, **limits)
+
+
+@cache
+def held_ur5():
+    """A UR5 whose wrist is held still: three joints are a fifth of the work of six."""
+    return ad.Robot.from_library("ur5", lock={"wrist_1_joint": -1.0, "wrist_2_joint": -1.5, "wrist_3_joint": 0.0})
 
 
 @cache
@@ -87,6 +94,7 @@ def published_problem(name):
     return ad.MinimumTimeProblem(robot, q_start=case["q0"], q_goal=case["qf"], effort_limit=torques)
 
 
+@cache
 def cart():
     """The double integrator as a robot."""
     return published_problem("double_integrator_sym").robot

@@ -53,8 +53,8 @@ def ends_in_a_line(done):
     [
         ("armdyn.cli.app", []),
         ("typer", ["robots"]),
-        ("rich.table", ["robots"]),
-        ("numpy", ["robots"]),
+        ("rich.table", ["presets"]),
+        ("numpy", ["presets"]),
         ("pinocchio", ["doctor", "rr"]),
         ("casadi", ["doctor", "rr"]),
         ("armdyn.optimal", ["mintime", "rr"]),

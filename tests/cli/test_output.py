@@ -166,6 +166,7 @@ def _r():
     return ad.ArmSpec.paper("r")
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_path):
     done = CliRunner().invoke(app, [*COMMANDS["reproduce"], "--out", str(tmp_path)])

@@ -82,6 +82,7 @@ def test_a_bare_motion(tracked, tmp_path):
     assert "moves 2 joints" in report(tmp_path / "mine.npz", "--robot", "rrr", code=2)["message"]
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_a_motion_whose_payload_changes(tmp_path):
     pick_and_place()[1].save(tmp_path / "cycle.npz")
@@ -141,6 +142,7 @@ def planned(tracked, folder):
     return [folder / name for name in ("toppra.npz", "table.csv", "ros.json", "ros.yaml")]
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
     files = planned(tracked, tmp_path)
@@ -162,6 +164,7 @@ def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
     assert "+" in words and "Keeps its" in words  # of narrow columns
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_only_motions_of_other_planners(tracked, tmp_path):
     toppra, table, *_ = planned(tracked, tmp_path)
@@ -188,6 +191,7 @@ def test_joints_of_a_bigger_robot(tmp_path):
     assert "of 7 joints" in answer(run_here("report", tmp_path / "a.csv", *named[:2], "--json"), 2)["message"]
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_path):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1))
@@ -278,6 +282,7 @@ def test_bad_input(tracked, tmp_path):
     assert "one arm only" in told["message"]
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -296,6 +301,7 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
     assert "rr.urdf is not the arm that moved" in answer(done, 2)["warnings"][0]
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_a_motion_stands_beside_its_tracking_on_another_arm(tracked, tmp_path):
     fast = ("--no-figure", "--no-report", "--json")

@@ -20,6 +20,7 @@ def run(*arguments, code=0):
     return done
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_one_table_with_two_payloads(tmp_path):
     only = ("--only", "table4", "--payload", "0.1006,0.5", "--out", tmp_path)
@@ -60,10 +61,11 @@ def test_a_folder_that_cannot_be_written_is_exit_2(tmp_path):
     assert "file" in run("--only", "example4", "--out", tmp_path / "file", code=2).stderr
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_interrupt_keeps_what_is_done_and_goes_on_from_there(tmp_path):
-    # When the first loop of Example 4 has ended, the two searches of Example 2 are still to come.
-    arguments = ["--only", "example4,example2", "--payload", "0.1006", "--out", str(tmp_path)]
+    # When the first loop of Example 4 has ended, the three others and all of Example 1 are still to come.
+    arguments = ["--only", "example4,example1", "--payload", "0.1006,0.5", "--out", str(tmp_path)]
     process = subprocess.Popen(
         [*command.COMMAND, "reproduce", *arguments, "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )

@@ -105,7 +105,15 @@ def test_mjcf_is_known_by_its_root(mjcf):
 @pytest.mark.slow
 def test_the_fastest_motion_of_an_mjcf(mjcf, tmp_path):
     """The paper's Example 2 without payload, as of its own arm; it is drawn as rods."""
-    task = ("--q-start=-1.570796,0.0374", "--q-goal=0.15708,-0.0374", "--payload", 0.1006, "--out", tmp_path / "out")
+    task = (
+        "--q-start=-1.570796,0.0374",
+        "--q-goal=0.15708,-0.0374",
+        "--payload",
+        0.1006,
+        "--no-figure",
+        "--out",
+        tmp_path / "out",
+    )
     answer, same = run_json("mintime", mjcf, *task), run_json("mintime", "rr", *task)
     assert answer["duration"] == pytest.approx(same["duration"], rel=1e-6)  # other additions, the same arcs
 
@@ -127,7 +135,7 @@ def test_names_of_robot_descriptions(monkeypatch):
 
 @pytest.mark.slow
 def test_a_motion_of_another_arm_is_pointed_out(tmp_path):
-    run_json("pid", "rr", "--payload", 0.1, "--duration", 0.5, "--out", tmp_path, code=3)
+    run_json("pid", "rr", "--payload", 0.1, "--duration", 0.5, "--no-figure", "--out", tmp_path, code=3)
     result, motion = load_result(tmp_path / "result.json"), Trajectory.load(tmp_path / "trajectory.npz")
     assert result["model"]["hash"] == motion.model_hash != ""
     assert not run_json("replay", "rr", tmp_path / "trajectory.npz", "--payload", 0.1, "--out", tmp_path)["warnings"]

@@ -11,6 +11,7 @@ from problems import pick_and_place
 BARE = ("--no-figure", "--no-report")
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
 def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
     done = run_here("track", "rr", "--payload", "0.1", "--reserve", "0.2", "--plant-payload", "0.12",

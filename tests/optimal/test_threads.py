@@ -60,32 +60,45 @@ def alone():
     return told('print(json.dumps({"r": bits("r"), "rr": bits("rr"), "indirect": indirect("r")}))')
 
 
-def test_four_threads_of_two_arms(alone):
-    found = told('print(json.dumps(together([lambda: bits("r"), lambda: bits("rr")] * 2)))')
-    assert found == [alone["r"], alone["rr"]] * 2
-
-
-def test_the_indirect_method_beside_the_direct_one(alone):
-    found = told('print(json.dumps(together([lambda: indirect("r"), lambda: bits("rr")] * 2)))')
-    assert found == [alone["indirect"], alone["rr"]] * 2
-
-
-def test_one_threads_time_limit_is_nobody_elses(alone):
-    found = told("""
+@pytest.fixture(scope="module")
+def threads():
+    """What threads of one process, which begins with them, have found: its start takes as long as they do."""
+    return told("""
 def late(arm):
     return str([solved(arm, time_limit=1e-3).status for _ in range(5)][-1])
-print(json.dumps(together([lambda: late("rr"), lambda: bits("rr"), lambda: late("r"), lambda: bits("r")])))
-""")
-    assert found[1::2] == [alone["rr"], alone["r"]]
-
-
-def test_asyncio_to_thread(alone):
-    found = told("""
 async def both():
     return await asyncio.gather(*(asyncio.to_thread(bits, arm) for arm in ("r", "rr", "rr")))
-print(json.dumps(asyncio.run(both())))
+def crew():
+    options = MinimumTimeOptions(workers=2, starts=4)
+    return repr(solve_minimum_time(paper_problem("rr"), options).duration)
+print(json.dumps({
+    "two arms": together([lambda: bits("r"), lambda: bits("rr")] * 2),
+    "indirect": together([lambda: indirect("r"), lambda: bits("rr")] * 2),
+    "late": together([lambda: late("rr"), lambda: bits("rr"), lambda: late("r"), lambda: bits("r")]),
+    "asyncio": asyncio.run(both()),
+    "crews": [*together([crew, crew]), repr(solved("rr").duration)],
+}))
 """)
-    assert found == [alone["r"], alone["rr"], alone["rr"]]
+
+
+def test_four_threads_of_two_arms(alone, threads):
+    assert threads["two arms"] == [alone["r"], alone["rr"]] * 2
+
+
+def test_the_indirect_method_beside_the_direct_one(alone, threads):
+    assert threads["indirect"] == [alone["indirect"], alone["rr"]] * 2
+
+
+def test_one_threads_time_limit_is_nobody_elses(alone, threads):
+    assert threads["late"][1::2] == [alone["rr"], alone["r"]]
+
+
+def test_asyncio_to_thread(alone, threads):
+    assert threads["asyncio"] == [alone["r"], alone["rr"], alone["rr"]]
+
+
+def test_threads_that_have_workers(threads):
+    assert len(set(threads["crews"])) == 1
 
 
 def test_daemon_workers_of_a_callers_pool(alone):
@@ -113,13 +126,3 @@ thread.join()
 print(json.dumps(sorted(set(found))))
 """)
     assert found == [alone["rr"]]
-
-
-def test_threads_that_have_workers(alone):
-    found = told("""
-def crew():
-    options = MinimumTimeOptions(workers=2, starts=4)
-    return repr(solve_minimum_time(paper_problem("rr"), options).duration)
-print(json.dumps([*together([crew, crew]), repr(solved("rr").duration)]))
-""")
-    assert len(set(found)) == 1

@@ -1,6 +1,7 @@
 """Margins against the loop itself, with its torque multiplied or later."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -26,10 +27,16 @@ CASES = {
 EVERY = [pytest.param(case, marks=pytest.mark.slow) if case.startswith("RRR") else case for case in CASES]
 
 
+@cache
 def loop_of(case):
     name, controller, loop = CASES[case]
     robot, poses = example(name, grams=100.6)
     return sampled_loop(robot, poses["q_goal"], controller, loop)
+
+
+@cache
+def margins_of(case):
+    return loop_margins(loop_of(case))
 
 
 def times(loop, factors):
@@ -40,7 +47,7 @@ def times(loop, factors):
 @pytest.mark.parametrize("case", EVERY)
 def test_gain_margins_are_where_the_radius_is_one(case):
     loop = loop_of(case)
-    for one in loop_margins(loop):
+    for one in margins_of(case):
         factors = np.ones(loop.torque.shape[1])
         for end, outward in zip(one.gain, (1 - 1e-4, 1 + 1e-4), strict=True):
             if not 0 < end < np.inf:
@@ -87,7 +94,7 @@ def test_phase_and_disk_margins_agree_with_python_control(case):
     """Its disk margin of one broken loop; and the disk lies within what the loop bears of gain and of phase."""
     loop = loop_of(case)
     omega = np.geomspace(np.pi / loop.period * 1e-6, np.pi / loop.period, 4000)
-    for one in loop_margins(loop):
+    for one in margins_of(case):
         system = control.ss(*broken(loop, one.joint), 0.0, loop.period)
         disk, _, _ = control.disk_margins(system, omega)
         assert one.disk == pytest.approx(disk, rel=1e-6)
@@ -100,7 +107,7 @@ def test_phase_and_disk_margins_agree_with_python_control(case):
 @pytest.mark.parametrize("case", EVERY)
 def test_the_disk_of_all_loops_at_once(case):
     loop, random = loop_of(case), np.random.default_rng(1)
-    own, disk = loop_margins(loop), multiloop_disk(loop)
+    own, disk = margins_of(case), multiloop_disk(loop)
     assert 0 < disk <= min(one.disk for one in own) * (1 + 1e-9)
     if len(own) == 1:
         assert disk == pytest.approx(own[0].disk, rel=1e-6)

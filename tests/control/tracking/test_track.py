@@ -55,7 +55,7 @@ LOOPS = {
 def test_the_compiled_loop_is_the_one_in_plain_python(references, name, controller):
     loop, robot = LOOPS[name], paper_arm("rr")
     plant = paper_arm("rr", 0.11).with_friction(0.003, 0.06, [0.05, 0.08])
-    plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=64)
+    plain = plain_loop.simulate(plant, robot, references["rr"], controller, loop, 0.25, substeps=32)
     ours = ad.track(robot, references["rr"], controller, plant, loop, 0.25)
     # Until a reading falls on the other side of an encoder's step, which 1e-9 rad may decide, they are the same but
     # for plain Python's steps, which friction makes coarse; then they differ by some steps, more under a lively law.

@@ -1,6 +1,7 @@
 """Motions of real arms as curves: what comes out lands, keeps its limits and what is asked along the way."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.curves import curves, optima_met
 from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.task.task import Task
+from problems import held_ur5
 
 START, GOAL = [0, -1, 1, -1, -1.5, 0], [-1.5, -1.8, 1.6, -0.4, 0.3, 1.0]
 FREE = 0.578602
@@ -32,6 +34,17 @@ HALF = np.array([150.0, 150, 150, 28, 28, 28])
 def ur5(start=START, goal=GOAL, robot=None, **asked):
     robot = robot or ad.Robot.from_library("ur5")
     return ad.MinimumTimeProblem(robot, q_start=start, q_goal=None if "goal_pose" in asked else goal, **asked)
+
+
+def held(start=START[:3], goal=GOAL[:3], **asked):
+    """The usual pair, or another, with the wrist held still."""
+    return ur5(start, goal, held_ur5(), **asked)
+
+
+@cache
+def free(arm):
+    """The optimum of the usual pair, of `ur5` or of `held`."""
+    return solved(arm())
 
 
 def solved(problem, **options):
@@ -61,8 +74,7 @@ def pair(seed):
 
 
 def test_the_usual_pair():
-    problem = ur5()
-    optimum = solved(problem)
+    optimum = free(ur5)
     assert optimum.trajectory.duration == pytest.approx(FREE, rel=SAME)
     assert optimum.landed(1e-6) and not optimum.missed
     (reason,) = (text for text in optimum.certificate.reasons if "Pontryagin" in text)
@@ -85,18 +97,19 @@ LIMITED = {
     "torque rate": {"path_constraints": [ad.TorqueRateLimit(2000.0)]},
     "frame speed": {"path_constraints": [ad.FrameSpeedLimit(1.0)]},
     "torque rate and frame speed": {"path_constraints": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.0)]},
-    "via": {"via": [VIA]},
-    "via and acceleration": {"via": [VIA], "acceleration_limit": 15.0},
-    "via and torque rate": {"via": [VIA], "path_constraints": [ad.TorqueRateLimit(2000.0)]},
+    "via and acceleration": {"via": [VIA[:3]], "acceleration_limit": 15.0},
+    "via and torque rate": {"via": [VIA[:3]], "path_constraints": [ad.TorqueRateLimit(2000.0)]},
 }
+"""Of all six joints; two at once of three."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", LIMITED)
 def test_limits_along_the_way_cost_time_and_are_kept(kind):
-    optimum = solved(ur5(**LIMITED[kind]))
+    arm = held if " and " in kind else ur5
+    optimum = solved(arm(**LIMITED[kind]))
     motion = optimum.trajectory
-    assert motion.duration > FREE * (1 + 1e-3)
+    assert motion.duration > free(arm).trajectory.duration * (1 + 1e-3)
     for kept in optimum.reports.each:
         assert kept.share is None or 0.97 < kept.share <= 1 + 1e-6
     if "torque rate" in kind:
@@ -104,15 +117,22 @@ def test_limits_along_the_way_cost_time_and_are_kept(kind):
         assert np.max(rates) <= 2000 * (1 + 1e-6)
         assert not np.any(motion.jumps)
     if "via" in kind:
-        (time,) = optimum.via_times
-        np.testing.assert_allclose(motion(time).q, VIA, atol=1e-6)
-        assert np.max(np.abs(motion(time).v)) > 0.5  # in flight
+        passed_in_flight(optimum)
+
+
+def passed_in_flight(optimum):
+    (time,) = optimum.via_times
+    state = optimum.trajectory(time)
+    np.testing.assert_allclose(state.q, VIA[: state.q.size], atol=1e-6)
+    assert np.max(np.abs(state.v)) > 0.5
 
 
 @pytest.mark.slow
 def test_a_torque_jumps_at_a_via_point_where_it_may():
-    motion = solved(ur5(via=[VIA])).trajectory
-    assert np.count_nonzero(motion.jumps) == 1
+    optimum = solved(ur5(via=[VIA]))
+    assert optimum.trajectory.duration > FREE * (1 + 1e-3)
+    passed_in_flight(optimum)
+    assert np.count_nonzero(optimum.trajectory.jumps) == 1
 
 
 @pytest.mark.slow
@@ -125,11 +145,22 @@ def test_torque_rates_of_a_panda():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ends", [{"v_start": V}, {"v_goal": V}, {"v_start": V, "v_goal": [-v for v in V]}])
-@pytest.mark.parametrize("more", [{}, {"path_constraints": [ad.TorqueRateLimit(2000.0)]}, {"jerk_limit": 200.0}])
-def test_motions_that_begin_or_end_in_flight(ends, more):
-    optimum = solved(ur5(**ends, **more))
-    assert np.max(np.abs(optimum.trajectory.v[-1] - ends.get("v_goal", np.zeros(6)))) < 1e-4
+@pytest.mark.parametrize("ends", [("v_start",), ("v_goal",), ("v_start", "v_goal")], ids=" and ".join)
+@pytest.mark.parametrize(
+    ("more", "cheap"),
+    [
+        ({}, ()),
+        ({"path_constraints": [ad.TorqueRateLimit(2000.0)]}, ("v_goal",)),
+        ({"jerk_limit": 200.0}, ("v_start",)),
+    ],
+    ids=["free", "torque rate", "jerk"],
+)
+def test_motions_that_begin_or_end_in_flight(ends, more, cheap):
+    arm, joints = (held, 3) if ends == cheap else (ur5, 6)
+    given = {"v_start": V[:joints], "v_goal": [-v if len(ends) > 1 else v for v in V[:joints]]}
+    optimum = solved(arm(**{end: given[end] for end in ends}, **more))
+    goal = given["v_goal"] if "v_goal" in ends else np.zeros(joints)
+    assert np.max(np.abs(optimum.trajectory.v[-1] - goal)) < 1e-4
 
 
 @pytest.mark.slow
@@ -235,11 +266,11 @@ def test_a_prismatic_and_a_continuous_joint(read):
 
 @pytest.mark.slow
 def test_effort_is_paid_for():
-    free = solved(ur5()).trajectory
+    fastest = free(ur5).trajectory
     problem = ur5(relative_effort_weight=1.0)
     paid = solved(problem).trajectory
     by_newton = solved(ur5(effort_weight=1e-3)).trajectory
-    assert free.duration < paid.duration and free.duration < by_newton.duration
+    assert fastest.duration < paid.duration and fastest.duration < by_newton.duration
 
     def spent(motion, weights):
         flows = ~motion.jumps
@@ -252,7 +283,7 @@ def test_effort_is_paid_for():
     def cost(motion):
         return motion.duration + spent(motion, weights) / 2
 
-    assert cost(paid) < cost(free) and cost(paid) < cost(by_newton)
+    assert cost(paid) < cost(fastest) and cost(paid) < cost(by_newton)
 
 
 def excess_travel(motion):
@@ -327,21 +358,20 @@ def test_what_the_free_optimum_clears_costs_nothing(asked):
 def test_round_a_ball_that_the_straight_way_hits():
     problem = ur5(*ROUND, obstacles=[NEAR])
     model = CollisionModel(problem.robot, [NEAR])
-    free = solved(ur5(*ROUND)).trajectory
-    assert min(model.nearest(q).distance for q in free(np.linspace(0, free.duration, 200)).q) < 0
+    straight = solved(ur5(*ROUND)).trajectory
+    assert min(model.nearest(q).distance for q in straight(np.linspace(0, straight.duration, 200)).q) < 0
     optimum = solved(problem, starts=2)
     motion = optimum.trajectory
     nearest = min(model.nearest(q).distance for q in motion(np.linspace(0, motion.duration, 1000)).q)
     assert nearest >= problem.clearance
-    assert motion.duration >= free.duration * (1 - SAME)
+    assert motion.duration >= straight.duration * (1 - SAME)
 
 
 @pytest.mark.slow
 def test_guesses_of_the_options_are_begun_with():
     problem, told = ur5(), []
-    optimum = solved(problem)
     task = replace(
-        Task.of(problem, ad.MinimumTimeOptions(guesses=(optimum.trajectory,), workers=1, calm=0.0)),
+        Task.of(problem, ad.MinimumTimeOptions(guesses=(free(ur5).trajectory,), workers=1, calm=0.0)),
         progress=told.append,
     )
     again, _ = curves(task)

@@ -17,7 +17,7 @@ from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
 from oracles import PinDynamics
-from problems import paper_problem, solve, solved
+from problems import held_ur5, paper_problem, solve, solved
 
 TOLERANCE = 1e-6
 """Of a limit, as `Certificate.keeps_limits` and path constraints have it."""
@@ -182,10 +182,8 @@ def test_accelerations_and_jerks_are_kept_in_an_independent_replay(arm, accelera
 @pytest.mark.slow
 def test_a_jerk_is_kept_in_flight_too():
     """There nothing can be slowed down: the program is asked for what the followed motion keeps."""
-    robot = ad.Robot.from_library("ur5")
-    problem = ad.MinimumTimeProblem(
-        robot, **random_pair(robot, 7), v_start=[0.3, -0.2, 0.3, 0.1, 0.2, 0.1], jerk_limit=60.0
-    )
+    robot = held_ur5()
+    problem = ad.MinimumTimeProblem(robot, **random_pair(robot, 7), v_start=[0.3, -0.2, 0.3], jerk_limit=60.0)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False))
     assert solution.usable, solution.message
     (_, _, jerks), _ = peaks(robot, solution.trajectory)

@@ -248,40 +248,44 @@ def test_killed_and_restarted_it_takes_up_its_last_state(chromium, tmp_path):
         assert said["restored"] is False
 
 
-def test_ctrl_c_ends_it_and_no_process_is_left(tmp_path):
-    with served(tmp_path) as (process, _):
-        born = psutil.Process(process.pid).children(recursive=True)
-        assert born  # the solver's
-        os.kill(process.pid, signal.SIGINT)
-        out, err = process.communicate(timeout=30)
-        assert process.returncode == 130
-        assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
-        assert "Traceback" not in err
-        assert not psutil.wait_procs(born, timeout=10)[1]
-
-
-def test_pages_of_others_cannot_talk_to_it(tmp_path):
-    with served(tmp_path) as (_, said):
-        own = f"127.0.0.1:{said['port']}"
-        upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
-                   "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "viser-v1"}  # fmt: skip
-        for headers, status in (
-            ({}, 200),
-            ({"Host": "evil.example"}, 403),
-            ({**upgrade, "Origin": f"http://{own}"}, 101),
-            ({**upgrade, "Origin": "http://evil.example"}, 403),
-        ):
-            connection = http.client.HTTPConnection(own, timeout=30)
-            connection.request("GET", "/", headers=headers)
-            assert connection.getresponse().status == status, headers
-            connection.close()
-
-
-def test_a_taken_port_and_a_missing_package_are_said(tmp_path, monkeypatch):
+def test_a_taken_port_pages_of_others_and_ctrl_c(tmp_path):
+    """It takes the next port, talks to nobody else's page, and in the end no process is left."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with served(tmp_path, "--port", port) as (_, said):
+        with served(tmp_path, "--port", port) as (process, said):
             assert said["port"] > port
+            pages_of_others_cannot_talk_to_it(said["port"])
+            ctrl_c_ends_it_and_no_process_is_left(process)
+
+
+def ctrl_c_ends_it_and_no_process_is_left(process):
+    born = psutil.Process(process.pid).children(recursive=True)
+    assert born  # the solver's
+    os.kill(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert json.loads(out.splitlines()[-1])["status"] == "interrupted"
+    assert "Traceback" not in err
+    assert not psutil.wait_procs(born, timeout=10)[1]
+
+
+def pages_of_others_cannot_talk_to_it(port):
+    own = f"127.0.0.1:{port}"
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
+               "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "viser-v1"}  # fmt: skip
+    for headers, status in (
+        ({}, 200),
+        ({"Host": "evil.example"}, 403),
+        ({**upgrade, "Origin": f"http://{own}"}, 101),
+        ({**upgrade, "Origin": "http://evil.example"}, 403),
+    ):
+        connection = http.client.HTTPConnection(own, timeout=30)
+        connection.request("GET", "/", headers=headers)
+        assert connection.getresponse().status == status, headers
+        connection.close()
+
+
+def test_a_missing_package_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.cli.studio.find_spec", lambda name: None)
     done = run_here("studio", "rr", "--out", tmp_path)
     assert done.returncode == 2

@@ -1,0 +1,13 @@
+"""Figures that nobody looks at: png and pdf of one take half a second."""
+
+import contextlib
+
+import pytest
+
+
+@contextlib.contextmanager
+def unrendered():
+    """Figures are made and written, but their files show nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("armdyn.show.plots._rendered", lambda figure, kind: b"<svg/>")
+        yield
