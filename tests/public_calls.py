@@ -46,7 +46,7 @@ OPTIONS = ad.MinimumTimeOptions(search="quick", time_limit=1e-3)
 LOG = simulated_log(RR, duration=2.0, rate=200.0)
 LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
-TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=1.0, workers=1)
+TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=0.1, workers=1)
 LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
 BODY = {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "shapes": (), "name": "tool"}
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
@@ -185,7 +185,7 @@ def functions(folder: Path) -> dict[Callable[..., object], Right]:
         ad.dask_executor: {"address": "node:8786"},
         ad.gain_plane: {"robot": RR, "q_goal": GOAL, "kp": [1.0, 2.0], "kd": [1.0, 2.0], "ki": 1.0, "form": "torque"}
         | {"loop": None},
-        ad.exciting_motion: {"robot": RR, "duration": 2.0, "options": ad.ExcitingOptions(candidates=1, generations=0)},
+        ad.exciting_motion: {"robot": RR, "duration": 1.0, "options": ad.ExcitingOptions(candidates=1, generations=0)},
         ad.identify: {"robot": RR, "logs": LOG, "what": "friction", "options": None},
         ad.least_stable_factor: {"robot": RR, "q_goal": GOAL, "gains": ad.PidGains(1, 1, 1), "form": "torque"}
         | {"factors": (0.9, 1.1)},

@@ -23,23 +23,23 @@ class Steps(NamedTuple):
 
 
 def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-    """d/dt (δq, δv) = A (δq, δv) + B δtau at one state, with Pinocchio's derivatives of the articulated-body algorithm.
+    """d/dt (δq, δv) = A (δq, δv) + B δtau at states, with Pinocchio's derivatives of the articulated-body algorithm.
 
     J. Carpentier, N. Mansard: Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018. The joints'
     friction acts as a torque -tau_f(v).
 
     Args:
         robot: the arm.
-        q: position [rad or m], shape (nv,).
-        v: velocity [rad/s or m/s], shape (nv,).
-        tau: torque [N m or N], shape (nv,).
+        q: position [rad or m], shape (…, nv).
+        v: velocity [rad/s or m/s], shape (…, nv).
+        tau: torque [N m or N], shape (…, nv).
 
     Returns:
-        A [1/s, 1/s²], shape (2 nv, 2 nv), and B, with D⁻¹ [1/(kg m²) or 1/kg] in its lower half, shape (2 nv, nv).
+        A [1/s, 1/s²], shape (…, 2 nv, 2 nv), and B, with D⁻¹ [1/(kg m²) or 1/kg] in its lower half, (…, 2 nv, nv).
     """
-    none, one = np.zeros((robot.nv, robot.nv)), np.eye(robot.nv)
-    _, (by_q,), (by_v,), (inverse,) = forward_dynamics_derivatives(robot)(q[None], v[None], tau[None])
-    return np.block([[none, one], [by_q, by_v]]), np.vstack([none, inverse])
+    _, by_q, by_v, inverse = forward_dynamics_derivatives(robot)(q, v, tau)
+    none, one = np.zeros_like(inverse), np.broadcast_to(np.eye(robot.nv), inverse.shape)
+    return np.block([[none, one], [by_q, by_v]]), np.concatenate([none, inverse], axis=-2)
 
 
 def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
@@ -58,9 +58,8 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     middle_v = (v[:-1] + v[1:]) / 2
     rest = np.zeros(robot.nv)
     holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
-    states = [*zip(middle_q, middle_v, ticks.tau[:-1], strict=True), (ticks.goal, rest, holding)]
-    A, B = zip(*(slopes(robot, *state) for state in states), strict=True)
-    return Steps(*held(np.array(A), np.array(B), h))
+    states = np.vstack([middle_q, ticks.goal]), np.vstack([middle_v, rest]), np.vstack([ticks.tau[:-1], holding])
+    return Steps(*held(*slopes(robot, *states), h))
 
 
 def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
