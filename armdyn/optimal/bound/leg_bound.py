@@ -5,11 +5,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from armdyn.optimal.bound.cells import Cells, Phase
-from armdyn.optimal.bound.course_program import relaxed_course
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
-from armdyn.optimal.bound.relaxation import relaxed
+from armdyn.optimal.bound.relaxation import relaxed, relaxed_in_phases
 
 Stop = Callable[[], bool]
 
@@ -81,5 +80,5 @@ def course_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: 
     if cells is None:
         return longest
     forces, ends = cells.forces(leg), cells.ends(leg)
-    by = None if stop() else relaxed_course(leg, cells, forces, ends, known)
+    by = None if stop() else relaxed_in_phases(leg, cells, forces, ends, known)
     return known if by is None else max(known, min(proven(leg, cells, forces, ends, by), longest))

@@ -1,19 +1,25 @@
-"""Linear relaxation that every motion within the limits satisfies, and its multipliers.
+"""Linear relaxations that every motion within the limits satisfies, and their multipliers.
 
-Unknown are the mean velocities v_k of the cells and the share θ of the way that is made. With M_k at the middle of a
-cell's box, momentum changes from one cell to the next by what the forces' bounds allow over half of each,
+Unknown are the mean velocities v_k of the cells. With M_k at the middle of a cell's box, momentum changes from one
+fixed cell to the next by what the forces' bounds allow over half of each, and over an elastic cell of length d between
+them by all of it, d [τ + e],
 
-    M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1,     Σ Δt_k v_k = θ Δq,     max θ.
+    M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1.
 
-Where θ < 1 the duration is too short. Between boxes of joint positions, Δq is that of their centres, and what is
-added within the boxes keeps the equations that hold at every end, to first order. What M leaves open within a box,
-beyond what is linear there, is a momentum of the cell's own within bounds. Nothing is proven by it, for M v is not
-linear and a solver rounds; its multipliers are what `proof.py` takes. Limits of acceleration are rows of the same
-kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a damping.
+What M leaves open within a box, beyond what is linear there, is a momentum of the cell's own within bounds. Limits of
+acceleration are rows of the same kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a
+damping. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are what `proof.py` takes.
 
-Rows stand in the order of time, those of the way last: they make a narrow band and a border.
+Of a leg by itself the duration is given, and the share θ of the way that is made is greatest: Σ Δt_k v_k = θ Δq. Where
+θ < 1 the duration is too short. Between boxes of joint positions, Δq is that of their centres, and what is added within
+the boxes keeps the equations that hold at every end, to first order. Rows stand in the order of time, those of the way
+last: they make a narrow band and a border.
+
+Where regions are passed the elastic cells' ways and lengths are unknown, too, and the positions at the nodes at which
+something is known of them. The least sum of the lengths is sought.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,77 +28,183 @@ from numpy.typing import NDArray
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
-from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.linear_program import LinearProgram
 from armdyn.optimal.bound.proof import Multipliers
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_FREE = 1e9
+"""Scaled rate of what has no limit in an elastic cell."""
+
+
+def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
+    """The multipliers of the program of a leg by itself, for a duration [s]; None if the solver finds none."""
+    program, kinds, k = LinearProgram(len(leg.velocity)), _kinds(leg, cells, forces), cells.middle
+    between = max(duration - np.sum(cells.lengths), 0.0)
+    v = program.unknown(cells.v.lower.shape, cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
+    for kind in kinds:
+        kind.change[:, k] += between * np.array([kind.rate.lower[k], kind.rate.upper[k]])
+    rows = _changes(program, leg, cells, forces, kinds, v[cells.fixed])
+    for own, kind in zip(rows, kinds, strict=True):
+        program.diagonal(own[k], v[k], between * kind.damping)
+    ways = _way(program, leg, cells, v, duration)
+    marginals = program.solved_in_boxes(leg.policy.converged)
+    if marginals is None:
+        return None
+    way = np.broadcast_to(marginals[ways] / (duration * leg.velocity), v.shape)
+    return _multipliers(leg, kinds, marginals[rows], way, [None] * (len(v) + 1))
+
+
+def relaxed_in_phases(
+    leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | None], scale: float
+) -> Multipliers | None:
+    """The multipliers of the program of a leg that passes regions; None if the solver finds none.
+
+    Args:
+        leg: its ends.
+        cells: that speak of it.
+        forces: over the cells.
+        ends: what is known of the positions at the nodes.
+        scale: a time [s], by which all times are divided.
+    """
+    program, kinds, speed = LinearProgram(len(leg.velocity)), _kinds(leg, cells, forces), leg.velocity
+    fixed, free = cells.fixed, np.flatnonzero(cells.elastic)
+    v = program.unknown((len(fixed), speed.size), cells.v.lower[fixed] / speed, cells.v.upper[fixed] / speed)
+    x, d = program.unknown((len(free), speed.size)), program.unknown((len(free), 1), 0.0, cost=1.0)
+    rows = _changes(program, leg, cells, forces, kinds, v)
+    limited = [(x, Interval(cells.v.lower / speed, cells.v.upper / speed))]
+    for own, kind in zip(rows, kinds, strict=True):
+        pushed = program.unknown(x.shape)
+        program.diagonal(own[cells.node[free]], pushed, -1.0)
+        program.diagonal(own[cells.node[free]], x, np.broadcast_to(scale * kind.damping, x.shape))
+        limited.append(
+            (pushed, Interval(*(np.clip(scale * end, -_FREE, _FREE) for end in (kind.rate.lower, kind.rate.upper))))
+        )
+    known = [k for k, end in enumerate(ends) if end is not None]
+    segment = np.searchsorted(known, np.arange(len(cells.lengths)), side="right") - 1
+    given = [end for end in ends if end is not None]
+    ways = program.rows(np.diff([end.q.centre for end in given], axis=0) / (speed * scale))
+    program.diagonal(ways[segment[fixed]], v, cells.lengths[fixed, None] / scale)
+    program.diagonal(ways[segment[free]], x, 1.0)
+    closing = [_within_end(program, ways, k, end, speed * scale) for k, end in enumerate(given)]
+    for inner, bounds in limited:  # an elastic cell's way, and what it changes, are within its length times bounds
+        program.limit(inner, -1.0, d, bounds.lower[free])
+        program.limit(inner, 1.0, d, -bounds.upper[free])
+    marginals = program.solved(leg.policy.feasible)
+    if marginals is None:
+        return None
+    combinations: list[Array | None] = [None] * len(ends)
+    for k, node in enumerate(known):
+        if (equations := closing[k]) is not None:
+            combinations[node] = scale * marginals[equations[0]] / equations[1]
+    way = (marginals[ways] / speed)[segment]
+    return _multipliers(leg, kinds, scale * marginals[rows], way, combinations)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of one kind: how something changes from node to node, each scaled.
+    """Rows of one kind: how something changes from node to node, each scaled. Nodes are where fixed cells begin or end.
 
     Attributes:
-        onward: of the outer cells' velocities, as shares of the limits, at their first nodes, shape (cells, nv, nv).
+        onward: of the fixed cells' velocities, as shares of the limits, at their first nodes, shape (fixed, nv, nv).
         back: likewise at their last nodes.
-        cruise: likewise of the middle cell's velocities at its node, shape (nv, nv).
-        change: least and greatest change at each node, shape (2, nodes, nv).
+        damping: that such velocities take of it in a second, shape (nv,).
+        rate: what is added to it in a second, in every cell, shape (cells, nv).
+        change: least and greatest change at each node by the fixed cells beside it, shape (2, nodes, nv).
         given: what it begins and ends with, shape (nodes, nv).
         scale: of a row, shape (nv,).
+        of_momentum: whether momentum is what changes, or the velocities.
     """
 
     onward: Array
     back: Array
-    cruise: Array
+    damping: Array
+    rate: Interval
     change: Array
     given: Array
     scale: Array
+    of_momentum: bool = True
 
 
-def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
-    """The multipliers of a leg's program for a duration [s]; None if the solver finds none."""
-    nv, nodes, inertia = len(leg.velocity), 2 * cells.middle + 1, forces.terms.inertia
-    kinds = [_rows(leg, cells, inertia, forces.rate(np.eye(nv)), duration)]
-    kinds += [_line_rows(leg, cells, forces, line, duration) for line in lines_of(leg.torque.actuators, forces)]
-    momenta, most = len(kinds), accelerations(leg, cells)
-    accelerated = np.all(np.isfinite(most), axis=0)
-    if np.any(accelerated):
-        units = Interval.at(np.broadcast_to(np.eye(nv), (nodes, nv, nv)))
-        kinds.append(_rows(leg, cells, units, Interval(-most, most), duration))
-    program, fixed = LinearProgram(nv), cells.fixed
-    v = program.unknown((nodes, nv), cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
-    rows = program.rows(np.stack([kind.given for kind in kinds], axis=1))
-    beside = leg.policy.caution * np.einsum("bij,bj->bi", inertia.radius, cells.v.magnitude)[fixed] / kinds[0].scale
-    open_ = program.unknown((2 * cells.middle, nv), -beside, beside)
-    for k, kind in enumerate(kinds):
-        program.blocks(rows[:-1, k], v[fixed], kind.onward)
-        program.blocks(rows[1:, k], v[fixed], kind.back)
-        program.blocks(rows[cells.middle, None, k], v[cells.middle, None], kind.cruise[None])
-        program.diagonal(rows[:, k], program.unknown((nodes, nv), *kind.change), -1.0)
-        if k < momenta:
-            program.diagonal(rows[:-1, k], open_, 1.0)
-            program.diagonal(rows[1:, k], open_, -1.0)
-    ways = _ways(program, leg, cells, v, duration)
-    marginals = program.solved_in_boxes(leg.policy.converged)
-    if marginals is None:
-        return None
-    found = [-marginals[rows[:, k]] / kind.scale for k, kind in enumerate(kinds)]
-    whole = np.sum(found[:momenta], axis=0)
-    return Multipliers(
-        way=np.broadcast_to(marginals[ways] / (duration * leg.velocity), cells.v.lower.shape),
-        momentum=free_at_ends(leg, whole),
-        speed=free_at_ends(leg, np.where(accelerated, found[-1], 0.0)),
-        shares=shares_of(np.reshape(found[1:momenta], (momenta - 1, nodes, nv)), whole),
-        combinations=[None] * (nodes + 1),
+def _kinds(leg: BoundLeg, cells: Cells, forces: Forces) -> list[_Rows]:
+    """Rows of the momentum by all forces, by each line of the torque-speed curves, and of limited accelerations."""
+    inertia, most = forces.terms.inertia, accelerations(leg, cells)
+    units, lines = np.eye(len(leg.velocity)), lines_of(leg.torque.actuators, forces)
+    found = [_rows(leg, cells, inertia, forces.rate(units)), *(_line_rows(leg, cells, forces, line) for line in lines)]
+    if np.any(np.all(np.isfinite(most), axis=0)):
+        own = Interval.at(np.broadcast_to(units, inertia.lower.shape))
+        found.append(replace(_rows(leg, cells, own, Interval(-most, most)), of_momentum=False))
+    return found
+
+
+def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
+    """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of its rate."""
+    inertia, half = held.centre, cells.lengths[cells.fixed, None] / 2
+    scale = np.abs(inertia[0]) @ leg.velocity
+    moved, scaled = (
+        inertia[cells.fixed] * leg.velocity / scale[:, None],
+        Interval(rate.lower / scale, rate.upper / scale),
     )
+    change, given = np.zeros((2, len(half) + 1, scale.size)), np.zeros((len(half) + 1, scale.size))
+    for bound, force in zip(change, (scaled.lower, scaled.upper), strict=True):
+        bound[:-1] += half * force[cells.fixed]
+        bound[1:] += half * force[cells.fixed]
+    for at, v, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
+        if v is None:
+            change[:, at] = np.array([-np.inf, np.inf])[:, None]  # an end of free velocity may take any impulse
+        else:
+            given[at] = sign * (inertia[at] @ v) / scale
+    return _Rows(moved, -moved, np.zeros(scale.size), scaled, change, given, scale)
 
 
-def _ways(
-    program: LinearProgram, leg: BoundLeg, cells: Cells, v: NDArray[np.intp], duration: float
-) -> NDArray[np.intp]:
+def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line) -> _Rows:
+    """Rows of the momentum M v by one line of the torque-speed curves, whose damping takes s v of it in a second."""
+    units = np.eye(len(leg.velocity))
+    rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(units))
+    rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]
+    damping = line.slope * leg.velocity / rows.scale
+    half = cells.lengths[cells.fixed, None, None] / 2 * np.diag(damping)
+    return replace(rows, onward=rows.onward + half, back=rows.back + half, damping=damping)
+
+
+def _changes(
+    program: LinearProgram, leg: BoundLeg, cells: Cells, forces: Forces, kinds: Sequence[_Rows], v: Indices
+) -> Indices:
+    """Add the rows of all kinds, by the velocities of the fixed cells, shape (kinds, nodes, nv)."""
+    rows = np.moveaxis(program.rows(np.stack([kind.given for kind in kinds], axis=1)), 1, 0)
+    left_open = np.einsum("bij,bj->bi", forces.terms.inertia.radius, cells.v.magnitude)[cells.fixed]
+    beside = leg.policy.caution * left_open / kinds[0].scale
+    open_ = program.unknown(v.shape, -beside, beside)
+    for own, kind in zip(rows, kinds, strict=True):
+        program.blocks(own[:-1], v, kind.onward)
+        program.blocks(own[1:], v, kind.back)
+        program.diagonal(own, program.unknown(own.shape, *kind.change), -1.0)
+        if kind.of_momentum:
+            program.diagonal(own[:-1], open_, 1.0)
+            program.diagonal(own[1:], open_, -1.0)
+    return rows
+
+
+def _multipliers(
+    leg: BoundLeg, kinds: Sequence[_Rows], marginals: Array, way: Array, combinations: Sequence[Array | None]
+) -> Multipliers:
+    """The multipliers from the marginals of all rows, shape (kinds, nodes, nv); none at an end of free velocity."""
+    found = -marginals / np.array([kind.scale for kind in kinds])[:, None]
+    found[:, [k for k, end in ((0, leg.start), (-1, leg.goal)) if end.v is None]] = 0.0
+    momenta = [own for own, kind in zip(found, kinds, strict=True) if kind.of_momentum]
+    momentum, speed = np.sum(momenta, axis=0), np.zeros(found.shape[1:])
+    if not kinds[-1].of_momentum:
+        limited = np.all(np.isfinite(kinds[-1].rate.upper), axis=0)
+        speed = np.where(limited, found[-1], 0.0)
+    lines = np.reshape(momenta[1:], (len(momenta) - 1, *momentum.shape))
+    return Multipliers(way, momentum, speed, shares_of(lines, momentum), combinations)
+
+
+def _way(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, duration: float) -> Indices:
     """Add the rows Σ Δt v = θ Δq, with the places within the ends' boxes as further unknowns, and the cost of θ."""
     nv, scale = len(leg.velocity), duration * leg.velocity
     ways, made = program.rows(np.zeros(nv)), program.unknown((1, 1), cost=-1.0)
@@ -107,56 +219,28 @@ def _ways(
     return ways
 
 
-def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval, duration: float) -> _Rows:
-    """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of the rate."""
-    k, nv, inertia = cells.middle, len(leg.velocity), held.centre
-    scale = np.abs(inertia[0]) @ leg.velocity
-    half = cells.lengths[cells.fixed, None] / 2 / scale
-    given, *ends = impulses(leg, inertia, half, rate[cells.fixed], scale)
-    change = np.array(ends)
-    change[:, k] += max(duration - np.sum(cells.lengths), 0.0) * np.array([rate.lower[k], rate.upper[k]]) / scale
-    moved = inertia[cells.fixed] * leg.velocity / scale[:, None]
-    return _Rows(moved, -moved, np.zeros((nv, nv)), change, given, scale)
+def _within_end(
+    program: LinearProgram, ways: Indices, k: int, end: LegEnd, scale: Array
+) -> tuple[Indices, Array] | None:
+    """Where the k-th position that something is known of lies within its box.
 
-
-def impulses(leg: BoundLeg, inertia: Array, half: Array, rate: Interval, unit: Array) -> tuple[Array, Array, Array]:
-    """Given momentum at the nodes, and least and largest impulse there, all as parts of `unit`, shape (nodes, nv).
-
-    Args:
-        leg: its ends; an end of free velocity may take any impulse.
-        inertia: joint-space inertia in the cells, shape (cells, nv, nv).
-        half: half the durations of the cells of fixed length, over `unit`, shape (nodes - 1, nv).
-        rate: of the momentum in those cells [N m or N], shape (nodes - 1, nv).
-        unit: of momentum, shape (nv,).
+    Returns:
+        The rows of its equations, and the sizes by which these are divided; None: there are no equations.
     """
-    given, lower, upper = np.zeros((3, len(half) + 1, unit.size))
-    for bound, force in ((lower, rate.lower), (upper, rate.upper)):
-        bound[:-1] += half * force
-        bound[1:] += half * force
-    for at, own, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
-        if own is None:
-            lower[at], upper[at] = -np.inf, np.inf
-        else:
-            given[at] = sign * (inertia[at] @ own) / unit
-    return given, lower, upper
-
-
-def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line, duration: float) -> _Rows:
-    """Rows of the momentum M v by one line of the torque-speed curves, whose damping takes s v of it in a second."""
-    nv = len(leg.velocity)
-    rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(np.eye(nv)), duration)
-    rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]
-    damped = np.diag(line.slope * leg.velocity / rows.scale)
-    half, cruise = (
-        cells.lengths[cells.fixed, None, None] / 2 * damped,
-        max(duration - np.sum(cells.lengths), 0.0) * damped,
-    )
-    return replace(rows, onward=rows.onward + half, back=rows.back + half, cruise=cruise)
-
-
-def free_at_ends(leg: BoundLeg, nodes: Array) -> Array:
-    """Multipliers, zero at an end where no velocity is given."""
-    for node, v in ((0, leg.start.v), (-1, leg.goal.v)):
-        if v is None:
-            nodes[node] = 0.0
-    return nodes
+    radius = end.q.radius
+    if not np.any(radius):
+        return None
+    place = program.unknown((1, len(radius)), -1.0, 1.0)
+    if k > 0:
+        program.diagonal(ways[k - 1 : k], place, -radius / scale)
+    if k < len(ways):
+        program.diagonal(ways[k : k + 1], place, radius / scale)
+    if end.equations is None:
+        return None
+    centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
+    size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+    left = program.unknown((1, len(rest)), -rest / size, rest / size)
+    rows = program.rows(-(centre / size)[None])
+    program.blocks(rows, place, (slopes / size[:, None])[None])
+    program.diagonal(rows, left, 1.0)
+    return rows[0], size

@@ -12,13 +12,13 @@ from armdyn.models.scene.reaching import deviations_of, slid
 from armdyn.optimal.bound import passing
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.course_program import relaxed_course
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion
+from armdyn.optimal.bound.relaxation import relaxed_in_phases
 from armdyn.optimal.bound.tube import tube
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
@@ -166,7 +166,7 @@ def test_multipliers_need_not_be_the_best(straight, solved):
     ]
     cells = Cells.in_phases(leg, phases, 1.05 * solution.duration)
     forces, ends = cells.forces(leg), cells.ends(leg)
-    by = relaxed_course(leg, cells, forces, ends, 0.3)
+    by = relaxed_in_phases(leg, cells, forces, ends, 0.3)
     best = proven(leg, cells, forces, ends, by)
     rng = np.random.default_rng(1)
     assert 0.3 < best < solution.duration
@@ -189,6 +189,26 @@ def test_a_chain_knows_lines(straight, solved):
     found = chain_bound([problem], stops, upper=solution.duration)
     assert found.duration == pytest.approx(bound, rel=5e-3)
     assert found.duration < solution.duration
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["acceleration", "curve"])
+def test_accelerations_and_curves_count_along_lines_and_never_above_a_motion(straight, kind):
+    given, _, _ = straight
+    robot, limits = given.robot, given.robot.limits
+    limited = given.variant(acceleration_limit=np.full(6, 25.0))
+    if kind == "curve":
+        pairs = zip(robot.joint_names, limits.effort_upper, limits.velocity, strict=True)
+        curves = {joint: [[0, most], [0.3 * v, most], [v, 0.2 * most]] for joint, most, v in pairs}
+        limited = given.variant(robot=robot.with_torque_speed(curves))
+    leg, lines = legs_of(limited, BoundPolicy())[0], straight[2].lines
+    passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in limited.via), lines)
+    solution = ad.solve_minimum_time(limited, ONCE)
+    plain, _ = leg_bound(leg, lambda: False)
+    found, _ = passing_bound(leg, passage, plain, solution.duration, lambda: False)
+    assert solution.usable
+    # In the boxes alone the same phases have 0.373 and 0.3183 s.
+    assert {"acceleration": 0.43, "curve": 0.319}[kind] < found < solution.duration
 
 
 @pytest.mark.slow
