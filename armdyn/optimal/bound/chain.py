@@ -21,21 +21,20 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
-from armdyn.optimal.bound.covers import covers
+from armdyn.optimal.bound.covers import Place, covers
 from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
+from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.passing import Passage
+from armdyn.optimal.bound.rates import soonest
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
-
-Place = Array | GoalPose
 
 
 @brief
@@ -95,7 +94,10 @@ def chain_bound(
     given = [expect_problem(problem) for problem in several(problems, "problems")]
     if not given or len(stops) != len(given) + 1:
         raise ProblemError(f"{len(given)} problems and {len(stops)} stops: give a problem at least, and one stop more")
-    places = [_place(given[max(k - 1, 0)], place, f"stops[{k}]") for k, place in enumerate(stops)]
+    places = [
+        place if isinstance(place, GoalPose) else pose_given(given[max(k - 1, 0)].robot, place, f"stops[{k}]")
+        for k, place in enumerate(stops)
+    ]
     longest = np.inf if upper is None else number(upper, "upper", sign="positive")
     vias = [[_via(problem, widest) for problem in given] for widest in (0.0, numbers.passed)]
     if vias[0] == vias[1]:
@@ -156,10 +158,6 @@ def _passages(problem: MinimumTimeProblem, passed: Sequence[int], dynamics: Dyna
         own = {leg - first - 1: line for leg, line in lines.items() if first < leg <= last}
         found.append(Passage(regions, own) if regions else None)
     return found
-
-
-def _place(problem: MinimumTimeProblem, given: ArrayLike | str | GoalPose, name: str) -> Place:
-    return given if isinstance(given, GoalPose) else pose_given(problem.robot, given, name)
 
 
 def _runs(
@@ -228,9 +226,8 @@ class _Run:
         first, last = self.places[0], self.places[-1]
         count, duration = len(self.legs), 0.0
         if not (isinstance(first, GoalPose) or isinstance(last, GoalPose)):
-            way = Interval.at(last) - Interval.at(first)
             fastest = np.max([leg.velocity for leg in self.legs], axis=0)
-            duration = float(np.max(np.maximum(down(way.mignitude / fastest), 0.0)))
+            duration = float(soonest(Interval.at(first), Interval.at(last), fastest))
         nowhere = np.full((count + 1, self.legs[0].dynamics.nv), np.nan)
         return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
 

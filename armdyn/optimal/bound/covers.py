@@ -11,13 +11,17 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.enclosure.interval import Interval, down, up
-from armdyn.optimal.bound.goal_set import TURN, GoalSet, Within, clusters
+from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
+from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.rates import soonest
 
 Stop = Callable[[], bool]
 Place = Array | GoalPose
+
+_ROUNDED = 1e-12
+"""Part of a time that is taken off: sums of a few dozen floats err by 1e-15 each."""
 
 
 def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, stop: Stop) -> list[list[Region]]:
@@ -93,7 +97,8 @@ def _thinned(
     """Boxes without those that no motion passes in some time [s]."""
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
-    times = [_times(leg, a, b, turning) for leg, a, b in zip(legs, boxes[:-1], boxes[1:], strict=True)]
+    pairs = zip(legs, boxes[:-1], boxes[1:], strict=True)
+    times = [soonest(a[:, None], b[None], leg.velocity, turning) for leg, a, b in pairs]
     onward, back = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
     for each in times:
         onward.append(np.min(onward[-1][:, None] + each, axis=0, initial=np.inf))
@@ -101,19 +106,3 @@ def _thinned(
         back.insert(0, np.min(each + back[0], axis=1, initial=np.inf))
     passed = [down(down(a + b)) for a, b in zip(onward, back, strict=True)]
     return [box[time * (1 - _ROUNDED) < longest] for box, time in zip(boxes, passed, strict=True)]
-
-
-def _times(leg: BoundLeg, starts: Interval, goals: Interval, turning: Flags) -> Array:
-    """Times of a leg by velocity limits between boxes, but for whole turns [s], shape (starts, goals)."""
-    found = np.zeros((len(starts.lower), len(goals.lower)))
-    for joint, velocity in enumerate(leg.velocity):
-        way = goals[:, joint][None] - starts[:, joint][:, None]
-        away = way.mignitude
-        if turning[joint]:
-            away = np.minimum(away, np.minimum((way + TURN).mignitude, (way - TURN).mignitude))
-        found = np.maximum(found, down(away / velocity))
-    return found
-
-
-_ROUNDED = 1e-12
-"""Part of a time that is taken off: sums of a few dozen floats err by 1e-15 each."""

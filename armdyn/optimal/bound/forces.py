@@ -21,14 +21,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.locks import cached_property
 from armdyn.models.values.friction import JointFriction
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.terms import Indices, Terms
-
-Array = NDArray[np.float64]
 
 MOST_CORNERS = 9
 """Joints up to which all 2ⁿ corners are tried; beyond, every product counts with its greatest size."""

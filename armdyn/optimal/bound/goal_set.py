@@ -28,15 +28,13 @@ from armdyn.locks import cached_property
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding, up
+from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, joined, rounding, up
+from armdyn.optimal.bound.rates import soonest
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
 """Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
-
-TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
-"""A whole turn [rad]."""
 
 _NEAR = 1e-9
 """Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
@@ -84,10 +82,7 @@ class Within:
         """
         total = np.zeros(len(boxes.lower))
         for q in self.ends:
-            away = (boxes - Interval.at(q)).mignitude
-            for turn in (-TURN, TURN):
-                away = np.where(turning, np.minimum(away, (boxes + turn - Interval.at(q)).mignitude), away)
-            total = total + np.maximum(down(np.max(away / self.velocity, axis=1)), 0.0)
+            total = total + soonest(Interval.at(q), boxes, self.velocity, turning)
         return np.maximum(down(total), 0.0)
 
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.effort import Edge, Effort
-from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, sum_down
-from armdyn.optimal.bound.goal_set import TURN, GoalSet
+from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_down
+from armdyn.optimal.bound.goal_set import GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.passing import Passage
-from armdyn.optimal.bound.rates import least_times
+from armdyn.optimal.bound.rates import least_times, soonest
 
 Stop = Callable[[], bool]
 
@@ -84,11 +84,12 @@ def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Regi
     if not (starts and goals):
         return np.zeros((len(starts), len(goals)))
     first, last = (joined([region.hull[None] for region in side]) for side in (starts, goals))
-    way = np.maximum((last[None] - first[:, None]).mignitude, 0.0)
-    times = np.where(way > 0, way / leg.velocity, 0.0)
+    times = soonest(first[:, None], last[None], leg.velocity)
     if leg.start.at_rest and leg.goal.at_rest:
-        times = np.maximum(times, least_times(way, leg.velocity, leg.acceleration, leg.jerk))
-    return np.maximum(down(np.max(times, axis=2)), 0.0)
+        way = (last[None] - first[:, None]).mignitude
+        alone = least_times(way, leg.velocity, leg.acceleration, leg.jerk)
+        times = np.maximum(times, np.max(alone, axis=2))
+    return times
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,6 @@ class LinearProgram:
     """A linear program that is put together from blocks.
 
     Attributes:
-        nv: joints.
         bounds: of the unknowns, in parts.
         costs: likewise.
         right: right sides of the equations, in parts.
@@ -33,7 +32,6 @@ class LinearProgram:
         limits: the same of inequalities, whose right sides are zero.
     """
 
-    nv: int
     bounds: list[Array] = field(default_factory=list)
     costs: list[Array] = field(default_factory=list)
     right: list[Array] = field(default_factory=list)

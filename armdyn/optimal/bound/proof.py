@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding, stacked
 from armdyn.optimal.bound.forces import Forces
@@ -31,8 +31,6 @@ from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.reach import at_ends
 from armdyn.optimal.bound.torque_speed import rate_by_lines
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armdyn.arrays import Array
-from armdyn.optimal.bound.enclosure.interval import Interval, up
+from armdyn.arrays import Array, Flags
+from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.terms import terms_over
 
 if TYPE_CHECKING:
@@ -46,6 +46,25 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
         short = np.where(way > 2 * acceleration * rising**2, *slower)
         found = np.where(way >= velocity * ramp, cruising, short)
     return np.where(way > 0, np.nan_to_num(found, nan=0.0, posinf=0.0), 0.0) * (1 - _ROUNDED)
+
+
+def soonest(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:
+    """Times by velocity limits from boxes to boxes [s], rounded down, of the shape that these have together but for nv.
+
+    Args:
+        starts: shape (…, nv).
+        goals: likewise.
+        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
+        turning: joints whose positions are meant modulo 2π, less than two turns apart, shape (nv,); None: none.
+    """
+    found: Array = np.zeros(())
+    for joint, most in enumerate(velocity):  # one by one: there may be millions of pairs
+        way = goals[..., joint] - starts[..., joint]
+        away = way.mignitude
+        if turning is not None and turning[joint]:
+            away = np.minimum(away, np.minimum((way + TURN).mignitude, (way - TURN).mignitude))
+        found = np.maximum(found, down(away / most))
+    return found
 
 
 def accelerations(leg: BoundLeg, cells: Cells) -> Array:

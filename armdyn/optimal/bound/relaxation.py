@@ -25,6 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
@@ -34,7 +35,6 @@ from armdyn.optimal.bound.proof import Multipliers
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _FREE = 1e9
@@ -43,7 +43,7 @@ _FREE = 1e9
 
 def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
     """The multipliers of the program of a leg by itself, for a duration [s]; None if the solver finds none."""
-    program, kinds, k = LinearProgram(len(leg.velocity)), _kinds(leg, cells, forces), cells.middle
+    program, kinds, k = LinearProgram(), _kinds(leg, cells, forces), cells.middle
     between = max(duration - np.sum(cells.lengths), 0.0)
     v = program.unknown(cells.v.lower.shape, cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
     for kind in kinds:
@@ -71,7 +71,7 @@ def relaxed_in_phases(
         ends: what is known of the positions at the nodes.
         scale: a time [s], by which all times are divided.
     """
-    program, kinds, speed = LinearProgram(len(leg.velocity)), _kinds(leg, cells, forces), leg.velocity
+    program, kinds, speed = LinearProgram(), _kinds(leg, cells, forces), leg.velocity
     fixed, free = cells.fixed, np.flatnonzero(cells.elastic)
     v = program.unknown((len(fixed), speed.size), cells.v.lower[fixed] / speed, cells.v.upper[fixed] / speed)
     x, d = program.unknown((len(free), speed.size)), program.unknown((len(free), 1), 0.0, cost=1.0)

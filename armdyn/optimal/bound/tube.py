@@ -17,8 +17,9 @@ import pinocchio as pin
 from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
-from armdyn.optimal.bound.enclosure.interval import Interval, down, sum_down
+from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
+from armdyn.optimal.bound.rates import soonest
 from armdyn.optimal.bound.region import BoundRegion
 
 _SLACK = 1e-6
@@ -72,8 +73,7 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
 
 def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
     """Time from box to box by the velocity limits [s], rounded down."""
-    ways = [other - one for one, other in pairwise(boxes)]
-    return sum_down([max(float(np.max(down(way.mignitude / leg.velocity))), 0.0) for way in ways])
+    return sum_down([float(soonest(one, other, leg.velocity)) for one, other in pairwise(boxes)])
 
 
 def _slices(

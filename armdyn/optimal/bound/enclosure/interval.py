@@ -221,3 +221,7 @@ def rounding(terms: int, sizes: Array) -> Array:
 
 def _from_zero(sums: Array) -> Array:
     return np.concatenate([np.zeros_like(sums[:1]), sums])
+
+
+TURN = Interval(down(np.array(2 * np.pi)), up(np.array(2 * np.pi)))
+"""A whole turn [rad]."""
