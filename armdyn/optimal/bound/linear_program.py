@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import _armdyn_enclosure as enclosure
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 from scipy.sparse import csc_matrix, csr_matrix
 
 from armdyn.arrays import Array
@@ -15,7 +14,7 @@ Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
 """Rows, columns and values of a matrix's entries."""
 
 _FURTHEST = 100.0
-"""Bound of unknowns without one, in a program in boxes: all are scaled to be about 1."""
+"""Bound of unknowns without one: all are scaled to be about 1."""
 _MOST = 60
 """Iterations; those that end take 12 to 25."""
 
@@ -29,14 +28,14 @@ class LinearProgram:
         costs: likewise.
         right: right sides of the equations, in parts.
         entries: rows, columns and values of the equations' matrix, in parts.
-        limits: the same of inequalities, whose right sides are zero.
+        places: of the equations in the order in which they are eliminated, likewise.
     """
 
     bounds: list[Array] = field(default_factory=list)
     costs: list[Array] = field(default_factory=list)
     right: list[Array] = field(default_factory=list)
     entries: list[Entries] = field(default_factory=list)
-    limits: list[Entries] = field(default_factory=list)
+    places: list[Array] = field(default_factory=list)
 
     def unknown(
         self, shape: tuple[int, int], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf, cost: float = 0.0
@@ -48,10 +47,17 @@ class LinearProgram:
         self.costs.append(np.full(shape[0] * shape[1], cost))
         return first + np.arange(shape[0] * shape[1]).reshape(shape)
 
-    def rows(self, right: Array) -> NDArray[np.intp]:
-        """Numbers of further equations with these right sides."""
+    def rows(self, right: Array, place: ArrayLike = np.inf) -> NDArray[np.intp]:
+        """Numbers of further equations with these right sides.
+
+        Args:
+            right: sides.
+            place: of each in the order in which they are eliminated, broadcast to these. The time that this takes grows
+                with the distance between equations that have an unknown in common.
+        """
         first = sum(map(np.size, self.right))
         self.right.append(right)
+        self.places.append(np.broadcast_to(place, right.shape))
         return first + np.arange(right.size).reshape(right.shape)
 
     def diagonal(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: ArrayLike) -> None:
@@ -64,41 +70,17 @@ class LinearProgram:
         places = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(unknowns[:, None, :], shape)
         self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
 
-    def limit(self, inner: NDArray[np.intp], sign: float, length: NDArray[np.intp], bound: Array) -> None:
-        """Inequalities: sign * inner + bound * length is at most 0."""
-        first = sum(len(part[0]) for part in self.limits) // 2
-        rows = first + np.arange(inner.size)
-        self.limits.append((rows, inner.ravel(), np.full(inner.size, sign)))
-        self.limits.append((rows, np.broadcast_to(length, inner.shape).ravel(), bound.ravel()))
-
-    def solved(self, feasible: float) -> Array | None:
-        """The marginals of the equations; None: the solver found no solution."""
-        costs, right = np.concatenate(self.costs), np.concatenate([part.ravel() for part in self.right])
-        names = ("primal_feasibility_tolerance", "dual_feasibility_tolerance")
-        limits = _matrix(self.limits, len(costs))
-        found = linprog(
-            costs,
-            A_eq=_matrix(self.entries, len(costs)),
-            b_eq=right,
-            A_ub=limits,
-            b_ub=np.zeros(limits.shape[0]),
-            bounds=np.concatenate(self.bounds),
-            method="highs",
-            options=dict.fromkeys(names, feasible),
-        )
-        return np.asarray(found.eqlin.marginals) if found.status == 0 else None
-
-    def solved_in_boxes(self, tolerance: float) -> Array | None:
-        """The marginals by the interior-point method of `_enclosure/`, for a program without inequalities.
-
-        Its time grows with the distance between rows that have an unknown in common, but for the last few rows.
+    def solved(self, tolerance: float) -> Array | None:
+        """The marginals of the equations, by the interior-point method of `_enclosure/`; None: not found.
 
         Args:
             tolerance: of the cost, relative to 1 and to its size.
         """
         bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
-        right, cost = np.concatenate(self.right, axis=None), np.concatenate(self.costs)
-        return marginals_in_boxes(_matrix(self.entries, len(bounds)).tocsc(), right, cost, bounds, tolerance)
+        order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
+        right, matrix = np.concatenate(self.right, axis=None)[order], _matrix(self.entries, len(bounds))[order]
+        found = marginals_in_boxes(matrix.tocsc(), right, np.concatenate(self.costs), bounds, tolerance)
+        return None if found is None else found[np.argsort(order)]
 
 
 def marginals_in_boxes(matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float) -> Array | None:

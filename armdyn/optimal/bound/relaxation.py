@@ -37,7 +37,7 @@ from armdyn.optimal.bound.torque_speed import Line, lines_of, shares_of
 
 Indices = NDArray[np.intp]
 
-_FREE = 1e9
+_FREE = 1e3
 """Scaled rate of what has no limit in an elastic cell."""
 
 
@@ -52,7 +52,7 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     for own, kind in zip(rows, kinds, strict=True):
         program.diagonal(own[k], v[k], between * kind.damping)
     ways = _way(program, leg, cells, v, duration)
-    marginals = program.solved_in_boxes(leg.policy.converged)
+    marginals = program.solved(leg.policy.converged)
     if marginals is None:
         return None
     way = np.broadcast_to(marginals[ways] / (duration * leg.velocity), v.shape)
@@ -76,25 +76,22 @@ def relaxed_in_phases(
     v = program.unknown((len(fixed), speed.size), cells.v.lower[fixed] / speed, cells.v.upper[fixed] / speed)
     x, d = program.unknown((len(free), speed.size)), program.unknown((len(free), 1), 0.0, cost=1.0)
     rows = _changes(program, leg, cells, forces, kinds, v)
-    limited = [(x, Interval(cells.v.lower / speed, cells.v.upper / speed))]
-    for own, kind in zip(rows, kinds, strict=True):
+    _within_times(program, x, Interval(cells.v.lower / speed, cells.v.upper / speed)[free], d, free)
+    for own, kind in zip(rows[:, cells.node[free]], kinds, strict=True):
         pushed = program.unknown(x.shape)
-        program.diagonal(own[cells.node[free]], pushed, -1.0)
-        program.diagonal(own[cells.node[free]], x, np.broadcast_to(scale * kind.damping, x.shape))
-        limited.append(
-            (pushed, Interval(*(np.clip(scale * end, -_FREE, _FREE) for end in (kind.rate.lower, kind.rate.upper))))
-        )
+        program.diagonal(own, pushed, -1.0)
+        program.diagonal(own, x, np.broadcast_to(scale * kind.damping, x.shape))
+        rates = (np.clip(scale * end[free], -_FREE, _FREE) for end in (kind.rate.lower, kind.rate.upper))
+        _within_times(program, pushed, Interval(*rates), d, free)
     known = [k for k, end in enumerate(ends) if end is not None]
     segment = np.searchsorted(known, np.arange(len(cells.lengths)), side="right") - 1
     given = [end for end in ends if end is not None]
-    ways = program.rows(np.diff([end.q.centre for end in given], axis=0) / (speed * scale))
+    sought = np.diff([end.q.centre for end in given], axis=0) / (speed * scale)
+    ways = program.rows(sought, np.array(known[1:])[:, None])
     program.diagonal(ways[segment[fixed]], v, cells.lengths[fixed, None] / scale)
     program.diagonal(ways[segment[free]], x, 1.0)
-    closing = [_within_end(program, ways, k, end, speed * scale) for k, end in enumerate(given)]
-    for inner, bounds in limited:  # an elastic cell's way, and what it changes, are within its length times bounds
-        program.limit(inner, -1.0, d, bounds.lower[free])
-        program.limit(inner, 1.0, d, -bounds.upper[free])
-    marginals = program.solved(leg.policy.feasible)
+    closing = [_within_end(program, ways, k, end, speed * scale, known[k]) for k, end in enumerate(given)]
+    marginals = program.solved(leg.policy.converged)
     if marginals is None:
         return None
     combinations: list[Array | None] = [None] * len(ends)
@@ -175,7 +172,8 @@ def _changes(
     program: LinearProgram, leg: BoundLeg, cells: Cells, forces: Forces, kinds: Sequence[_Rows], v: Indices
 ) -> Indices:
     """Add the rows of all kinds, by the velocities of the fixed cells, shape (kinds, nodes, nv)."""
-    rows = np.moveaxis(program.rows(np.stack([kind.given for kind in kinds], axis=1)), 1, 0)
+    places = np.append(cells.fixed, len(cells.lengths))[:, None, None]
+    rows = np.moveaxis(program.rows(np.stack([kind.given for kind in kinds], axis=1), places), 1, 0)
     left_open = np.einsum("bij,bj->bi", forces.terms.inertia.radius, cells.v.magnitude)[cells.fixed]
     beside = leg.policy.caution * left_open / kinds[0].scale
     open_ = program.unknown(v.shape, -beside, beside)
@@ -187,6 +185,15 @@ def _changes(
             program.diagonal(own[:-1], open_, 1.0)
             program.diagonal(own[1:], open_, -1.0)
     return rows
+
+
+def _within_times(program: LinearProgram, inner: Indices, rates: Interval, times: Indices, place: Indices) -> None:
+    """Add the rows by which something in elastic cells is within their times, shape (free, 1), multiplied by rates."""
+    for sign, most in ((-1.0, -rates.lower), (1.0, rates.upper)):
+        rows = program.rows(np.zeros(inner.shape), place[:, None])
+        program.diagonal(rows, inner, sign)
+        program.diagonal(rows, np.broadcast_to(times, inner.shape), -most)
+        program.diagonal(rows, program.unknown(inner.shape, 0.0), 1.0)
 
 
 def _multipliers(
@@ -220,7 +227,7 @@ def _way(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, durati
 
 
 def _within_end(
-    program: LinearProgram, ways: Indices, k: int, end: LegEnd, scale: Array
+    program: LinearProgram, ways: Indices, k: int, end: LegEnd, scale: Array, place: int
 ) -> tuple[Indices, Array] | None:
     """Where the k-th position that something is known of lies within its box.
 
@@ -230,17 +237,17 @@ def _within_end(
     radius = end.q.radius
     if not np.any(radius):
         return None
-    place = program.unknown((1, len(radius)), -1.0, 1.0)
+    at = program.unknown((1, len(radius)), -1.0, 1.0)
     if k > 0:
-        program.diagonal(ways[k - 1 : k], place, -radius / scale)
+        program.diagonal(ways[k - 1 : k], at, -radius / scale)
     if k < len(ways):
-        program.diagonal(ways[k : k + 1], place, radius / scale)
+        program.diagonal(ways[k : k + 1], at, radius / scale)
     if end.equations is None:
         return None
     centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
     size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
     left = program.unknown((1, len(rest)), -rest / size, rest / size)
-    rows = program.rows(-(centre / size)[None])
-    program.blocks(rows, place, (slopes / size[:, None])[None])
+    rows = program.rows(-(centre / size)[None], place)
+    program.blocks(rows, at, (slopes / size[:, None])[None])
     program.diagonal(rows, left, 1.0)
     return rows[0], size

@@ -40,16 +40,10 @@ class BoundPolicy:
         "first random pair of a Panda: gap 3.4 to 3.3 %; fourth of a UR5: 1.02 to 0.92 %",
     )
     idle: float = tuned(1e-3, "of its best worth", "a torque that is worth less counts no more")
-    feasible: float = tuned(
-        1e-9,
-        "scaled",
-        "tolerances of a course's linear program: the first cells' momenta are 1e-5 of the greatest",
-        POSES,
-    )
     converged: float = tuned(
         1e-6,
         "of the way",
-        "gap of a leg's linear program: with 1e-8 bounds are the same to 1e-6, after three iterations more",
+        "gap of a linear program: with 1e-8 bounds are the same to 1e-6, after three iterations more",
     )
     sizes: tuple[float, ...] = tuned(
         (0.05, 0.01, 0.002), "m or rad", "of boxes held against velocity limits in turn: 1e-3 of a way at last", POSES
