@@ -116,7 +116,7 @@ q_start = [-1.5707963267948966, 0.037399912542735635]
 q_goal = [0.15707963267948966, -0.037399912542735635]
 [vary]
 payload = { from = 0.05, to = 0.25, count = 4 }
-reserve = { from = 0.0, to = 0.2, count = 4 }
+reserve = { from = 0.0, to = 0.2, count = 3 }
 """
 
 
@@ -134,17 +134,17 @@ def test_killed_twice_and_gone_on_with(tmp_path):
         process.kill()
         process.wait()
         before = rows_of(file)
-    assert before < 16
+    assert before < 12
     told = run_json(*command, cwd=tmp_path)
-    assert told["done"] == 16 and told["done_here"] == 16 - before
+    assert told["done"] == 12 and told["done_here"] == 12 - before
     rows = study_table(file)
-    assert [row["k"] for row in rows] == list(range(16)) and all(row["certified"] for row in rows)
+    assert [row["k"] for row in rows] == list(range(12)) and all(row["certified"] for row in rows)
     # In one go, without neighbours: the same, as certified optima are to 1e-9.
     (tmp_path / "alone.toml").write_text(RR + "[search]\nneighbours = 'off'\n")
     assert run_here("sweep", "alone.toml", "--no-figure", "--out", "alone", cwd=tmp_path).returncode == 0
     alone = study_table(tmp_path / "alone" / "study.sqlite")
     assert [row["duration_s"] for row in rows] == pytest.approx([row["duration_s"] for row in alone], rel=1e-8)
-    assert not any(row["begun_from"] for row in alone) and sum(row["begun_from"] is not None for row in rows) >= 8
+    assert not any(row["begun_from"] for row in alone) and sum(row["begun_from"] is not None for row in rows) >= 6
 
 
 @pytest.mark.parametrize(

@@ -130,12 +130,11 @@ def test_torques_of_a_path_pay_for_friction():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("velocity_limit", [None, 15.0])
-def test_three_links_land_through_dry_friction(velocity_limit):
+def test_three_links_land_through_dry_friction():
     """Friction bends a motion within the steps of a mesh: what is slowed down until it lands takes 0.48 s."""
     bare = paper_problem("rrr")
     robot = bare.robot.with_friction(0.3, 0.3)
-    ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": velocity_limit}
+    ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": 15.0}  # they reach 11 rad/s
     solution = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, **ends), ad.MinimumTimeOptions(starts=8, bound=False))
     assert solution.usable and solution.duration < 0.43
     replay = ad.replay_torques(robot, solution.trajectory)

@@ -260,7 +260,7 @@ def with_a_reserve():
 @pytest.mark.slow
 @pytest.mark.parametrize("friction", [{}, {"coulomb": (0.0, 0.06), "damping": (0.0, 0.003)}])
 def test_hundreds_of_arms_of_rrr_settle_along_the_fastest_motion_with_a_reserve(friction):
-    options = ad.MonteCarloOptions(count=400)
+    options = ad.MonteCarloOptions(count=200)
     motion = with_a_reserve().trajectory
     result = ad.monte_carlo(paper_arm("rrr"), motion, plants=ad.Plants(**friction), options=options)
     assert result.success(within=0.40).rate >= 0.99

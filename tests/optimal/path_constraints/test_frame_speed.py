@@ -9,7 +9,7 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
-from problems import POSES, cart, paper_arm, solve
+from problems import POSES, cart, held_ur5, paper_arm, solve
 
 START, GOAL = POSES["rr"]
 
@@ -61,8 +61,7 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
 
 @pytest.mark.slow
 def test_ur5_at_reduced_speed():
-    start, goal = [0, -1.2, 1.2, -1.5, -1.5, 0], [0.15, -1.25, 1.3, -1.55, -1.5, 0.1]
-    robot = ad.Robot.from_library("ur5")
+    start, goal, robot = [0, -1.2, 1.2], [0.15, -1.25, 1.3], held_ur5()
     solution = between(robot, start, goal, ad.FrameSpeedLimit(0.25), starts=1, calm=0.0, bound=False)
     tip = solution.problem.path_constraints[0].frame
     assert tip == robot.tip
