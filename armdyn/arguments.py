@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind")
 Function = TypeVar("Function", bound=Callable[..., object])
 Sign = Literal["any", "not negative", "positive"]
+Stop = Callable[[], bool]
+"""Polled now and then; once it is true, work ends with what there is."""
 
 MOST_SHOWN = 100
 """Characters of a value that a message shows."""
@@ -140,7 +142,7 @@ def listener(value: object) -> Callable[[Any], None]:
     return function(value, "progress", lambda told: None)
 
 
-def stopper(value: object) -> Callable[[], bool]:
+def stopper(value: object) -> Stop:
     """The argument `stop`; one that never stops for None.
 
     Raises:

@@ -169,23 +169,18 @@ def _runs(
     """The chain, cut where the arm passes one joint position."""
     legs: list[BoundLeg] = []
     passages: list[Passage | None] = []
-    owners: list[MinimumTimeProblem] = []
     places = [stops[0]]
     for problem, passed, stop in zip(problems, via, stops[1:], strict=True):
         own = legs_of(problem, policy)
         begins = [own[0].start, *(replace(own[0].start, v=None) for _ in passed)]
         ends = [*(replace(own[-1].goal, v=None) for _ in passed), own[-1].goal]
         legs += [replace(own[0], start=begin, goal=end) for begin, end in zip(begins, ends, strict=True)]
-        owners += [problem] * (len(passed) + 1)
         passages += _passages(problem, passed, own[0].dynamics)
         between = [problem.via_regions.get(k, problem.poses[k + 1]) for k in passed]
         places += [*between, stop]
     cuts = [k for k, place in enumerate(places) if not isinstance(place, GoalPose)]
     cuts = sorted({0, *cuts, len(legs)})
-    return [
-        _Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(owners[a:b]), tuple(passages[a:b]))
-        for a, b in pairwise(cuts)
-    ]
+    return [_Run(tuple(legs[a:b]), tuple(places[a : b + 1]), tuple(passages[a:b])) for a, b in pairwise(cuts)]
 
 
 def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) -> ChainBound | None:
@@ -211,13 +206,11 @@ class _Run:
     Attributes:
         legs: their ends say the velocities there.
         places: one more than legs.
-        problems: of each leg.
         passages: what each leg passes on its way; None: nothing.
     """
 
     legs: tuple[BoundLeg, ...]
     places: tuple[Place, ...]
-    problems: tuple[MinimumTimeProblem, ...]
     passages: tuple[Passage | None, ...]
 
     @property
@@ -249,12 +242,11 @@ class _Run:
         """The bound of a chain through sampled joint positions [s]: that of all chains is no more."""
         layers: list[list[Region]] = []
         points = [np.asarray(place) for place in self.places if not isinstance(place, GoalPose)]
-        near = points[0] if points else np.asarray(self.problems[0].q_start)
+        near = points[0] if points else self.legs[0].start.q.lower
         for k, place in enumerate(self.places):
-            problem = self.problems[max(k - 1, 0)]
-            found = [np.asarray(place)]
+            leg, found = self.legs[max(k - 1, 0)], [np.asarray(place)]
             if isinstance(place, GoalPose):
-                found = poses_reaching(problem.robot, place, near, problem.limits)
+                found = poses_reaching(leg.dynamics.robot, place, near, leg.torque)
             layers.append([Region.point(q) for q in found])
             near = found[0]
         path = Lattice(self.legs, layers).path()

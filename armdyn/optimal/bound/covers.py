@@ -4,11 +4,12 @@ The places between two that are one joint position each are covered together: wh
 through boxes of all places between, to the other in time. Coarse boxes are thinned out before they are cut smaller.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
+from armdyn.arguments import Stop
 from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
@@ -17,7 +18,6 @@ from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import soonest
 
-Stop = Callable[[], bool]
 Place = Array | GoalPose
 
 _ROUNDED = 1e-12

@@ -9,12 +9,11 @@ from functools import partial
 
 import numpy as np
 
+from armdyn.arguments import Stop
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.parallel import in_processes
-
-Stop = Callable[[], bool]
 
 
 @dataclass(frozen=True, eq=False)

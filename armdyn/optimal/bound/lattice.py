@@ -8,12 +8,13 @@ number of processes makes no difference.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from armdyn.arguments import Stop
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.effort import Edge, Effort
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_down
@@ -21,8 +22,6 @@ from armdyn.optimal.bound.goal_set import GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.passing import Passage
 from armdyn.optimal.bound.rates import least_times, soonest
-
-Stop = Callable[[], bool]
 
 NOTHING, PASSAGE, MOMENTUM = range(3)
 """Next improvement of an edge's bound: none, by the regions that are passed, or by momentum and then by these."""
@@ -239,14 +238,14 @@ class Lattice:
         self.layers[k][at : at + 1] = halves
         for leg, axis in ((k - 1, 1), (k, 0)):
             if 0 <= leg < len(self.legs):
-                inherited = np.repeat(np.take(self.bounds[leg], [at], axis), count, axis)
+                bounds, busy = (
+                    np.repeat(np.take(table[leg], [at], axis), count, axis) for table in (self.bounds, self.under_way)
+                )
                 ends = (self.layers[leg], halves) if axis else (halves, self.layers[leg + 1])
-                new = np.maximum(inherited, shortest_times(self.legs[leg], *ends))
-                self.bounds[leg] = np.insert(np.delete(self.bounds[leg], at, axis), [at] * count, new, axis)
-                fresh = np.full(new.shape, _first(self.legs[leg]))
-                self.left[leg] = np.insert(np.delete(self.left[leg], at, axis), [at] * count, fresh, axis)
-                busy = np.repeat(np.take(self.under_way[leg], [at], axis), count, axis)
-                self.under_way[leg] = np.insert(np.delete(self.under_way[leg], at, axis), [at] * count, busy, axis)
+                bounds = np.maximum(bounds, shortest_times(self.legs[leg], *ends))
+                left = np.full(bounds.shape, _first(self.legs[leg]))
+                for table, new in ((self.bounds, bounds), (self.left, left), (self.under_way, busy)):
+                    table[leg] = np.insert(np.delete(table[leg], at, axis), [at] * count, new, axis)
         return True
 
 

@@ -1,16 +1,15 @@
 """Lower bounds of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from armdyn.arguments import Stop
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed, relaxed_in_phases
-
-Stop = Callable[[], bool]
 
 
 def leg_bound(leg: BoundLeg, stop: Stop, known: float = 0.0) -> tuple[float, int]:

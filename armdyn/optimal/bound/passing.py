@@ -1,12 +1,13 @@
 """Lower bound of a leg that passes regions and follows lines to and from them: its phases alone, then all of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 
+from armdyn.arguments import Stop
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.cells import Phase
 from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
@@ -15,8 +16,6 @@ from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.bound.tube import tube
-
-Stop = Callable[[], bool]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +86,8 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list
     last = len(events)
     ends = [leg.start, *(event.region.end(event.box) for event in events), leg.goal]
     legs = [replace(leg, start=start, goal=goal) for start, goal in pairwise(ends)]
-    phases = [Phase(own.shortest, leg.position) for own in legs]
-    for k, event in enumerate(events):
-        phases[k] = replace(phases[k], goal=(event.region, event.box))
+    goals = [*((event.region, event.box) for event in events), None]
+    phases = [Phase(own.shortest, leg.position, goal=goal) for own, goal in zip(legs, goals, strict=True)]
     for k, event in ((0, events[0]), (last, events[-1])):
         if k in passage.lines and event.beside is not None:
             phases[k] = replace(phases[k], line=passage.lines[k], box=event.beside)

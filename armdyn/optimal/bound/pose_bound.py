@@ -5,12 +5,11 @@ to all goals in a box at once. A goal that velocity limits put further away than
 those that are nearer are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole set.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from armdyn.arguments import expect
+from armdyn.arguments import Stop, expect
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
@@ -18,8 +17,6 @@ from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-
-Stop = Callable[[], bool]
 
 
 def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[float, int, float]:
