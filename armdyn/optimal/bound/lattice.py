@@ -21,7 +21,6 @@ from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_
 from armdyn.optimal.bound.goal_set import GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.passing import Passage
-from armdyn.optimal.bound.rates import least_times, soonest
 
 NOTHING, PASSAGE, MOMENTUM = range(3)
 """Next improvement of an edge's bound: none, by the regions that are passed, or by momentum and then by these."""
@@ -83,12 +82,7 @@ def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Regi
     if not (starts and goals):
         return np.zeros((len(starts), len(goals)))
     first, last = (joined([region.hull[None] for region in side]) for side in (starts, goals))
-    times = soonest(first[:, None], last[None], leg.velocity)
-    if leg.start.at_rest and leg.goal.at_rest:
-        way = (last[None] - first[:, None]).mignitude
-        alone = least_times(way, leg.velocity, leg.acceleration, leg.jerk)
-        times = np.maximum(times, np.max(alone, axis=2))
-    return times
+    return np.asarray(np.max(leg.alone(last[None] - first[:, None]), axis=2))
 
 
 @dataclass(frozen=True, eq=False)

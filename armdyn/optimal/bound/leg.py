@@ -133,13 +133,12 @@ class BoundLeg:
         """Shortest duration within the velocity limits [s]."""
         return float(np.max(self.kinematic))
 
-    @property
-    def ramped(self) -> Array:
-        """Time of every joint with its limits of velocity, acceleration and jerk [s], rounded down, shape (nv,)."""
+    def alone(self, away: Interval) -> Array:
+        """Times of every joint by its own limits [s], rounded down, from start to goal so far away, shape (…, nv)."""
+        times = np.maximum(down(away.mignitude / self.velocity), 0.0)
         if not (self.start.at_rest and self.goal.at_rest):
-            return self.kinematic
-        way = np.maximum(down(self.away.mignitude), 0.0)
-        return np.maximum(self.kinematic, least_times(way, self.velocity, self.acceleration, self.jerk))
+            return times
+        return np.maximum(times, least_times(away.mignitude, self.velocity, self.acceleration, self.jerk))
 
 
 def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:

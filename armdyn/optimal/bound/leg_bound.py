@@ -20,8 +20,8 @@ def leg_bound(leg: BoundLeg, stop: Stop, known: float = 0.0) -> tuple[float, int
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
         known: a bound that is proven already [s].
     """
-    ramped = leg.ramped
-    known, joint = max(known, float(np.max(ramped))), int(np.argmax(ramped))
+    alone = leg.alone(leg.away)
+    known, joint = max(known, float(np.max(alone))), int(np.argmax(alone))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
     numbers, ahead = leg.policy, leg.policy.ahead

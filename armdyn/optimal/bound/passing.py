@@ -42,16 +42,10 @@ def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float,
         longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
         stop: polled now and then; once it is true, the bound that is proven so far is returned.
     """
-    most = min(longest, (1 + leg.policy.passing_ahead) * known)
-    found = _within(leg, passage, known, most, stop)
-    return found, found < most or found == known
-
-
-def _within(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> float:
-    """The bound for motions that take no longer than some time [s]."""
-    numbers, phases = leg.policy, _phases(leg, passage, longest, stop)
+    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_ahead) * known)
+    phases = _phases(leg, passage, longest, stop)
     if phases is None:
-        return longest
+        return longest, longest == begun
     known = max(known, min(sum_down([phase.least for phase in phases]), longest))
     near = min(longest, (1 + numbers.course_ahead) * known)
     for _ in range(numbers.course_grids):
@@ -60,7 +54,7 @@ def _within(leg: BoundLeg, passage: Passage, known: float, longest: float, stop:
             break
         # The nearer the longest motion spoken of, the smaller the boxes; where the bound is as much, there is more.
         near = min(longest, (known + near) / 2 if known < near else (1 + numbers.course_ahead) * known)
-    return known
+    return known, known < longest or known == begun
 
 
 @dataclass(frozen=True, eq=False)
