@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.arguments import Stop, stopper
+from armdyn.arguments import stopper
 from armdyn.optimal.bound.enclosure.interval import sum_down
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
@@ -42,7 +43,7 @@ class LowerBound:
 
 
 def least_duration(
-    problem: MinimumTimeProblem, stop: Stop | None = None, policy: BoundPolicy | None = None
+    problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
 ) -> float | None:
     """The bound of `lower_bound` [s]; None: none is known."""
     bound = lower_bound(problem, stop, policy)
@@ -50,7 +51,7 @@ def least_duration(
 
 
 def lower_bound(
-    problem: MinimumTimeProblem, stop: Stop | None = None, policy: BoundPolicy | None = None
+    problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
 ) -> LowerBound | None:
     """Prove a lower bound on the duration by the momentum equation, over boxes nested in time.
 
@@ -98,7 +99,7 @@ def lower_bound(
     )
 
 
-def _soonest(problem: MinimumTimeProblem, stop: Stop, numbers: BoundPolicy) -> LowerBound | None:
+def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: BoundPolicy) -> LowerBound | None:
     """The least of the bounds of all ways round, those that velocity limits put nearest first; None: one has none."""
     least: LowerBound | None = None
     alone = [problem.variant(q_goal=q, wrap=False) for q in problem.goals]
