@@ -47,6 +47,7 @@ def bound_task():
     del TASKS["bound"]
 
 
+@pytest.mark.slow
 def test_a_study_task(bound_task, tmp_path):
     (tmp_path / "study.toml").write_text(re.search(r"```toml\n(.*?)```", section("A study task"), re.S)[1])
     study = ad.read_study(tmp_path / "study.toml")

@@ -96,7 +96,6 @@ def test_mintime_with_limits_along_the_way(tmp_path):
     assert not speed["reasons"] and not rate["reasons"]
 
 
-@pytest.mark.slow
 def test_mintime_of_a_urdf_file_with_poses_and_limits(tmp_path):
     (tmp_path / "cart.urdf").write_text(CART)
     task = ("cart.urdf", "--q-start", "0", "--q-goal", "-2", "--effort-limit", "4")
@@ -143,7 +142,6 @@ def test_pid_and_replay_of_both(tmp_path):
     assert Path(page["files"][0]).read_text().count("<script") >= 1
 
 
-@pytest.mark.slow
 def test_pid_that_never_settles_is_exit_3(tmp_path):
     answer = run_json("pid", "rrr", "--no-figure", "--no-report", "--out", tmp_path, code=3)
     assert not answer["success"] and answer["arrival_time"] is None
@@ -225,7 +223,6 @@ def test_bad_usage_is_exit_2():
     assert run("nosuch").returncode == 2
 
 
-@pytest.mark.slow
 def test_not_converged_is_exit_3(tmp_path):
     answer = run_json("mintime", "rrr", "--time-limit", 0.001, "--no-figure", "--no-report", "--out", tmp_path, code=3)
     assert answer["success"] is False and answer["status"] == "time_limit"
@@ -285,7 +282,6 @@ def test_help_teaches(command):
         assert "[kg]" in done.stdout and "[rad or m]" in " ".join(done.stdout.replace("│", " ").split())
 
 
-@pytest.mark.slow
 def test_a_refused_pose_is_shown_where_a_folder_is_named(tmp_path):
     options = ["--payload", 0.1, "--obstacle", "plane:-1,0,0@0.45,0,0", "--q-start=-1.5,0", "--q-goal", "0.2,0"]
     result = run_here("mintime", "rr", *options)

@@ -110,7 +110,6 @@ def test_bad_input_has_the_same_head(command, here):
     assert (facts["success"], facts["status"], facts["command"]) == (False, "bad_input", command)
 
 
-@pytest.mark.slow
 def test_every_command_speaks_json_and_can_be_quiet():
     for command in COMMANDS:
         words = run_here(command, "--help").stdout

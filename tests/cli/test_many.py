@@ -97,6 +97,7 @@ def test_ctrl_c_keeps_the_rows(tmp_path):
     assert many(tmp_path, "--count", count, "--no-figure")["count"] == count
 
 
+@pytest.mark.slow
 def test_tune_writes_what_it_has_chosen(tmp_path):
     told = answer(run_here(*TUNE, "--friction-range", "0,0.06", "--json", "--out", tmp_path))
     assert told["success"] is True

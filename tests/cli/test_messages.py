@@ -55,6 +55,7 @@ def _flags(callback):
     ]
 
 
+@pytest.mark.slow
 def test_no_message_gives_a_keyword_of_python():
     wrong = [
         f"{name}:{line}: {text}"

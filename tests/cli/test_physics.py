@@ -33,7 +33,6 @@ def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
     )
 
 
-@pytest.mark.slow
 def test_wrap_takes_the_shorter_way(turntable):
     frictionless = (
         "mintime",
@@ -63,7 +62,6 @@ def test_a_payload_on_a_link(turntable):
     assert answer["duration"] == pytest.approx(2 * np.sqrt(2 * (0.03 + 0.5 * 0.2**2) / 2), rel=1e-8)
 
 
-@pytest.mark.slow
 def test_pid_knows_friction(turntable):
     loop = ("pid", "arm.urdf", *BARE, "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
     # Without any the loop swings for ever; with the file's damping it comes to rest.

@@ -23,7 +23,6 @@ def test_every_arm_is_listed_and_loads(listed):
     assert all(arm["loads"] for arm in listed["robots"]), [arm for arm in listed["robots"] if not arm["loads"]]
 
 
-@pytest.mark.slow
 def test_what_is_missing(listed):
     arms = {arm["name"]: arm for arm in listed["robots"]}
     assert arms["double_pendulum"]["missing"]["effort"] == ["joint1", "joint2"]

@@ -95,7 +95,6 @@ def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
         read(tmp_path, FILE.replace(old, new, 1))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [

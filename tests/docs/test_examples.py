@@ -12,6 +12,7 @@ import armdyn as ad
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
+@pytest.mark.slow
 def test_pinocchio_in_casadi(capsys):
     runpy.run_path(str(EXAMPLES / "pinocchio_in_casadi.py"), run_name="__main__")
     printed = capsys.readouterr().out

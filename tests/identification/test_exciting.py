@@ -31,6 +31,7 @@ def test_it_is_better_conditioned_than_random_motions():
     assert conditions[1] < 0.7 * conditions[0]
 
 
+@pytest.mark.slow
 def test_it_is_clear_of_obstacles():
     robot, table = robot_named("ur5"), Plane((0, 0, -0.05), (0, 0, 1))
     motion = exciting_motion(

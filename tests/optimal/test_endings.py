@@ -31,7 +31,6 @@ def test_unreachable_goal_is_reported_not_pretended():
     assert "joint1" in solution.message
 
 
-@pytest.mark.slow
 def test_time_limit_returns_what_there_is():
     solution = ad.solve_minimum_time(paper_problem("rrr"), ad.MinimumTimeOptions(time_limit=1e-3))
     assert not solution.success

@@ -48,7 +48,6 @@ def solved(robot):
     return ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[DISTANCE]))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.05, 0.3, 2.0])
 def test_viscous_damping_against_the_closed_form(damping):
     solution = solved(cart().with_friction(damping))
@@ -57,7 +56,6 @@ def test_viscous_damping_against_the_closed_form(damping):
     assert solution.duration == pytest.approx(viscous(damping), rel=1e-8)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "coulomb", "width"), [(0.0, 0.3, 0.1), (0.0, 0.8, 0.01), (0.5, 0.3, 0.01), (0.0, 0.3, 1e-3)]
 )
@@ -68,7 +66,6 @@ def test_coulomb_friction_against_quadrature(damping, coulomb, width):
     assert solution.duration == pytest.approx(dry(damping, coulomb, width), rel=1e-8)
 
 
-@pytest.mark.slow
 def test_a_narrow_jump_tends_to_the_sharp_one():
     widths = np.array([1e-2, 1e-3, 1e-4])
     off = [solved(cart().with_friction(0.0, 0.3, width)).duration - sharp(0.3) for width in widths]

@@ -169,7 +169,6 @@ def test_moving_start_and_goal():
     assert solution.replay_velocity_error < 1e-2
 
 
-@pytest.mark.slow
 def test_library_arm_within_torque_and_velocity_limits():
     robot = ad.Robot.from_library("panda")
     problem = ad.MinimumTimeProblem(

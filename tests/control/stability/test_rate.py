@@ -33,7 +33,6 @@ def test_the_papers_gains_at_1_khz(name, radius, kilohertz):
     assert radius_at(name, 1e3 * kilohertz, replace(ideal, delay=1)) > 1
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RRR Ex6"])
 @pytest.mark.parametrize("velocity", ["filtered", "exact", "observer"])
 @pytest.mark.parametrize("delay", [0, 1])

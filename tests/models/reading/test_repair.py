@@ -64,7 +64,6 @@ def test_only_the_numbers_and_the_mark_change(tmp_path):
     assert not ad.repair_urdf(written(tmp_path, found.text, "mended.urdf")).inertias
 
 
-@pytest.mark.slow
 def test_results_of_a_repaired_model_say_so(tmp_path):
     found = ad.repair_urdf(written(tmp_path, RR.replace(TAG, BROKEN, 1)))
     robot = ad.Robot.from_urdf_string(found.text)

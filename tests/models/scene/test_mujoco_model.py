@@ -92,7 +92,6 @@ def test_servos_do_not_give_more_than_the_motors():
     assert np.abs(data.qfrc_actuator).max() == pytest.approx(3.0, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_friction_is_played_too():
     robot = paper_arm("rr", 0.1).with_friction(0.02)
     solution = solve(ad.MinimumTimeProblem(robot, q_start=[-1.5, 0], q_goal=[0.2, 0]))

@@ -51,7 +51,6 @@ def shares(problem, curve, looks=43):
     return tau_share, v_share, rate
 
 
-@pytest.mark.slow
 def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     job = Task.of(ur5())
     plain = solve_curve(job, straight(job), CurveSpec(TightenedConstraints.of(job), smooth=job.policy.curves.smooth))

@@ -86,7 +86,6 @@ def test_a_planar_arm_passes_a_position(fastest):
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("region", "says"),
     [

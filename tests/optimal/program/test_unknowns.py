@@ -41,7 +41,6 @@ SCALES = st.builds(Scales, *3 * [st.floats(0.2, 5)], st.tuples(*2 * [st.floats(0
 COEFFICIENTS = st.lists(st.floats(-2, 2), min_size=8, max_size=8).map(lambda x: np.reshape(x, (2, 4)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("scheme", EVERY, ids=str)
 @settings(max_examples=20)
 @given(fractions=FRACTIONS, scales=SCALES, coefficients=COEFFICIENTS, duration=st.floats(0.1, 3))

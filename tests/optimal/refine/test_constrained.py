@@ -178,7 +178,6 @@ def test_plain_problems_are_as_they_were():
     assert solution.clearance is None and solution.via_times == () and solution.goals == ()
 
 
-@pytest.mark.slow
 def test_a_folding_arm_keeps_its_links_apart():
     start, goal = POSES["rrr"]
     problem = ad.MinimumTimeProblem(paper_arm("rrr"), q_start=start, q_goal=goal, self_collision=True)

@@ -81,7 +81,6 @@ def test_the_usual_pair():
     assert "Pontryagin's conditions are not checked" in reason
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_random_pairs(seed):
     problem = ur5(*pair(seed))
@@ -255,7 +254,6 @@ def sliding_arm():
     return CART_ARM.format("".join(parts))
 
 
-@pytest.mark.slow
 def test_a_prismatic_and_a_continuous_joint(read):
     robot = read(sliding_arm())
     problem = ur5([-1.0, -0.5, 0.3, 0.0], [1.0, 0.6, -0.4, 4.0], robot)
@@ -343,7 +341,6 @@ ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
 """The straight way between these goes through NEAR."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("asked", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
 def test_what_the_free_optimum_clears_costs_nothing(asked):
     problem, told = ur5(**asked), []

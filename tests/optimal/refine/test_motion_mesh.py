@@ -89,7 +89,6 @@ def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 
-@pytest.mark.slow
 def test_the_best_iterate_of_the_last_mesh_is_made_sharper():
     task = task_of(close=1e-5, patience=0, rounds=2)
     meshes = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))

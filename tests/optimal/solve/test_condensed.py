@@ -29,7 +29,6 @@ def task(problem, scheme=CONSTANT, stop=None):
     return replace(Task.of(problem, stop=stop), scheme=scheme)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("weight", [0.0, 0.01])
 @pytest.mark.parametrize("control", ["constant", "linear"])
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])

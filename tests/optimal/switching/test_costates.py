@@ -13,7 +13,6 @@ from armdyn.optimal.task.task import Task
 from problems import random_problem, random_solution, solved
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("solution", [lambda: solved("rr"), lambda: solved("rrr"), lambda: random_solution(15)])
 def test_collocation_of_the_same_arcs_says_the_same(solution):
     # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, costates from its multipliers, sensitivities.

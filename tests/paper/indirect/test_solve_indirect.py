@@ -107,6 +107,7 @@ def test_two_links_minimum_time_from_time_energy_and_from_the_direct_costates():
     np.testing.assert_allclose(replayed.q[-1], problem.q_goal, atol=1e-8)  # an integrator that knows no costates
 
 
+@pytest.mark.slow
 def test_one_continuation_is_a_local_optimum():
     # The time-energy optimum of least J leads to another optimum than the fastest.
     problem = paper_problem("rr", position_limit=ANYWHERE)

@@ -82,7 +82,6 @@ def reference_time(arm, reading, payload):
     return REFERENCE["time_energy"][arm][reading][grams(payload)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("payload", "reading"), EVERY)
 @pytest.mark.parametrize(
     ("case", "name"), [(Case(4, "r", "pid", 0), "R_Ex4"), (Case(5, "rr", "pid", 0), "RR_Ex5")], ids=["r", "rr"]

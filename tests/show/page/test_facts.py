@@ -19,7 +19,6 @@ def test_of_another_kind_is_nothing():
     assert not facts.true("a") and facts.true("b")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", [*FACTS, "model", "reserve", "clearance", "conditions", "versions", "idle"])
 def test_a_report_is_written_whatever_a_fact_is(name):
     robot, _ = judged()
