@@ -106,7 +106,7 @@ LIMITED = {
 @pytest.mark.parametrize("kind", LIMITED)
 def test_limits_along_the_way_cost_time_and_are_kept(kind):
     arm = held if " and " in kind else ur5
-    optimum = solved(arm(**LIMITED[kind]))
+    optimum = solved(arm(**LIMITED[kind]), starts=1)
     motion = optimum.trajectory
     assert motion.duration > free(arm).trajectory.duration * (1 + 1e-3)
     for kept in optimum.reports.each:
@@ -410,7 +410,8 @@ def test_what_did_not_converge_says_so(asked):
 def test_a_goal_that_cannot_be_held_is_named():
     with pytest.warns(ad.ArmdynWarning, match="to hold the goal"):
         problem = ur5(goal=[0, 0, 0, -1, -1.5, 0], effort_limit=[150, 10, 150, 28, 28, 28])
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False, starts=1))
+    few = ad.MinimumTimeOptions(bound=False, starts=1, workers=1, max_iterations=20)  # no more of them help
+    solution = ad.solve_minimum_time(problem, few)
     assert not solution.success
     assert solution.status in (Status.INFEASIBLE, Status.ITERATION_LIMIT)
     assert "joint 'shoulder_lift_joint' takes 59.3 to be held at the goal, of 10 N m" in solution.message
