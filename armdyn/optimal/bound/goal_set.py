@@ -204,7 +204,10 @@ class GoalSet:
         """Boxes, shape (boxes, nv), in two groups: where they lie along the joint in which they move the frame most."""
         around = boxes.around
         joint = int(np.argmax((around.upper - around.lower) * self.levers))
-        beyond = boxes.centre[:, joint] > (around.lower[joint] + around.upper[joint]) / 2
+        along = boxes.centre[:, joint]
+        beyond = along > (around.lower[joint] + around.upper[joint]) / 2
+        if np.all(beyond == beyond[0]):  # boxes that lie one in another, nearly: in two all the same
+            beyond = np.argsort(np.argsort(along)) >= len(along) / 2
         return [part for part in (boxes[~beyond], boxes[beyond]) if len(part.lower)]
 
     def closure_over(self, box: Interval) -> Affine:

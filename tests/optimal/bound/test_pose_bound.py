@@ -1,11 +1,15 @@
 """The bound of a goal pose against members of the set of joint positions that reach it, found independently."""
 
+from itertools import count
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.optimal.bound.chain import chain_bound
+from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.task.policy.bound import BoundPolicy
@@ -90,6 +94,27 @@ def test_no_joint_position_in_a_region_is_lost(region):
     boxes = enclosed(robot, goal, start, longest, 0.5)
     for q in members[times < longest]:
         assert held(boxes, q)
+
+
+def test_boxes_one_in_another_are_cut_apart():
+    robot = ARMS["rrr"]()
+    within = Within((), robot.limits.velocity, Interval.at(np.zeros(3)), 1.0)
+    goals = GoalSet(Dynamics(robot), ad.GoalPose(robot.tip, [0.3, 0.2, 0.0]), within, BoundPolicy())
+    half = np.array([[1.0], [0.5], [0.4]]) * np.ones(3)
+    parts = goals.cut(Interval(-half, half))
+    assert sorted(len(part.lower) for part in parts) == [1, 2]
+
+
+@pytest.mark.slow
+def test_a_chain_to_a_set_of_many_joint_positions_has_a_bound():
+    """Two boxes with one middle were never cut apart: its path was the shortest for ever."""
+    robot = ARMS["rrr"]()
+    start, pose, members = reaching(robot, 101)
+    problem = ad.MinimumTimeProblem(robot, q_start=start, goal_pose=pose)
+    polled = count()
+    found = chain_bound([problem], [start, pose], effort=Effort(16, lambda: next(polled) > 2000))
+    ends = [ad.lower_bound(problem.variant(q_goal=q, goal_pose=None)).duration for q in members[:10]]
+    assert next(polled) < 2000 and 0.2 < found.duration <= min(ends)
 
 
 def test_a_position_that_is_free_along_an_axis_has_no_bound():
