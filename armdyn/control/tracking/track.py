@@ -26,6 +26,7 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.models.values.per_joint import per_joint
+from armdyn.parallel import one_blas_thread
 from armdyn.trajectory import Piece, Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
 
@@ -104,7 +105,8 @@ class Setup:
                 f"{MOST_ROWS / robot.nv:.0f} ticks"
             )
         tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
-        made = {id(one): controller.law(one, ticks, loop) for one in robots}
+        with one_blas_thread():  # a regulator's takes exponentials of a thousand small matrices
+            made = {id(one): controller.law(one, ticks, loop) for one in robots}
         laws = tuple(made[id(one)] for one in robots)
         begins = (one.start - reference.t[0] for one in reference.own_pieces)
         starts = tuple(int(np.ceil(begin * loop.rate - 1e-9)) for begin in begins)
