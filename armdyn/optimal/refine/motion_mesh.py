@@ -25,12 +25,9 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.policy.search import SamePolicy
-from armdyn.optimal.task.solver_settings import Acceptable
+from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-_CONVERGED = "Solve Succeeded"
-"""Message of a solution that is one to the tolerance, and not the best of the iterates near it."""
 
 
 class ResolvedMotions:
@@ -83,11 +80,14 @@ class _Meshes:
         self.task, self.resolved, self.tie = task, resolved, 0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
-        """Solutions of one optimum on finer and finer meshes."""
+        """Rough solutions of one optimum on finer and finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within()
+        rough = replace(self.task.sharp(), tolerance=numbers.tolerance, barrier=numbers.barrier)
+        near = replace(rough, barrier=numbers.near_barrier, push=numbers.push)
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
-            return self._solved(within, guess, knots, 0)
+            first = knots.size - 1 == numbers.intervals
+            return self._solved(within, guess, knots, rough if first else near, int(not first))
 
         def finer(one: Attempt) -> Array:
             knots = _finer(within, one, numbers)
@@ -95,6 +95,13 @@ class _Meshes:
 
         if has_stagewise(self.task):
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
+
+    def sharp(self, rough: Attempt) -> Attempt:
+        """The solution on the mesh of a rough one; that one where it does not converge, or no work is left."""
+        if not self.worth(rough.mesh) or self.task.stop:
+            return rough
+        found = self._once(self._within(), rough.trajectory, rough.mesh, self._sharp, self.tie)
+        return found if found.usable else rough
 
     def again(self, attempt: Attempt, rough: Flags, faster: float, beyond: float) -> Attempt | None:
         """The solution on a mesh of which some intervals are divided; None: there is none, or no work is left.
@@ -108,42 +115,35 @@ class _Meshes:
         knots = _in_parts(attempt.mesh, np.where(rough, self.task.policy.motion_mesh.parts, 1))
         if not (np.any(rough) and self.worth(knots)) or self.task.stop:
             return None
-        found = self._solved(self._within(faster, beyond), attempt.trajectory, knots, self.tie)
+        found = self._solved(self._within(faster, beyond), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None
-
-    def sharper(self, attempt: Attempt) -> Attempt:
-        """The solution itself where it has converged or no work is left; else the faster of it and one begun there."""
-        if attempt.message == _CONVERGED or self.tie or not self.worth(attempt.mesh) or self.task.stop:
-            return attempt
-        found = self._once(self._within(), attempt.trajectory, attempt.mesh, self.tie)
-        return found if found.usable and found.trajectory.duration < attempt.trajectory.duration else attempt
 
     def worth(self, knots: Array, spare: int = 0) -> bool:
         """Whether enough work is left for a mesh, and some to spare."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
-    def _solved(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
+    @property
+    def _sharp(self) -> SolverSettings:
+        """Settings from a rough solution, or near a sharp one."""
+        numbers = self.task.policy.motion_mesh
+        acceptable = Acceptable(numbers.tolerance, numbers.tolerance)
+        return replace(self.task.sharp(), barrier=numbers.sharp_barrier, push=numbers.push, acceptable=acceptable)
+
+    def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
         numbers, self.tie = self.task.policy.motion_mesh, tie
-        found = self._once(task, guess, knots, tie)
-        if found.usable or task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
+        found = self._once(task, guess, knots, settings, tie)
+        if found.usable or self.task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
-        return self._solved(task, near, knots, tie + 1)
+        return self._solved(task, near, knots, settings, tie + 1)
 
-    def _once(self, task: Task, guess: Trajectory, knots: Array, tie: int) -> Attempt:
+    def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """What one solve on a mesh comes to."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        iterations = numbers.tied_iterations if tie else numbers.iterations
-        most = min(iterations, max(numbers.fewest, int(self.resolved.left // size)))
-        settings = replace(
-            task.sharp(),
-            max_iterations=most,
-            barrier=numbers.barrier,
-            fall=numbers.fall,
-            acceptable=Acceptable(numbers.close, numbers.close, after=numbers.patience),
-        )
-        found = solve_on_knots(task, guess, knots, settings, numbers.ties[tie])
+        asked = numbers.iterations if settings.acceptable is None else numbers.sharp_iterations
+        most = min(asked, max(numbers.fewest, int(self.resolved.left // size)))
+        found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
         self.resolved.left -= found.iterations * size
         return found
 
@@ -231,7 +231,7 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
         if resolved.beats(mesh):
             break
     else:
-        best = _divided_until_certified(meshes, meshes.sharper(mesh), remark)
+        best = _divided_until_certified(meshes, meshes.sharp(mesh), remark)
     resolved.add(first, best)
     return best
 

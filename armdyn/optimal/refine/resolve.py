@@ -66,14 +66,15 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
         return
     fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
     begun = budget.left
-    found = _by_switching(task, shooting_problem(task, attempt.trajectory), attempt, budget)
+    numbers = task.policy.refinement
+    found = _by_switching(task, attempt, budget, numbers.at_speed if fast else numbers.sharp)
     extremals = _landed(task, found, attempt, budget)
     if not (found.settled or found.idle or fast):
         found = found.again(budget)
         extremals += _landed(task, found, attempt, budget)
     yield extremals
     # Else a finer mesh may show a structure yet.
-    last = budget.left <= task.policy.refinement.glance or 2 * attempt.intervals > task.options.max_intervals
+    last = budget.left <= numbers.glance or 2 * attempt.intervals > task.options.max_intervals
     if fast and resolved is not None:
         resolved.spend(begun - budget.left)
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
@@ -197,23 +198,29 @@ class _Resolved:
         return found
 
 
-def _by_switching(task: Task, shooting: ShootingProblem, attempt: Attempt, budget: Budget) -> _Resolved:
+def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: int) -> _Resolved:
     """The extremal that a structure leads to when it is corrected, or the nearest motions.
 
     Structures of equal intervals come first, then those of a mesh refined at its switches.
+
+    Args:
+        task: the problem and its settings.
+        attempt: a solution on equal intervals.
+        budget: of all structures.
+        sharp_budget: of one of a refined mesh; 0: none is tried.
     """
-    numbers = task.policy.refinement
+    numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory)
     found = _Resolved(shooting, [], list(_structures(task, shooting, attempt)), [], attempt)
     for structure in found.first:
         if not (found.settled or budget):
             found = found.with_tried(structure, budget, numbers.glance)
-    if not (found.settled or budget):
+    if sharp_budget and not (found.settled or budget):
         mesh = at_switches(task, attempt)
         sharp = [] if mesh is attempt else list(_structures(task, shooting, mesh))
         found = replace(found, sharp=sharp, mesh=mesh)
         for structure in sharp:
             if not (found.settled or budget):
-                found = found.with_tried(structure, budget, numbers.sharp)
+                found = found.with_tried(structure, budget, sharp_budget)
     return found
 
 

@@ -11,8 +11,7 @@ class Acceptable:
         tolerance: of the optimality conditions, on the scaled problem.
         equations: of the equations.
         cost: largest relative change of the cost; None: any.
-        after: iterations in a row; of the stagewise method: iterations after the first one with such an error, of which
-            the best is the solution.
+        after: iterations in a row.
     """
 
     tolerance: float
@@ -32,7 +31,6 @@ class SolverSettings:
         barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
         acceptable: error at which it may stop early; None: as the solver has it.
         exact: bounds are not relaxed, and nothing but the tolerance is accepted.
-        fall: least share of itself that the stagewise method's barrier falls to at a time; 0: as IPOPT has it.
         push: how far the start may be moved off its bounds; None: as the solver has it.
         warm: start from the multipliers of a nearly equal program, too.
     """
@@ -42,7 +40,6 @@ class SolverSettings:
     verbose: bool = False
     barrier: float = 0.1
     acceptable: Acceptable | None = None
-    fall: float = 0.0
     exact: bool = False
     push: float | None = None
     warm: bool = False

@@ -89,12 +89,13 @@ def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 
-def test_the_best_iterate_of_the_last_mesh_is_made_sharper():
-    task = task_of(close=1e-5, patience=0, rounds=2)
+def test_the_last_mesh_is_solved_sharply():
+    task = task_of(rounds=2)
     meshes = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))
     *_, rough = meshes.finer(find(task).attempts[0])
-    exact = _Meshes(task_of(rounds=2), ResolvedMotions(task.policy.motion_mesh))
-    sharp = exact.sharper(rough)
-    assert rough.message == "Solved To Acceptable Level" and sharp.message == "Solve Succeeded"
-    assert sharp.trajectory.duration < rough.trajectory.duration
-    assert exact.sharper(sharp) is sharp
+    sharp = meshes.sharp(rough)
+    assert np.array_equal(sharp.mesh, rough.mesh)
+    # The rough one's barrier keeps every torque off its limits, which costs 1e-8 for each of 2,000 bounds at least.
+    assert 1e-6 < rough.trajectory.duration / sharp.trajectory.duration - 1 < 1e-4
+    spent = _Meshes(task, ResolvedMotions(replace(task.policy.motion_mesh, work=0)))
+    assert spent.sharp(rough) is rough

@@ -7,12 +7,13 @@ enum { SOLVED, ACCEPTED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, 
 static const double RELAXED = 1e-8, ACCEPTABLE = 1e-6;
 enum { ACCEPTED_AFTER = 15 };
 
-/* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu, which falls to
-   no less than a share `fall` of it at a time. Ours: once E_0 <= `close` only so many iterations more are `patience`,
-   and the best iterate will do. Joints that time leaves idle make the way from 1e-7 to 1e-9 a long one. */
+/* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu. A start that is
+   near the solution is moved off its bounds by `push` as in (36), with multipliers of that mu; 0: as IPOPT has it. Ours:
+   where iterations end without a solution the best iterate of E_0 <= `close` will do: joints that time leaves idle make
+   the way from 1e-7 to 1e-9 a long one. */
 typedef struct {
-    double tolerance, barrier, fall, close;
-    int iterations, patience;
+    double tolerance, barrier, push, close;
+    int iterations;
 } Settings;
 
 /* Told where it stands; not zero: stop. */
@@ -148,9 +149,9 @@ static double newton(Solve *s) {
     return largest;
 }
 
-/* The best iterate so far. */
+/* The best iterate so far: that of the least mu, and of the least E_0 there. */
 static void keep(Solve *s, double error) {
-    s->closest = error;
+    s->closest = error, s->closest_mu = s->mu;
     memcpy(s->best_w, s->w, s->it.all * sizeof *s->w), memcpy(s->best_lam, s->lam, s->it.rows * sizeof *s->lam);
     memcpy(s->best_zl, s->zl, s->it.all * sizeof *s->zl), memcpy(s->best_zu, s->zu, s->it.all * sizeof *s->zu);
 }
@@ -166,7 +167,7 @@ static int closest(Solve *s, int ended) {
 /* Iterations; returns how they ended, and in `k` after how many. */
 static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k) {
     double least_mu = how->tolerance / 11, cost, alpha, tau, error;
-    int acceptable = 0, tiny = 0, last = how->iterations;
+    int acceptable = 0, tiny = 0;
     for (*k = 0;; ++*k) {
         differentiate(&s->it, s->w, s->lam, s->gradient);
         transposed(&s->it, s->lam, s->d);
@@ -174,15 +175,13 @@ static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k
         error = error_of(s, 0);
         if (!isfinite(error)) return NO_NUMBERS;
         acceptable = error <= ACCEPTABLE ? acceptable + 1 : 0;
-        if (error <= how->close && isinf(s->closest)) last = *k + how->patience < last ? *k + how->patience : last;
-        if (error <= how->close && error < s->closest) keep(s, error);
+        if (error <= how->close && (s->mu < s->closest_mu || error < s->closest)) keep(s, error);
         if (error <= how->tolerance) return SOLVED;
         if (acceptable == ACCEPTED_AFTER) return ACCEPTED;
-        if (*k >= last) return ITERATIONS;
+        if (*k >= how->iterations) return ITERATIONS;
         if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
         while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
-            double next = smaller(0.2 * s->mu, pow(s->mu, 1.5)); /* (7) */
-            s->mu = larger(least_mu, larger(next, how->fall * s->mu));
+            s->mu = larger(least_mu, smaller(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
             s->filtered = tiny = 0;
         }
         if (tiny) return acceptable ? ACCEPTED : NO_STEP;
@@ -196,19 +195,21 @@ static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k
             }
         }
         tiny = 0;
-        if (!restored(s, k, last)) return *k > last ? (*k = last, ITERATIONS) : NO_WAY_BACK;
+        if (!restored(s, k, how->iterations))
+            return *k > how->iterations ? (*k = how->iterations, ITERATIONS) : NO_WAY_BACK;
     }
 }
 
 /* Between its bounds, loosened; what has none, or is held, has no multipliers. Section 3.6. */
-static void begin(Solve *s, int i, double lower, double upper, double *low, double *high) {
+static void begin(Solve *s, int i, double lower, double upper, double push, double *low, double *high) {
     *low = lower - RELAXED * larger(1, fabs(lower)), *high = upper + RELAXED * larger(1, fabs(upper));
     if (!s->it.open[i]) {
         s->w[i] = i < s->it.size ? lower : 0;
         return;
     }
-    s->w[i] = inside(s->w[i], *low, *high, 1e-2);
-    s->zl[i] = isfinite(lower), s->zu[i] = isfinite(upper);
+    s->w[i] = inside(s->w[i], *low, *high, push ? push : 1e-2);
+    if (isfinite(lower)) s->zl[i] = push ? s->mu / (s->w[i] - *low) : 1;
+    if (isfinite(upper)) s->zu[i] = push ? s->mu / (*high - s->w[i]) : 1;
 }
 
 /* Which unknowns are free: not the first and the last state, nor what bounds leave no room or, of slacks, have none. */
@@ -221,13 +222,13 @@ static void opened(const Program *it, const double *lower, const double *upper, 
 }
 
 /* Unknowns, slacks and multipliers to begin with, and what is there; 0: no numbers. */
-static int begun(Solve *s, const double *lower, const double *upper, double *low, double *high) {
+static int begun(Solve *s, const double *lower, const double *upper, double push, double *low, double *high) {
     Program *it = &s->it;
     s->lower = low, s->upper = high;
-    for (int i = 0; i < it->size; i++) begin(s, i, lower[i], upper[i], low + i, high + i);
+    for (int i = 0; i < it->size; i++) begin(s, i, lower[i], upper[i], push, low + i, high + i);
     if (it->all > it->size) {
         if (!evaluate(it, s->w, &s->cost, s->c, s->w + it->size)) return 0;
-        for (int i = it->size; i < it->all; i++) begin(s, i, lower[i], upper[i], low + i, high + i);
+        for (int i = it->size; i < it->all; i++) begin(s, i, lower[i], upper[i], push, low + i, high + i);
     }
     if (!evaluate(it, s->w, &s->cost, s->c, NULL)) return 0;
     s->theta = absolute_sum(s->c, it->rows);
@@ -255,7 +256,8 @@ int values_at(int N, const double *parameters, const double *w, double *c, doubl
    need not be set. `watch` is told every `asked` iterations. */
 int solve(int N, int bounded, const double *parameters, const double *lower, const double *upper, const Settings *how,
           int asked, Watch watch, double *w, double *lam, double *z, int *k) {
-    Solve s = {.it = program_of(N, parameters, bounded), .w = w, .lam = lam, .mu = how->barrier, .closest = INFINITY};
+    Solve s = {.it = program_of(N, parameters, bounded), .w = w, .lam = lam, .mu = how->barrier,
+               .closest = INFINITY, .closest_mu = INFINITY};
     int n = s.it.all, m = s.it.rows, ended = NO_MEMORY;
     double *memory = calloc(17 * (size_t)n + 6 * (size_t)m, sizeof *memory), *next = memory;
     char *open = calloc(n, 1);
@@ -268,7 +270,7 @@ int solve(int N, int bounded, const double *parameters, const double *lower, con
         for (size_t i = 0; i < sizeof deep / sizeof *deep; i++, next += m) *deep[i] = next;
         opened(&s.it, lower, upper, open);
         ended = NO_NUMBERS, *k = 0, memset(lam, 0, m * sizeof *lam);
-        if (begun(&s, lower, upper, next, next + n))
+        if (begun(&s, lower, upper, how->push, next, next + n))
             ended = closest(&s, iterate(&s, how, asked, watch, k));
         for (int i = 0; i < n; i++) z[i] = s.zu[i] - s.zl[i];
     }

@@ -12,7 +12,7 @@ typedef struct {
     double *w, *lam, *zl, *zu, *gradient, *c;
     double *d, *dw, *dlam, *dzl, *dzu;               /* the step */
     double *trial, *trial_c, *other_c, *other_dw, *other_dlam; /* what the line search tries */
-    double *best_w, *best_lam, *best_zl, *best_zu, closest;    /* the iterate of the least E_0, where that is small */
+    double *best_w, *best_lam, *best_zl, *best_zu, closest, closest_mu; /* the best iterate, where E_0 is small */
     double cost, theta, mu, last;                           /* theta: sum of |c|; last: what was added to H last */
     double least_theta, most_theta, slope, phi;             /* of the search: phi is the barrier function */
     double filter[FILTER][2];

@@ -43,7 +43,7 @@ class Stagewise:
         library: of the arm.
         layout: where what stands.
         intervals: of the mesh.
-        settings: tolerance, iteration limit, barrier, verbosity.
+        settings: tolerance, iteration limit, barrier, push, verbosity.
     """
 
     library: ctypes.CDLL
@@ -59,7 +59,7 @@ class Stagewise:
             dynamics: with a free last body.
             scheme: how motion becomes unknowns.
             intervals: of the mesh.
-            settings: tolerance, iteration limit, barrier, verbosity.
+            settings: tolerance, iteration limit, barrier, push, verbosity.
         """
         if not has_condensed(scheme) or scheme.control != "constant":
             return None
@@ -123,9 +123,9 @@ class Stagewise:
 
     @property
     def _settings(self) -> Settings:
-        own, enough = self.settings, self.settings.acceptable
-        close, patience = (0.0, 0) if enough is None else (enough.tolerance, enough.after)
-        return Settings(own.tolerance, own.barrier, own.fall, close, own.max_iterations, patience)
+        own = self.settings
+        close = 0.0 if own.acceptable is None else own.acceptable.tolerance
+        return Settings(own.tolerance, own.barrier, own.push or 0.0, close, own.max_iterations)
 
     @property
     def _equations(self) -> int:
