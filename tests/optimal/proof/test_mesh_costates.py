@@ -40,8 +40,9 @@ def of(problem, **mesh):
     """A task, its first optimum's motion and its costates."""
     task, coarse = attempted(problem)
     task = replace(task, policy=task.policy.changed("motion_mesh", **mesh))
-    *_, finest = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(coarse)
-    motion = landed(task, finest)
+    meshes = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))
+    *_, finest = meshes.finer(coarse)
+    motion = landed(task, meshes.sharp(finest))
     replay = replay_of(task, motion.trajectory(problem.robot.joint_names))
     return task, motion, replay, mesh_costates(problem, motion, replay, task.policy)
 
