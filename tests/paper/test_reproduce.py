@@ -87,4 +87,6 @@ def test_an_interrupt_leaves_what_is_done(tmp_path):
     kept = {path.stem for path in (tmp_path / "cases").glob("*.json")}
     assert 1 <= len(kept) < len(plan.cases())
     assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]  # nothing half written
+    for worker in multiprocessing.active_children():  # killed, and nobody waited for their end
+        worker.join(5)
     assert not multiprocessing.active_children()
