@@ -82,7 +82,12 @@ class _Meshes:
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on finer and finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within()
-        rough = replace(self.task.sharp(), tolerance=numbers.tolerance, barrier=numbers.barrier)
+        rough = replace(
+            self.task.sharp(),
+            tolerance=numbers.tolerance,
+            max_iterations=numbers.iterations,
+            barrier=numbers.barrier,
+        )
         near = replace(rough, barrier=numbers.near_barrier, push=numbers.push)
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
@@ -126,8 +131,13 @@ class _Meshes:
     def _sharp(self) -> SolverSettings:
         """Settings from a rough solution, or near a sharp one."""
         numbers = self.task.policy.motion_mesh
-        acceptable = Acceptable(numbers.tolerance, numbers.tolerance)
-        return replace(self.task.sharp(), barrier=numbers.sharp_barrier, push=numbers.push, acceptable=acceptable)
+        return replace(
+            self.task.sharp(),
+            max_iterations=numbers.sharp_iterations,
+            barrier=numbers.sharp_barrier,
+            push=numbers.push,
+            acceptable=Acceptable(numbers.tolerance, numbers.tolerance),
+        )
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
@@ -141,8 +151,7 @@ class _Meshes:
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """What one solve on a mesh comes to."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        asked = numbers.iterations if settings.acceptable is None else numbers.sharp_iterations
-        most = min(asked, max(numbers.fewest, int(self.resolved.left // size)))
+        most = min(settings.max_iterations, max(numbers.fewest, int(self.resolved.left // size)))
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
         self.resolved.left -= found.iterations * size
         return found

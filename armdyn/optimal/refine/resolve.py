@@ -67,7 +67,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
     begun = budget.left
     numbers = task.policy.refinement
-    found = _by_switching(task, attempt, budget, numbers.at_speed if fast else numbers.sharp)
+    found = _by_switching(task, attempt, budget, numbers.sharp_at_speed if fast else numbers.sharp)
     extremals = _landed(task, found, attempt, budget)
     if not (found.settled or found.idle or fast):
         found = found.again(budget)

@@ -31,7 +31,8 @@ class SolverSettings:
         barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
         acceptable: error at which it may stop early; None: as the solver has it.
         exact: bounds are not relaxed, and nothing but the tolerance is accepted.
-        push: how far the start may be moved off its bounds; None: as the solver has it.
+        push: how far the start may be moved off its bounds, whose multipliers the stagewise method then takes from the
+            barrier; None: as the solver has it.
         warm: start from the multipliers of a nearly equal program, too.
     """
 

@@ -7,10 +7,10 @@ enum { SOLVED, ACCEPTED, ITERATIONS, STOPPED, NO_WAY_BACK, NO_NUMBERS, NO_STEP, 
 static const double RELAXED = 1e-8, ACCEPTABLE = 1e-6;
 enum { ACCEPTED_AFTER = 15 };
 
-/* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu. A start that is
-   near the solution is moved off its bounds by `push` as in (36), with multipliers of that mu; 0: as IPOPT has it. Ours:
-   where iterations end without a solution the best iterate of E_0 <= `close` will do: joints that time leaves idle make
-   the way from 1e-7 to 1e-9 a long one. */
+/* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu. A start near
+   the solution is moved off its bounds by `push` as in section 3.6, with multipliers of that mu; 0: as IPOPT has it.
+   Ours: where iterations end without a solution the best iterate of E_0 <= `close` will do: joints that time leaves idle
+   make the way from 1e-7 to 1e-9 a long one. */
 typedef struct {
     double tolerance, barrier, push, close;
     int iterations;

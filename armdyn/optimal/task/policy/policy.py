@@ -122,7 +122,7 @@ class Policy:
                 extremal_is_enough=joints > 2,
                 lists_slower=joints > 1,
                 budget=150_000 if joints > 2 else 180_000,
-                at_speed=0 if joints > 2 else 18_000,
+                sharp_at_speed=0 if joints > 2 else 18_000,
             ),
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             curves=CurvePolicy(

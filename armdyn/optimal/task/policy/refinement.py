@@ -29,7 +29,7 @@ class RefinementPolicy:
         8_000, "integrator steps", "to a structure of equal intervals at first: most need 4000", "RR, RRR, random pairs"
     )
     sharp: int = tuned(18_000, "integrator steps", "to one of a mesh refined at its switches", "RR, RRR, random pairs")
-    at_speed: int = by_kind(
+    sharp_at_speed: int = by_kind(
         "integrator steps",
         "the same of motions that reach velocity limits; 0: their mesh is not refined at the switches, the motion is "
         "resolved at once. With three joints 0 of 17 structures settled there, with two 3 of 14",
