@@ -2,7 +2,9 @@
 
 CasADi's virtual machine takes 10 to 15 times as long as the compiled code for an interval's Hessian.
 A library is named after a hash of its source and its compiler, so that it fits or is not found. It is put in
-its place whole, so that processes may build the same one at the same time, and under a checksum.
+its place whole, so that processes may build the same one at the same time, and under a checksum. Numbers of an arm are
+no part of its source, but a table that is filled when the library is loaded: arms that differ in lengths and masses
+alone share a library.
 
 A copy of the very bytes whose checksum was compared is loaded, under an unpredictable name that is deleted at once:
 later changes of the library do not reach this process.
@@ -12,12 +14,14 @@ import ctypes
 import hashlib
 import os
 import platform
+import re
 import shutil
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -36,6 +40,12 @@ _WORTH_IT = 30_000
 """Instructions up to which a library is built unasked: about three seconds, once."""
 _LARGEST = 2**28
 """A library that is read [bytes]: hundreds of times an arm's."""
+
+_NUMBER = re.compile(r"(?<==)-?\d+\.\d*(?:e[+-]?\d+)?(?=;)")
+"""A number that is assigned, as CasADi and `lanes` write it: without a space, with a point."""
+_TABLE = """static double numbers[{0}];
+void set_numbers(const double *given) {{ for (int i = 0; i < {0}; i++) numbers[i] = given[i]; }}
+"""
 
 _told: set[str] = set()
 """Warnings that this process has had."""
@@ -131,7 +141,8 @@ class _Recipe(Generic[T]):
     """Inputs of a library: source, compiler, flags.
 
     Attributes:
-        source: in C.
+        source: in C, without the arm's numbers.
+        numbers: those, in their order.
         compiler: its path.
         library: the file's name.
         instructions: of the source, about.
@@ -139,6 +150,7 @@ class _Recipe(Generic[T]):
     """
 
     source: str
+    numbers: tuple[float, ...]
     compiler: str
     library: str
     instructions: int
@@ -146,9 +158,11 @@ class _Recipe(Generic[T]):
 
     @classmethod
     def of(cls, compiler: str, source: str, instructions: int, loaded: Callable[[str], T]) -> "_Recipe[T]":
+        numbers, place = tuple(float(number) for number in _NUMBER.findall(source)), count()
+        source = _TABLE.format(len(numbers) or 1) + _NUMBER.sub(lambda _: f"numbers[{next(place)}]", source)
         made_by = (ca.CasadiMeta.version(), platform.machine(), compiler, *FLAGS, source)
         name = hashlib.sha256("\n".join(made_by).encode()).hexdigest()[:32] + ".so"
-        return cls(source, compiler, name, instructions, loaded)
+        return cls(source, numbers, compiler, name, instructions, loaded)
 
     def load(self, data: bytes, folder: Path) -> T:
         """Load the compiled Functions from a library's bytes."""
@@ -156,7 +170,9 @@ class _Recipe(Generic[T]):
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
-            return self.loaded(copy)
+            found = self.loaded(copy)
+            ctypes.CDLL(copy).set_numbers((ctypes.c_double * len(self.numbers))(*self.numbers))
+            return found
         finally:
             Path(copy).unlink()  # it lives on as long as it is used
 

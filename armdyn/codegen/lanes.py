@@ -93,7 +93,8 @@ def in_lanes(function: ca.Function) -> str:
     for k in range(function.n_instructions()):
         code, put, taken = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
         if code == ca.OP_CONST:
-            held[put[0]] = f"broadcast({function.instruction_constant(k)!r})"
+            lines.append(f"double c{k}={function.instruction_constant(k):.16e};")  # as CasADi writes them: `compiled`
+            held[put[0]] = f"broadcast(c{k})"
         elif code == ca.OP_INPUT:
             held[put[0]] = f"i{taken[0]}[{taken[1]}]"
         elif code == ca.OP_OUTPUT:

@@ -8,12 +8,14 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 import psutil
 import pytest
 
+import armdyn as ad
 from armdyn.codegen.cache import protected
 from armdyn.codegen.compiled import compiled
 from armdyn.codegen.deadline import NoTimeError, left, until
@@ -51,6 +53,26 @@ def test_same_numbers_and_one_library(own_cache):
         x = np.random.default_rng(0).normal(size=3)
         np.testing.assert_allclose(np.array(fast(x)), np.array(plain(x)), rtol=1e-15)  # an ulp of sin
     assert len(list(own_cache.iterdir())) == 1  # no source, no half-built file
+
+
+@needs_compiler
+def test_arms_of_other_lengths_and_masses_share_a_library(own_cache):
+    plain = [acceleration(*one) for one in ((0.31, 1.7), (0.27, 0.9))]
+    fast = [compiled([one], True)[0] for one in plain]  # both loaded before either is called
+    assert len(list(own_cache.iterdir())) == 1
+    at = np.random.default_rng(1).normal(size=(3, 2))
+    found = [np.array(one(*at)).ravel() for one in fast]
+    for one, expected in zip(found, plain, strict=True):
+        np.testing.assert_allclose(one, np.array(expected(*at)).ravel(), rtol=1e-14)  # an ulp of sin
+    assert np.max(np.abs(found[0] - found[1])) > 0.1  # they are two arms
+
+
+def acceleration(length, mass):
+    """That of an arm of two links, the first with this length [m] and mass [kg], of q, v and tau."""
+    spec = ad.ArmSpec.paper("rr")
+    spec = replace(spec, links=(replace(spec.links[0], length=length, mass=mass), spec.links[1]))
+    given = [ca.SX.sym(name, 2) for name in ("q", "v", "tau")]
+    return ca.Function("aba", given, [Dynamics(ad.Robot.from_spec(spec)).aba(*given)])
 
 
 @needs_compiler
