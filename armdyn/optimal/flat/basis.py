@@ -17,6 +17,8 @@ Index = NDArray[np.int_]
 
 DEGREE = 4
 """Of positions: accelerations are quadratic between breaks, and torques have no corners."""
+WINDOW = DEGREE + 1
+"""Control points that an interval of a curve depends on."""
 
 
 def graded(intervals: int, shortest: float, longest: float = 1.0, ends: tuple[bool, bool] = (True, True)) -> Array:
@@ -94,6 +96,14 @@ class Basis:
         first = np.arange(self.size - order) + 1
         return np.asarray(degree / (knots[first + degree] - knots[first]))
 
+    def differences(self, order: int) -> Array:
+        """Factors from neighbouring control points to those of a derivative, shape (size - order, order + 1)."""
+        matrix = np.eye(self.size)
+        for k in range(1, order + 1):
+            matrix = self.factors(k)[:, None] * np.diff(matrix, axis=0)
+        window = np.arange(len(matrix))[:, None] + np.arange(order + 1)
+        return np.take_along_axis(matrix, window, axis=1)
+
     def gauss(self, points: int) -> tuple[Array, Array]:
         """Gauss's points in every interval and their weights, each of shape (intervals, points)."""
         nodes, weights = np.polynomial.legendre.leggauss(points)
@@ -108,12 +118,20 @@ class Basis:
             points: of Gauss's rule in every interval.
         """
         s, weights = (each.ravel() for each in self.gauss(points))
-        values = BSpline(self.knots, np.eye(self.size), DEGREE)(s, order)
+        values = self.values(s, order)
         return np.asarray(values.T @ (weights[:, None] * values))
+
+    def values(self, s: Array, order: int) -> Array:
+        """Derivatives of all B-splines at parts s, shape (m, size)."""
+        return np.asarray(BSpline(self.knots, np.eye(self.size), DEGREE)(s, order))
 
     def interval_of(self, s: Array) -> Index:
         """Index of the interval that contains each s, of the shape of s."""
         return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, self.intervals - 1)
+
+    def window(self, s: Array) -> Index:
+        """Control points that a curve depends on at parts s, shape (m, WINDOW)."""
+        return self.interval_of(s)[:, None] + np.arange(WINDOW)
 
     def local(self, s: Array, derivatives: int = 2) -> Array:
         """Values and derivatives of the B-splines that are not zero in the intervals of s.
@@ -123,13 +141,10 @@ class Basis:
             derivatives: up to which order.
 
         Returns:
-            Shape (m, derivatives + 1, DEGREE + 1); the first of them belongs to the control point of the interval's
-            own number.
+            Shape (m, derivatives + 1, WINDOW), of the control points of `window`.
         """
-        all_of_them = BSpline(self.knots, np.eye(self.size), DEGREE)
-        window = self.interval_of(s)[:, None] + np.arange(DEGREE + 1)
-        orders = [np.take_along_axis(all_of_them(s, order), window, axis=1) for order in range(derivatives + 1)]
-        return np.stack(orders, axis=1)
+        window, orders = self.window(s), range(derivatives + 1)
+        return np.stack([np.take_along_axis(self.values(s, order), window, axis=1) for order in orders], axis=1)
 
     def curve(self, points: Array) -> BSpline:
         """B-spline over s with given control points, shape (size, nv)."""

@@ -8,7 +8,7 @@ from scipy.sparse import csr_matrix
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 from armdyn.models.scene.collision import CollisionModel
-from armdyn.optimal.flat.basis import DEGREE, Basis
+from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import AskedDistances
@@ -39,36 +39,30 @@ class ClearanceRows:
     Attributes:
         model: of the scene.
         asked: distances to be kept [m], shape (pairs,).
-        bases: of the legs.
-        places: parts of every leg's duration at which they are asked for, each of shape (poses,).
+        legs: of each its basis, and the poses as parts of its duration.
         within: pairs that are no farther apart than this [m] count,
         most: and so many at every pose at most.
     """
 
     model: CollisionModel
     asked: Array
-    bases: tuple[Basis, ...]
-    places: tuple[Array, ...]
+    legs: tuple[tuple[Basis, Array], ...]
     within: float
     most: int
 
     @property
     def poses(self) -> int:
         """Number of poses of all legs."""
-        return sum(len(places) for places in self.places)
+        return sum(len(places) for _, places in self.legs)
 
     @cached_property
     def _weights(self) -> Array:
-        """Of the control points that a pose depends on, shape (poses, DEGREE + 1)."""
-        return np.concatenate([basis.local(s, 0)[:, 0] for basis, s in zip(self.bases, self.places, strict=True)])
+        """Of the control points that a pose depends on, shape (poses, WINDOW)."""
+        return np.concatenate([basis.local(s, 0)[:, 0] for basis, s in self.legs])
 
     def at(self, shape: CurveLayout, x: Array) -> Linearised:
         """Linearise all distances at the unknowns x, shape (shape.size,)."""
-        windows = [
-            basis.interval_of(s)[:, None] + np.arange(DEGREE + 1)
-            for basis, s in zip(self.bases, self.places, strict=True)
-        ]
-        of_pose = np.concatenate([shape.points(k)[window] for k, window in enumerate(windows)])
+        of_pose = shape.windows(self.legs)
         near = self.model.near(np.einsum("pi,pin->pn", self._weights, x[of_pose]), self.within, self.most)
         spare, missing = near.distances - self.asked[near.pairs], np.zeros(len(of_pose))
         np.maximum.at(missing, near.poses, -spare)
@@ -84,7 +78,7 @@ def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy
     fine = longest > policy.coarse
     most = policy.poses if fine else policy.coarse_poses
     least = np.minimum(asked.clearance + policy.spare, asked.most)
-    places = []
+    legs = []
     for leg, more in zip(guess.legs, asked.places, strict=True):
         even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
         passing = _passing(asked.model, leg, even, least + policy.passing) if fine else even[:0]
@@ -92,9 +86,8 @@ def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy
         beside = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
         # Nearer places than a hundredth of a step tell the program nothing new.
         all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
-        places.append(all_[(all_ > 0) & (all_ < 1 - 1e-9)])
-    bases = tuple(leg.basis for leg in guess.legs)
-    return ClearanceRows(asked.model, least, bases, tuple(places), policy.within, policy.pairs)
+        legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))
+    return ClearanceRows(asked.model, least, tuple(legs), policy.within, policy.pairs)
 
 
 _FINER = 8

@@ -1,6 +1,7 @@
 """One step of sequential convexification: a quadratic program, by the interior-point method of `_curves/`, in C++."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import _armdyn_curves as curves
 import numpy as np
@@ -12,6 +13,18 @@ Index = NDArray[np.int_]
 
 _MOST = 60
 """Iterations; those that end take 10 to 30."""
+
+
+def both_sides(jacobian: sp.csr_matrix, lower: Array, upper: Array) -> tuple[sp.csr_matrix, Array, Index]:
+    """Finite sides of `lower <= jacobian @ step <= upper` as rows below tops, and of which row each is.
+
+    The upper sides come first.
+    """
+    above, below = np.flatnonzero(np.isfinite(upper)), np.flatnonzero(np.isfinite(lower))
+    every = jacobian.shape[0]
+    sides = [(jacobian if own.size == every else jacobian[own]) for own in (above, below)]
+    rows = sp.vstack([sides[0], -sides[1]], format="csr")
+    return rows, np.concatenate([upper[above], -lower[below]]), np.concatenate([above, below])
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +42,12 @@ class SoftRows:
     upper: Array
     groups: Index
     price: float
+
+    @classmethod
+    def between(cls, jacobian: sp.csr_matrix, lower: Array, upper: Array, groups: Index, price: float) -> Self:
+        """Rows of `lower <= jacobian @ step <= upper`; see `both_sides`."""
+        rows, top, which = both_sides(jacobian, lower, upper)
+        return cls(rows, top, groups[which], price)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +115,7 @@ def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
         square_weight=problem.squares[1],
         lower=problem.bounds[0],
         upper=problem.bounds[1],
-        rows=compressed(sp.vstack([hard, *(rows.jacobian for rows in soft)], format="csr")),
+        rows=compressed(hard, *(rows.jacobian for rows in soft)),
         top=np.concatenate([top, *(rows.upper for rows in soft)]),
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),
@@ -109,6 +128,8 @@ def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
     return QpSolution(found and bool(np.all(np.isfinite(step))), step, cost, each, bounds)
 
 
-def compressed(matrix: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
-    """Compressed rows, as the bridge takes them."""
-    return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data
+def compressed(*matrices: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
+    """Compressed rows of matrices below each other, as the bridge takes them."""
+    sizes = np.concatenate([[0], *(np.diff(matrix.indptr) for matrix in matrices)])
+    columns, values = zip(*((matrix.indices, matrix.data) for matrix in matrices), strict=True)
+    return np.cumsum(sizes, dtype=np.int32), np.concatenate(columns, dtype=np.int32), np.concatenate(values)

@@ -1,5 +1,6 @@
 """Cost of a curve: durations, and small squares that make the fastest curve unique and calm."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,23 +67,20 @@ class CurveCost:
         return np.asarray(self.tie[:, None] + x[self.duration][:, None] * self.effort)
 
 
-def squared_derivatives(guess: Curve, shape: CurveLayout, order: int, prices: Array, scales: Array) -> sp.csr_matrix:
-    """Matrix of the integral over the parts of the time of squared derivatives by these, shape (unknowns, unknowns).
+def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) -> sp.csr_matrix:
+    """Matrix of a quadratic form of the control points by the unknowns, shape (unknowns, unknowns).
 
     Args:
-        guess: a curve with the bases of all legs.
         shape: of the program.
-        order: of the derivative.
-        prices: of each leg's integral, shape (legs,).
+        squares: of each leg, shape (control points, control points).
         scales: of the joints, shape (joints,).
     """
     rows, columns, values = [], [], []
-    for k, leg in enumerate(guess.legs):
-        squares = leg.basis.squared(order, POINTS)
-        i, j = np.nonzero(squares)
+    for k, own in enumerate(squares):
+        i, j = np.nonzero(own)
         rows.append(shape.points(k)[i].ravel())
         columns.append(shape.points(k)[j].ravel())
-        values.append((prices[k] * squares[i, j][:, None] / scales**2).ravel())
+        values.append((own[i, j][:, None] / scales**2).ravel())
     every = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     return sp.csr_matrix(every, (shape.size, shape.size))
 
@@ -104,7 +102,9 @@ def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
     steps[np.cumsum(sizes)[:-1] - 1] = 0.0
     moving = sp.csr_matrix((shape.size, shape.size))
     if spec.travel:
-        moving = squared_derivatives(guess, shape, 1, spec.travel * times / n, travel_scales(task, guess))
+        each = zip(spec.travel * times / n, guess.legs, strict=True)
+        squared = [price * leg.basis.squared(1, POINTS) for price, leg in each]
+        moving = quadratic_form(shape, squared, travel_scales(task, guess))
     return CurveCost(
         durations=np.array([shape.duration(k) for k in shape.legs]),
         duration=np.repeat([shape.duration(k) for k in shape.legs], sizes),

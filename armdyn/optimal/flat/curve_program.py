@@ -1,7 +1,6 @@
 """A program of curves for sequential convexification: torques and velocities by hand, other equations by CasADi."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +10,7 @@ from armdyn.locks import cached_property
 from armdyn.optimal.flat.clearance_rows import ClearanceRows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.curve_cost import CurveCost
+from armdyn.optimal.flat.derivative_rows import DerivativeRows, Sides
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.program.assembly import Program
@@ -18,62 +18,6 @@ from armdyn.optimal.solve.solver import NlpData
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int_]
-
-
-@dataclass(frozen=True, eq=False)
-class Sides:
-    """Rows low <= g <= high at an iterate, of which some are linear in control points over a power of a duration.
-
-    Attributes:
-        jacobian: by the unknowns, shape (rows, unknowns).
-        values: g, shape (rows,).
-        bounds: low and high, each of shape (rows,).
-        power: k of each row g = c(points) / T^k, shape (rows,); 0: it is of no such form.
-        duration: index of T of each, shape (rows,).
-    """
-
-    jacobian: sp.csr_matrix
-    values: Array
-    bounds: tuple[Array, Array]
-    power: Array
-    duration: Index
-
-    @property
-    def missed(self) -> float:
-        """Sum of what the rows are beyond their bounds."""
-        low, high = self.bounds
-        return float(np.sum(np.maximum(np.maximum(self.values - high, low - self.values), 0)))
-
-    @property
-    def equal(self) -> NDArray[np.bool_]:
-        """Which rows are equations, shape (rows,)."""
-        return np.asarray(self.bounds[0] == self.bounds[1])
-
-    def only(self, which: NDArray[np.bool_]) -> Self:
-        """Some of the rows."""
-        if np.all(which):
-            return self
-        low, high = (side[which] for side in self.bounds)
-        return type(self)(
-            self.jacobian[which], self.values[which], (low, high), self.power[which], self.duration[which]
-        )
-
-    def below(self, x: Array) -> tuple[sp.csr_matrix, Array]:
-        """All finite sides as rows of a step below tops, the upper sides first.
-
-        c / T^k <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent of T^k is used, which is
-        exact or on the safe side.
-        """
-        blocks, tops = [], []
-        for sign, bound in zip((1.0, -1.0), self.bounds[::-1], strict=True):
-            kept = np.flatnonzero(np.isfinite(bound))
-            # From -k c / T^(k + 1), which the Jacobian has, to -k b / T.
-            change = self.power[kept] * (self.values[kept] - bound[kept]) / x[self.duration[kept]]
-            more = sp.csr_matrix((change, self.duration[kept], np.arange(kept.size + 1)), (kept.size, x.size))
-            own = self.jacobian if kept.size == self.values.size else self.jacobian[kept]
-            blocks.append(sign * (own + more))
-            tops.append(sign * (bound - self.values)[kept])
-        return sp.vstack(blocks, format="csr"), np.concatenate(tops)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +31,7 @@ class CurveProgram:
         torque_rows: torques and their derivatives.
         cost: what is minimised.
         smooth: price of squared accelerations, which makes steps unique, shape (unknowns, unknowns) [s].
-        velocity: scales of the velocities' equations [rad/s or m/s], shape (joints,).
+        velocity_rows: control points of the velocities.
         program: functions of `others`; None: there are none.
         clearance: distances to be kept; None: none.
     """
@@ -98,7 +42,7 @@ class CurveProgram:
     torque_rows: TorqueRows
     cost: CurveCost
     smooth: sp.csr_matrix
-    velocity: Array
+    velocity_rows: DerivativeRows
     program: Program | None = None
     clearance: ClearanceRows | None = None
 
@@ -131,22 +75,8 @@ class CurveProgram:
 
     def velocities(self, x: Array) -> Sides:
         """Control points of the velocities over their scales."""
-        blocks, duration = [], []
-        for k, leg in enumerate(self.guess.legs):
-            index, factors, T = self.shape.points(k), leg.basis.factors(1), x[self.shape.duration(k)]
-            values = factors[:, None] / (self.velocity * T)
-            columns = np.stack([index[:-1], index[1:]], axis=2)
-            c = np.diff(x[index], axis=0) * values
-            entries = np.stack([-values, values, -c / T], axis=2)
-            columns = np.concatenate([columns, np.full((*c.shape, 1), self.shape.duration(k))], axis=2)
-            starts = 3 * np.arange(c.size + 1)
-            blocks.append((c.ravel(), sp.csr_matrix((entries.ravel(), columns.ravel(), starts), (c.size, x.size))))
-            duration.append(np.full(c.size, self.shape.duration(k)))
-        values, matrices = zip(*blocks, strict=True)
-        which = np.concatenate(duration)
-        matrix = matrices[0] if len(matrices) == 1 else sp.vstack(matrices, format="csr")
         low, high = (side[self.rates] for side in self.numbers.g_bounds)
-        return Sides(matrix, np.concatenate(values), (low, high), np.ones(which.size), which)
+        return self.velocity_rows.at(x, (low, high))
 
     def other_sides(self, x: Array, load: sp.csr_matrix) -> Sides | None:
         """The other equations, their torques following the unknowns; None: there are none.

@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from armdyn.optimal.flat.equations import BODY, WINDOW
+from armdyn.optimal.flat.basis import WINDOW
+from armdyn.optimal.flat.equations import BODY
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import Stages

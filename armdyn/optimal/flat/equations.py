@@ -8,11 +8,9 @@ import numpy as np
 from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.flat.basis import WINDOW
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
 
-WINDOW = DEGREE + 1
-"""Control points that an interval of a curve depends on."""
 POINTS = 2
 """Gauss's points in an interval at which torques are unknowns."""
 BODY = 10

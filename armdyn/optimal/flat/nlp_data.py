@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.models.values.actuator_limits import ActuatorLimits
-from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.flat.basis import WINDOW, Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.end_torques import end_torque_rows, end_torque_values
-from armdyn.optimal.flat.equations import POINTS, WINDOW, CurveInterval
+from armdyn.optimal.flat.equations import POINTS, CurveInterval
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
@@ -153,7 +153,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         _fix_ends(problem, k, points, (lower, upper), free=_ends_free(spec.constraints))
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
-            sides = _factors(guess.legs[k - 1].basis, order)[-1], _factors(guess.legs[k].basis, order)[0]
+            sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]
             numbers.add(np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n))
     _add_torque_rates(numbers, task, spec, guess)
     _add_rows(numbers, task, guess, spec.constraints)
@@ -165,31 +165,23 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
 
 def travel_scales(task: Task, guess: Curve) -> Array:
     """Scales of derivatives by the part of the time [rad or m], shape (nv,): small for joints that need not move."""
-    most = guess.duration * _finite(task.problem.limits.velocity)
+    most = guess.duration * finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
 
 
 def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
     """Scales of the velocities that agree where legs meet [rad/s or m/s], shape (nv,)."""
-    limits = _finite(problem.limits.velocity)
+    limits = finite(problem.limits.velocity)
     if not problem.regional:
         return limits
     # What sequential convexification may miss is priced by its scale: far above the motion's speeds nothing would be.
     return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
-def _finite(limit: Array) -> Array:
+def finite(limit: Array) -> Array:
+    """Limits as scales: 1 where there is none."""
     return np.where(np.isinf(limit), 1.0, limit)
-
-
-def _factors(basis: Basis, order: int) -> Array:
-    """Factors from control points to those of a derivative, shape (size - order, order + 1)."""
-    matrix = np.eye(basis.size)
-    for k in range(1, order + 1):
-        matrix = basis.factors(k)[:, None] * np.diff(matrix, axis=0)
-    window = np.arange(len(matrix))[:, None] + np.arange(order + 1)
-    return np.take_along_axis(matrix, window, axis=1)
 
 
 def _add_rates(
@@ -201,7 +193,7 @@ def _add_rates(
     given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
     given |= dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
     for order in shape.orders:
-        factors, scale = _factors(basis, order), _finite(given[order])
+        factors, scale = basis.differences(order), finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
         lower, upper = -bound, bound.copy()
         for place, outer, v in ((0, leg == 0, problem.v_start), (-1, leg == shape.legs[-1], problem.v_goal)):
@@ -243,7 +235,7 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
         return
     limits, n = problem.limits, problem.robot.nv
     half = limits.actuators.half_range
-    over, whole = half / _finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
+    over, whole = half / finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
     places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
     margins = [margin.rates for margin in spec.margins or (TorqueMargin(),) * len(places)]
     bounds = [whole - np.broadcast_to(margin, (s.size + 1, n)) for margin, s in zip(margins, places, strict=True)]

@@ -8,11 +8,10 @@ import numpy as np
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.flat.basis import DEGREE
+from armdyn.optimal.flat.basis import DEGREE, WINDOW, Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import (
     POINTS,
-    WINDOW,
     CurveInterval,
     Shared,
     meeting_equations,
@@ -64,6 +63,14 @@ class CurveLayout:
         own = self.intervals[leg] + DEGREE - (leg in self.joined)
         points = self._before(leg) + np.arange(own * self.joints).reshape(-1, self.joints)
         return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
+
+    def windows(self, legs: Sequence[tuple[Basis, Array]]) -> Index:
+        """Indices of the control points that poses depend on, shape (poses, WINDOW, joints).
+
+        Args:
+            legs: of each leg its basis, and the poses as parts of its duration.
+        """
+        return np.concatenate([self.points(k)[basis.window(s)] for k, (basis, s) in enumerate(legs)])
 
     def duration(self, leg: int) -> int:
         """Index of a leg's duration."""

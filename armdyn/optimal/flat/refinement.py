@@ -156,10 +156,7 @@ def _in_rounds(
         if (worst <= enough and constraints_mended(task, kept)) or task.stop or not solved.converged:
             break
         task.progress(round_words(k + 1, solved.curve, over))
-        margins = spec.margins or (TorqueMargin(),) * len(over)
-        more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
-        tightened = spec.constraints.tightened(problem, kept)
-        spec = replace(spec, margins=more, constraints=tightened)
+        spec = _tighter(task, spec, over, kept)
         # Margins where torques are far from their limits change no step; IPOPT's barrier keeps away from them.
         solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)
@@ -173,6 +170,13 @@ def _in_rounds(
         curve, over = _within_limits(task, curve, over, numbers.little)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
+
+
+def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], kept: ConstraintReports) -> CurveSpec:
+    """A specification with larger margins of torques and stricter constraints, by what was exceeded."""
+    margins = spec.margins or (TorqueMargin(),) * len(over)
+    more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
+    return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
 
 
 def _within_limits(
@@ -226,9 +230,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
         if task.stop or (good and little):
             break
-        margins = spec.margins or (TorqueMargin(),) * len(over)
-        more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
-        spec = replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
+        spec = _tighter(task, spec, over, kept)
     return replace(min(found, key=rank), iterations=iterations)
 
 

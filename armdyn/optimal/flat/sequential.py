@@ -10,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from armdyn.optimal.flat.clearance_rows import Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
-from armdyn.optimal.flat.curve_program import CurveProgram, Sides
+from armdyn.optimal.flat.curve_program import CurveProgram
+from armdyn.optimal.flat.derivative_rows import Sides
 from armdyn.optimal.flat.torque_rows import TorqueParts
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
@@ -217,12 +217,10 @@ class Sequential:
         problem, policy, tau = self.problem, self.policy, at.torques.tau
         low, high = (side[problem.torques] for side in problem.numbers.x_bounds)
         points = np.repeat(np.arange(len(tau)), tau.shape[1])
-        soft = [_both(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, policy.torque)]
+        soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, policy.torque)]
         given = at.velocities.equal
-        for sides in (at.velocities.only(given) if np.any(given) else None, at.others):
-            if sides is not None:
-                jacobian, top = sides.below(at.x)
-                soft.append(SoftRows(jacobian, top, np.arange(top.size), policy.other))
+        rows = (at.velocities.only(given) if np.any(given) else None, at.others)
+        soft += [SoftRows(*sides.below(at.x), policy.other) for sides in rows if sides is not None]
         if at.near is not None:
             soft.append(SoftRows(-at.near.jacobian, at.near.spare, at.near.samples, policy.distance))
         nothing = np.zeros(at.x.size)
@@ -232,7 +230,7 @@ class Sequential:
             curvature=problem.smooth + problem.cost.moving,
             squares=problem.cost.squares(at.x, at.torques),
             bounds=(nothing, nothing),
-            hard=at.velocities.only(~given).below(at.x),
+            hard=at.velocities.only(~given).below(at.x)[:2],
             soft=tuple(soft),
         )
 
@@ -265,14 +263,3 @@ class Sequential:
             upper, lower = np.split(found, [above.size])
             out[above] += upper
             out[below] -= lower
-
-
-def _both(jacobian: sp.csr_matrix, lower: Array, upper: Array, groups: Index, price: float) -> SoftRows:
-    """Both sides of `lower <= jacobian @ step <= upper`."""
-    above, below = np.isfinite(upper), np.isfinite(lower)
-    return SoftRows(
-        sp.vstack([jacobian[above], -jacobian[below]], format="csr"),
-        np.concatenate([upper[above], -lower[below]]),
-        np.concatenate([groups[above], groups[below]]),
-        price,
-    )

@@ -10,9 +10,11 @@ from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_cost import curve_cost, squared_derivatives
+from armdyn.optimal.flat.curve_cost import curve_cost, quadratic_form
 from armdyn.optimal.flat.curve_program import CurveProgram, other_equations
-from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
+from armdyn.optimal.flat.derivative_rows import DerivativeRows
+from armdyn.optimal.flat.equations import POINTS
+from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, finite, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import Sequential, Tighten
 from armdyn.optimal.flat.torque_rows import TorqueRows
@@ -141,15 +143,16 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
     data, program = assemble_curve(task, guess, spec, shape), None
     if other_equations(shape, data.g_bounds[0].size).size:
         program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
-    half, velocity = problem.limits.actuators.half_range, problem.limits.velocity
+    half, velocity = problem.limits.actuators.half_range, finite(problem.limits.velocity)
+    points = [(leg.basis, leg.basis.gauss(POINTS)[0].ravel()) for leg in guess.legs]
     return CurveProgram(
         numbers=data,
         shape=shape,
         guess=guess,
-        torque_rows=TorqueRows(problem.robot, half, guess, shape),
+        torque_rows=TorqueRows(problem.robot, half, points, shape),
         cost=curve_cost(task, guess, spec, shape),
         smooth=_smoothing(task, guess, spec, shape),
-        velocity=np.where(np.isinf(velocity), 1.0, velocity),
+        velocity_rows=DerivativeRows.of([basis for basis, _ in points], shape, 1, velocity),
         program=program,
         clearance=None if asked is None else clearance_rows(asked, guess, task.policy.sequential),
     )
@@ -163,7 +166,8 @@ def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
     prices = numbers.smooth * np.ones(times.size)
     if shape.joined:  # of accelerations in time: those of short legs are large
         prices = numbers.smooth_short * (np.max(times) / times) ** 3
-    return squared_derivatives(guess, shape, 2, prices, task.problem.limits.velocity)
+    squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
+    return quadratic_form(shape, squared, task.problem.limits.velocity)
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:

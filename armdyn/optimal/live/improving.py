@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import InverseDerivatives, StateFunction
+from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.robots.robot import Robot
+from armdyn.optimal.flat.nlp_data import TorqueMargin
+from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import Checked, between_samples, check
 from armdyn.optimal.live.distances import Distances
-from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram, TorqueMargins
+from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
 
-Guess = tuple[Array, float, TorqueMargins]
+Guess = tuple[Array, float, TorqueMargin]
 """Control points [rad or m], shape (basis.size, nv), duration [s], and margins of the torques, at first."""
 
 
@@ -28,13 +30,13 @@ class LimitedArm:
         robot: the arm.
         program: of a step, with the limits.
         torque: inverse dynamics.
-        torques: the same of many states, with derivatives.
+        torques: at the places of a curve, linearised.
     """
 
     robot: Robot
     program: StepProgram
     torque: StateFunction
-    torques: InverseDerivatives
+    torques: TorqueRows
 
     def seen(self, points: Array, duration: float) -> Checked:
         """A curve at its samples."""
@@ -66,7 +68,7 @@ class Improved:
 
     duration: float
     seen: Checked
-    margins: TorqueMargins
+    margins: TorqueMargin
     settled: bool
 
 
@@ -83,7 +85,7 @@ class Draft:
 
     points: Array
     duration: float
-    margins: TorqueMargins
+    margins: TorqueMargin
     steps: int
 
 
@@ -149,7 +151,7 @@ def _taken(
     ends: Ends,
     here: Iterate,
     step: ProgramStep | None,
-    how: tuple[TorqueMargins, Pace, bool],
+    how: tuple[TorqueMargin, Pace, bool],
     distances: Distances | None,
 ) -> tuple[Iterate, float]:
     """The next curve, which is the same if the step makes things worse, and the next step's reach.
@@ -173,7 +175,7 @@ def _taken(
 
 
 def _slowed(
-    arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargins, distances: Distances | None
+    arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargin, distances: Distances | None
 ) -> Improved | None:
     """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
     program = arm.program
@@ -185,7 +187,7 @@ def _slowed(
     return Improved(factor * here.duration, slower, margins, False) if arm.keeps(slower, distances) else None
 
 
-def _tightened(program: StepProgram, margins: TorqueMargins, here: Iterate, seen: Checked, near: bool) -> TorqueMargins:
+def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen: Checked, near: bool) -> TorqueMargin:
     """Margins by what torques exceed those at their places by around these, where they would exceed a limit.
 
     Args:
@@ -195,12 +197,11 @@ def _tightened(program: StepProgram, margins: TorqueMargins, here: Iterate, seen
         seen: its samples.
         near: the curve hardly changes any more: no margin falls.
     """
-    policy, nothing = program.policy, TorqueMargins(np.zeros_like(margins.upper), np.zeros_like(margins.lower))
-    kept = 1.0 if near else policy.forget
+    policy, kept = program.policy, 1.0 if near else program.policy.forget
 
-    def next_(margin: Array, beyond: Array, own: Array) -> Array:
+    def next_(margin: Array | float, beyond: Array, own: Array) -> Array:
         wanted = np.where(beyond + policy.spare > 0, policy.strict * (beyond - own) + policy.spare, 0.0)
         return np.minimum(np.maximum(wanted, kept * margin), policy.most_margin)
 
-    over, under = program.violations(here, nothing)
-    return TorqueMargins(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))
+    over, under = program.violations(here, TorqueMargin())
+    return TorqueMargin(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.flat.basis import DEGREE, Basis
+from armdyn.optimal.flat.basis import Basis
 
-WINDOW = DEGREE + 1
-"""Control points that a place of the curve depends on."""
 _PER_INTERVAL = 2
 """Places of an interval at which torques are limited: its begin and its middle."""
 
@@ -41,21 +38,6 @@ class Places:
         return np.asarray(lengths / np.sum(lengths))
 
     @cached_property
-    def local(self) -> Array:
-        """B-splines at the places with two derivatives, shape (places, 3, WINDOW)."""
-        return self.basis.local(self.places)
-
-    @cached_property
-    def first(self) -> Index:
-        """First control point that each place depends on, shape (places,)."""
-        return self.basis.interval_of(self.places)
-
-    @cached_property
-    def window(self) -> Index:
-        """Control points that each place depends on, shape (places, WINDOW)."""
-        return self.first[:, None] + np.arange(WINDOW)
-
-    @cached_property
     def fine(self) -> Array:
         """Where limits are checked, shape (intervals, looks + 1): breaks are in two intervals."""
         breaks = self.basis.breaks
@@ -69,8 +51,7 @@ class Places:
     @cached_property
     def of_samples(self) -> Array:
         """B-splines at the samples with two derivatives, shape (3, samples, basis.size)."""
-        all_of_them = BSpline(self.basis.knots, np.eye(self.basis.size), DEGREE)
-        return np.array([all_of_them(self.samples, order) for order in range(3)])
+        return np.array([self.basis.values(self.samples, order) for order in range(3)])
 
     @cached_property
     def around(self) -> Index:

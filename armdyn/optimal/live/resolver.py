@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect, number
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import inverse_dynamics, inverse_dynamics_derivatives, joint_inertia
+from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.obstacles import Obstacle
@@ -21,12 +21,14 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.assembly import without_motion
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.nlp_data import TorqueMargin
+from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
 from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
 from armdyn.optimal.live.mesh import Places
-from armdyn.optimal.live.program import Ends, StepProgram, TorqueMargins
+from armdyn.optimal.live.program import Ends, StepProgram
 from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_motors_everywhere
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -181,8 +183,9 @@ class Resolver:
             program = StepProgram(mesh, problem.limits, acceleration, numbers)
             self._draft = None
         if known is None or known.program is not program or known.robot is not self.robot:
-            dynamics = inverse_dynamics(self.robot), inverse_dynamics_derivatives(self.robot)
-            known = self._arm = LimitedArm(self.robot, program, *dynamics)
+            places = [(program.mesh.basis, program.mesh.places)]
+            torques = TorqueRows(self.robot, program.half, places, program.layout)
+            known = self._arm = LimitedArm(self.robot, program, inverse_dynamics(self.robot), torques)
         return known
 
     def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
@@ -199,7 +202,7 @@ class Resolver:
     ) -> tuple[Improved | None, Draft]:
         """The best motion to the goal, and the last curve."""
         mesh, limits = arm.program.mesh, arm.program.limits
-        none = TorqueMargins(*np.zeros((2, mesh.places.size, ends.q.size)))
+        none = TorqueMargin(*np.zeros((2, mesh.places.size, ends.q.size)))
         guesses = [(*direct(mesh, ends, limits, inertia), none)]
         if self._last is not None:
             passed, end = self._last.passed(ends.q, ends.v), float(self._last.motion.t[-1])

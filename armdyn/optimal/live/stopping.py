@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.improving import LimitedArm
 from armdyn.optimal.live.mesh import Places
-from armdyn.optimal.live.program import Ends, TorqueMargins
+from armdyn.optimal.live.program import Ends
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.task.policy.live import LivePolicy
@@ -37,7 +38,7 @@ class LastMotion:
     """
 
     motion: Trajectory
-    margins: TorqueMargins | None = None
+    margins: TorqueMargin | None = None
     places: Array | None = None
     settled: bool = True
 
@@ -71,17 +72,17 @@ class LastMotion:
         left = self.motion.slice(t, end)
         return replace(left, t=left.t - t, name="rest of the last motion")
 
-    def margins_from(self, passed: float, mesh: Places) -> TorqueMargins | None:
+    def margins_from(self, passed: float, mesh: Places) -> TorqueMargin | None:
         """The margins of what is left after a time [s], at the places of a new curve."""
         if self.margins is None or self.places is None:
             return None
         whole = self.motion.duration
         part = (passed + (whole - passed) * mesh.places) / whole
         upper, lower = (
-            np.column_stack([np.interp(part, self.places, column) for column in each.T])
+            np.column_stack([np.interp(part, self.places, column) for column in np.asarray(each).T])
             for each in (self.margins.upper, self.margins.lower)
         )
-        return TorqueMargins(upper, lower)
+        return TorqueMargin(upper, lower)
 
 
 def fallback(

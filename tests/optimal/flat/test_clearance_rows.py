@@ -56,7 +56,7 @@ def test_slopes_by_the_control_points_against_differences(swing):
 def test_poses_are_where_bodies_pass_each_other(swing):
     problem, curve, policy = swing
     asked = KeepsClear().asked_distances(problem)
-    (places,) = clearance_rows(asked, curve, policy).places
+    ((_, places),) = clearance_rows(asked, curve, policy).legs
     looks = np.linspace(0, 1, 2001)
     distances = asked.model.distances(curve.legs[0].at(looks)[0])
     step = 1 / (policy.poses + 1)

@@ -9,6 +9,7 @@ import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.curve_cost import curve_cost
+from armdyn.optimal.flat.derivative_rows import DerivativeRows
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import build
 from armdyn.optimal.flat.solve import curve_program, solve_curve
@@ -72,6 +73,22 @@ def test_rows_and_costs_are_those_of_the_nonlinear_program(asked):
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.max(np.abs(expected)))
 
 
+def test_accelerations_by_hand_are_those_of_the_nonlinear_program():
+    task = task_of(via=[[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]], acceleration_limit=4.0)
+    guess = bent(task)
+    own = curve_program(task, guess, CurveSpec(TightenedConstraints.of(task)))
+    x = own.numbers.x.copy()
+    at = own.torque_rows.at(x)
+    x[own.torques] = at.tau
+    rows = np.concatenate([own.shape.rates(leg, 2).ravel() for leg in own.shape.legs])
+    others, which = own.other_sides(x, at.jacobian), np.searchsorted(own.others, rows)
+    by_hand = DerivativeRows.of([leg.basis for leg in guess.legs], own.shape, 2, np.full(6, 4.0))
+    found = by_hand.at(x, (-np.ones(rows.size), np.ones(rows.size)))
+    np.testing.assert_allclose(found.values, others.values[which], atol=1e-12)
+    np.testing.assert_allclose(found.jacobian.toarray(), others.jacobian[which].toarray(), atol=1e-11)
+    np.testing.assert_array_equal(found.duration, others.duration[which])
+
+
 def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
     task = task_of(acceleration_limit=4.0)
     own = curve_program(task, bent(task), CurveSpec(TightenedConstraints.of(task)))
@@ -87,10 +104,11 @@ def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
             (own.velocities(x), own.velocities(x + step)),
             (own.other_sides(x, at.jacobian), own.other_sides(x + step, after.jacobian)),
         ):
-            jacobian, top = sides.below(x)
+            jacobian, top, which = sides.below(x)
             kept = jacobian @ step <= top
             true = np.concatenate([then.values <= then.bounds[1], then.values >= then.bounds[0]])
             assert np.all(true[kept])
+            np.testing.assert_array_equal(which, np.tile(np.arange(sides.values.size), 2))
             assert np.mean(kept == true) > 0.95
 
 
