@@ -10,6 +10,7 @@ from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.flat.follow import follow, sample_counts
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
+from armdyn.optimal.flat.sequential import SequenceSettings
 from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
@@ -88,7 +89,8 @@ def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
     ):
         return refine_curve(task, guess)
     tighten = Tightening(task, guess, spec, curves.little)
-    solved = solve_in_steps(task, guess, spec, numbers.trust, numbers.enough, numbers=numbers, tighten=tighten)
+    steps = SequenceSettings(numbers.trust, numbers.enough, tighten=tighten, most=task.options.max_iterations)
+    solved = solve_in_steps(task, guess, spec, steps, numbers)
     over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
     if not solved.converged or worst_excess(over) > curves.hopeless:
         return None

@@ -56,6 +56,27 @@ class _Iterate:
     penalties: tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class SequenceSettings:
+    """Extent of a sequence of steps.
+
+    Attributes:
+        trust: first radius of the trust region [rad or m].
+        enough: relative change of the merit at which the sequence ends.
+        beaten: a duration [s]; a sequence that is not near it after a few steps ends.
+        eager: first steps that are taken whatever they do; None: the policy's.
+        tighten: asked where a step ended about where it was predicted to, or none is better.
+        most: steps, though the policy may grant more; None: the policy's.
+    """
+
+    trust: float
+    enough: float
+    beaten: float = np.inf
+    eager: int | None = None
+    tighten: Tighten | None = None
+    most: int | None = None
+
+
 class Sequential:
     """Sequential convexification of one program."""
 
@@ -63,31 +84,14 @@ class Sequential:
         self.problem, self.policy, self.stop = problem, policy, stop
         self._whole, self._radius = problem.guess.duration, 0.0
 
-    def solve(
-        self,
-        trust: float,
-        enough: float,
-        beaten: float = np.inf,
-        eager: int | None = None,
-        tighten: Tighten | None = None,
-        most: int | None = None,
-    ) -> NlpResult:
-        """Iterate from the program's unknowns.
-
-        Args:
-            trust: first radius of the trust region [rad or m].
-            enough: relative change of the merit at which the sequence ends.
-            eager: first steps that are taken whatever they do; None: the policy's.
-            beaten: a duration [s]; a sequence that is not near it after a few steps ends.
-            tighten: asked where a step ended about where it was predicted to, or none is better.
-            most: steps, though the policy may grant more; None: the policy's.
-        """
-        policy, iterations, first = self.policy, 0, trust
-        eager = policy.eager if eager is None else eager
+    def solve(self, settings: SequenceSettings) -> NlpResult:
+        """Iterate from the program's unknowns."""
+        policy, iterations, trust = self.policy, 0, settings.trust
+        eager = policy.eager if settings.eager is None else settings.eager
         at = self._point(self.problem.numbers.x)
         merit, step = self._merit(at), None
         k, last = -1, policy.patience - 1
-        while k < last and (most is None or k < most - 1):
+        while k < last and (settings.most is None or k < settings.most - 1):
             k += 1
             if self.stop:
                 status, word = Status.INTERRUPTED, "interrupted"
@@ -100,7 +104,7 @@ class Sequential:
             if taken is None and missed:  # a slow arm gains more by missing rows than their price
                 policy = self.policy = replace(policy, other=10 * policy.other)
                 at = self._point(at.x)
-                merit, trust = self._merit(at), first
+                merit, trust = self._merit(at), settings.trust
                 continue
             ended, near, word = taken is None, taken is None and self._kept(at), "no step is better"
             if taken is not None:
@@ -110,18 +114,18 @@ class Sequential:
                 off = abs(promised - merit)
                 if k == last < policy.steps - 1 and before - promised < policy.near * merit:
                     last += 1
-                at, settled, word = taken, abs(before - merit) < enough * merit, "converged"
+                at, settled, word = taken, abs(before - merit) < settings.enough * merit, "converged"
                 ended = settled or (reached and off < policy.predicted * merit)
                 near = off < policy.tightened * merit and (reached or settled)
-            bounds = tighten(at.x, at.torques.tau) if tighten is not None and near else None
+            bounds = settings.tighten(at.x, at.torques.tau) if settings.tighten is not None and near else None
             if bounds is not None:
                 at = self._bounded(at, bounds)
                 merit, eager, last = self._merit(at), 0, max(last, k + policy.steps_again)
-                trust = first if taken is None else trust
+                trust = settings.trust if taken is None else trust
             elif ended and (taken is None or self._kept(at)):
                 status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
-            elif k >= eager and self._duration(at) > policy.hopeless * beaten:
+            elif k >= eager and self._duration(at) > policy.hopeless * settings.beaten:
                 status, word = Status.ITERATION_LIMIT, "another way is faster"
                 break
         else:

@@ -1,7 +1,6 @@
 """The fastest curve near a guess: by sequential convexification, or with other path constraints by IPOPT."""
 
 from dataclasses import dataclass, replace
-from math import inf
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +15,7 @@ from armdyn.optimal.flat.derivative_rows import DerivativeRows
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, finite, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
-from armdyn.optimal.flat.sequential import Sequential, Tighten
+from armdyn.optimal.flat.sequential import SequenceSettings, Sequential, Tighten
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.status import Status
@@ -67,7 +66,7 @@ def solve_curve(
         guess: where it starts.
         spec: what is asked of the curve.
         near: what came out where nearly the same was asked: it is started from with its multipliers.
-        tighten: tightens the bounds of torques between steps, where the program is solved by steps; see `Sequential`.
+        tighten: of `SequenceSettings`, where the program is solved by steps.
 
     Raises:
         LateError: the time is up before the program is built.
@@ -76,13 +75,14 @@ def solve_curve(
     if task.problem.regional or spec.constraints.asked_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
-        return solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager)
+        return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager))
     rows = rows_of(task.problem, spec.constraints)
     if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
         numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
         trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
-        found = solve_in_steps(task, guess, spec, trust, numbers.enough, eager=eager, numbers=numbers, tighten=tighten)
+        steps = SequenceSettings(trust, numbers.enough, eager=eager, tighten=tighten, most=task.options.max_iterations)
+        found = solve_in_steps(task, guess, spec, steps, numbers)
         if found.converged or task.stop:
             return found
         # Where many torques are at their limits all along, first derivatives converge slowly.
@@ -95,15 +95,7 @@ def solve_curve(
 
 
 def solve_in_steps(
-    task: Task,
-    guess: Curve,
-    spec: CurveSpec,
-    trust: float,
-    enough: float,
-    beaten: float = inf,
-    eager: int | None = None,
-    numbers: SequentialPolicy | None = None,
-    tighten: Tighten | None = None,
+    task: Task, guess: Curve, spec: CurveSpec, steps: SequenceSettings, numbers: SequentialPolicy | None = None
 ) -> Solved:
     """Solve a program of curves by sequential convexification.
 
@@ -111,17 +103,11 @@ def solve_in_steps(
         task: what is to be solved, and how.
         guess: where it starts.
         spec: what is asked of the curve.
-        trust: first radius of the trust region [rad or m].
-        enough: relative change of the merit at which the sequence ends.
-        beaten: a duration [s]: a sequence that is not near it after a few steps ends.
-        eager: first steps that are taken whatever they do; None: the policy's.
-        numbers: tuned numbers, with which the options limit the iterations; None: those of the task.
-        tighten: see `Sequential.solve`.
+        steps: the extent of the sequence.
+        numbers: tuned numbers; None: those of the task.
     """
-    most = task.options.max_iterations if numbers else None
-    numbers = numbers or task.policy.sequential
     problem = curve_program(task, guess, spec)
-    result = Sequential(problem, numbers, task.stop).solve(trust, enough, beaten, eager, tighten, most)
+    result = Sequential(problem, numbers or task.policy.sequential, task.stop).solve(steps)
     shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, in_steps=True)
 

@@ -19,6 +19,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
+from armdyn.optimal.flat.sequential import SequenceSettings
 from armdyn.optimal.flat.solve import solve_in_steps
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
@@ -132,7 +133,7 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
         beaten = np.inf if best is None or not best.converged else best.curve.duration
         if task.stop or beaten < numbers.near_bound * bound:
             break
-        solved = solve_in_steps(task, guess, spec, numbers.trust, numbers.coarse_enough, beaten)
+        solved = solve_in_steps(task, guess, spec, SequenceSettings(numbers.trust, numbers.coarse_enough, beaten))
         iterations += solved.result.iterations
         task.progress(f"a way of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
