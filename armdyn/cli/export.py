@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
 from armdyn.arguments import one_of, shown
@@ -31,6 +32,54 @@ _DEFAULT_RATE = 1000.0
 """Rows per second of a table or message [Hz]."""
 _MODEL_RATE = 4000.0
 """Keyframes per second of a complete model [Hz]: torques and targets are held between them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowOptions:
+    """The format, its rows, and where they go."""
+
+    format: str = option(_KINDS, _ABOUT_KINDS, default="csv")
+    rate: str | None = option(
+        "HZ|own",
+        "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "
+        "4000 with --model, and 1000 otherwise.",
+    )
+    out: Path | None = option("DIR", "Folder for the written file. By default that of FILE.")
+    piece: int | None = option("N", "Of a motion of several pieces only this one, from 1 on.")
+
+    @property
+    def kind(self) -> type[OutputFormat]:
+        """The format.
+
+        Raises:
+            ProblemError: there is none of that name.
+        """
+        return FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
+
+    def motion(self, file: Path) -> Trajectory:
+        """The motion of a file, or the piece of a number.
+
+        Raises:
+            ArmdynError: it is no file of armdyn's, or there is no piece of that number.
+        """
+        from armdyn.trajectory import Trajectory
+
+        if file.suffix.lower() != ".npz":
+            raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
+        motion = Trajectory.load(file)
+        count = len(motion.own_pieces)
+        if self.piece is not None and not 1 <= self.piece <= count:
+            raise ProblemError(f"--piece is {self.piece}; the motion has {count} piece{'s' if count > 1 else ''}")
+        return motion if self.piece is None else motion.split()[self.piece - 1]
+
+    def target(self, file: Path) -> Path:
+        """The written file.
+
+        Raises:
+            ArmdynError: it cannot be written.
+        """
+        name = file.with_suffix(self.kind.suffix).name
+        return probe_folder(self.out or file.parent, name) / name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,14 +173,7 @@ class ModelOptions:
 def export(
     *,
     file: Path = argument("FILE.npz", "A trajectory.npz that mintime or pid wrote."),
-    format: str = option(_KINDS, _ABOUT_KINDS, default="csv"),  # noqa: A002  # the option's name
-    rate: str | None = option(
-        "HZ|own",
-        "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "
-        "4000 with --model, and 1000 otherwise.",
-    ),
-    out: Path | None = option("DIR", "Folder for the written file. By default that of FILE."),
-    piece: int | None = option("N", "Of a motion of several pieces only this one, from 1 on."),
+    rows: RowOptions,
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,
@@ -165,44 +207,42 @@ def export(
     armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
     with answering(json) as answer:
-        from armdyn.trajectory import Trajectory
-
-        kind = FORMATS[one_of(format, tuple(FORMATS), "--format")]
+        kind = rows.kind
         made = fields.fill(kind)
         mujoco.expect_format(kind)
         if kind is Mujoco and controller.read() is not None:
             raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
-        if file.suffix.lower() != ".npz":
-            raise ProblemError(f"{file} is no .npz file; armdyn export takes the trajectory.npz that armdyn wrote")
-        motion = _piece(Trajectory.load(file), piece)
-        name = file.with_suffix(kind.suffix).name
-        target = probe_folder(out or file.parent, name) / name
+        motion, target = rows.motion(file), rows.target(file)
         preset = None if kind is Mujoco else preset_of(file, controller)
         usual = _MODEL_RATE if mujoco.model else usual_rate(kind)
-        samples, ticks, deviation = sampled(made, motion, rate, usual if preset is None else preset.chosen.rate)
+        samples, ticks, deviation = sampled(made, motion, rows.rate, usual if preset is None else preset.chosen.rate)
         found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
         if found is not None and not found.ok and controller.preset is not None:
             answer.failed("refused", f"not written: {found}", NOT_USABLE)
             answer.facts["controller"] = found.facts()
-            show_check(found, name)
+            show_check(found, target.name)
             console.print("[red]not written[/]; without --preset it is, for simulations and figures")
             return
         content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else made.text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
-        rows = samples.t.size
-        facts = {"format": format, "rate": ticks, "samples": rows, "duration": motion.duration, "deviation": deviation}
+        count, duration = samples.t.size, motion.duration
+        facts = {"format": kind.name, "rate": ticks, "samples": count, "duration": duration, "deviation": deviation}
         answer.done("written", facts | ({} if found is None else {"controller": found.facts()}), [target])
-        even = "its own samples" if ticks is None else f"{ticks:g} Hz"
-        console.print(f"{escape(str(target))}  ({rows} rows at {even}, {motion.duration:.6f} s)")
-        if found is not None:
-            console.print(escape(str(found)))
-            if not found.ok:
-                warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
-        if deviation is not None:
-            console.print(
-                f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion"
-            )
+        _show(target, facts, found)
+
+
+def _show(target: Path, facts: Mapping[str, Any], found: ad.ControllerCheck | None) -> None:
+    """The written file, and what the controller says of it."""
+    even = "its own samples" if facts["rate"] is None else f"{facts['rate']:g} Hz"
+    console.print(f"{escape(str(target))}  ({facts['samples']} rows at {even}, {facts['duration']:.6f} s)")
+    if found is not None:
+        console.print(escape(str(found)))
+        if not found.ok:
+            warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
+    if facts["deviation"] is not None:
+        spline = f"at most {facts['deviation']:.2g} rad or m off the motion"
+        console.print(f"ros2_control's spline between the points is {spline}")
 
 
 def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
@@ -238,18 +278,6 @@ def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: 
     return preset.check(
         ad.Trajectory(samples.t, samples.q, samples.v, samples.tau, samples.joint_names, hold="zero-order")
     )
-
-
-def _piece(motion: Trajectory, number: int | None) -> Trajectory:
-    """The piece of a number, or the whole motion.
-
-    Raises:
-        ProblemError: there is none of that number.
-    """
-    count = len(motion.own_pieces)
-    if number is not None and not 1 <= number <= count:
-        raise ProblemError(f"--piece is {number}; the motion has {count} piece{'s' if count > 1 else ''}")
-    return motion if number is None else motion.split()[number - 1]
 
 
 def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:

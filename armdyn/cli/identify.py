@@ -119,24 +119,13 @@ def identify(
                 sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
                 _write_motion(answer, arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
                 return
-            whole(options.likely, "likely", 0, _MOST_LIKELY)
             folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
-            settings = ad.IdentifyOptions(held_out=options.held_out)
-            with working(f"identification of {arm.name}"):
-                estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs or ()], what, settings)
-                likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
-                text, count = _robot_file(estimate, likely, folder)
-                facts = _facts(estimate) | {"likely": count}
-                files = _written(estimate, text, facts, folder)
-            for said in estimate.warnings:
-                warnings.warn(f"{said}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
-            answer.done("identified", facts, files)
-            _show(estimate, files[0])
+            file = _identify(answer, arm, logs or (), options, folder)
     except typer.Exit as end:
         if end.exit_code or not then:
             raise
     flags = ["--json"] if as_json and "--json" not in then else []
-    raise Followed([then[0], str(files[0]), *then[1:], *flags])
+    raise Followed([then[0], str(file), *then[1:], *flags])
 
 
 def _write_motion(answer: Answer, arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> None:
@@ -146,6 +135,25 @@ def _write_motion(answer: Answer, arm: ad.Robot, duration: float, sought: ad.Exc
     file = motion.save(folder / _MOTION)
     answer.done("written", {"robot": arm.name, "duration": motion.duration}, [file])
     console.print(f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)")
+
+
+def _identify(
+    answer: Answer, arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOptions, folder: Path
+) -> Path:
+    """Identify an arm, write and show the result; the robot's file."""
+    whole(options.likely, "likely", 0, _MOST_LIKELY)
+    what, settings = options.what, ad.IdentifyOptions(held_out=options.held_out)
+    with working(f"identification of {arm.name}"):
+        estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs], what, settings)
+        likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
+        text, count = _robot_file(estimate, likely, folder)
+        facts = _facts(estimate) | {"likely": count}
+        files = _written(estimate, text, facts, folder)
+    for said in estimate.warnings:
+        warnings.warn(f"{said}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
+    answer.done("identified", facts, files)
+    _show(estimate, files[0])
+    return files[0]
 
 
 def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:

@@ -196,43 +196,61 @@ def mintime(
     """
     with answering(results.output.json) as answer:
         required = requirements_of(require or ())
-        from armdyn.optimal.answer.summary import minimum_time_summary
         from armdyn.optimal.answer.words import standing
 
-        try:
-            problem, options = task.problem()
-        except ad.ContactError as error:
-            _show_contacts(error, task.robot.robot, results)
-            raise
+        problem, options = _problem(task, results)
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
-            verdict = ControllerVerdict.of(solution, progress, not no_costs)
-            problem = solution.problem
-            summary = minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts
-            carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
-            title = f"{arm.name}{carried}: {title_words(solution)}"
-            motion = solution.trajectory
-            written = results.write(
-                folder, arm, {"trajectory": motion}, summary, title, problem.obstacles, progress=progress
-            ).with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
+            found = _Found(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
+            motions, summary, obstacles = {"trajectory": solution.trajectory}, found.summary, solution.problem.obstacles
+            written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
+            written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution.usable, standing(solution))
-        answer.facts |= {
-            "robot": arm.name,
-            **carried_facts(arm),
-            **friction_facts(arm),
-            **summary,
-            "missing": missing,
-            **written.facts,
-        }
+        about = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm)}
+        answer.facts |= {**about, **summary, "missing": missing, **written.facts}
         stopped = solution.status is ad.Status.INTERRUPTED
-        answer.judge(solution.usable and not verdict.refused, interrupted=stopped, as_required=not missing)
-        words = (
-            carried_words(arm) | friction_words(arm) | reserve_words(problem) | solution_words(solution, problem.wrap)
-        )
-        words |= verdict.words | _reserve_choice(curve) | missing_words(missing) | written.words
+        answer.judge(solution.usable and not found.verdict.refused, interrupted=stopped, as_required=not missing)
+        words = found.words | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A solution, the curve its reserve was chosen by, and its controller's verdict."""
+
+    solution: ad.Solution
+    curve: ReserveCurve | None
+    verdict: ControllerVerdict
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        from armdyn.optimal.answer.summary import minimum_time_summary
+
+        return minimum_time_summary(self.solution) | _reserve_facts(self.curve) | self.verdict.facts
+
+    @property
+    def title(self) -> str:
+        arm = self.solution.problem.robot
+        carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
+        return f"{arm.name}{carried}: {title_words(self.solution)}"
+
+    @property
+    def words(self) -> dict[str, str]:
+        problem = self.solution.problem
+        arm = carried_words(problem.robot) | friction_words(problem.robot) | reserve_words(problem)
+        own = solution_words(self.solution, problem.wrap)
+        return arm | own | self.verdict.words | _reserve_choice(self.curve)
+
+
+def _problem(task: ProblemOptions, results: ResultOptions) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
+    """The problem and its options; the page of a pose for which it is refused is written."""
+    try:
+        return task.problem()
+    except ad.ContactError as error:
+        _show_contacts(error, task.robot.robot, results)
+        raise
 
 
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:

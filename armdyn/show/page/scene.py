@@ -16,7 +16,7 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.show.page.cycle import CarriedPart, shown_parts
+from armdyn.show.page.cycle import CarriedPart, ShownPart, shown_parts
 from armdyn.show.page.facts import Facts
 from armdyn.show.visuals import VisualShape, obstacle_shapes, robot_shapes
 from armdyn.trajectory import Trajectory
@@ -64,9 +64,7 @@ def scene_data(
         TrajectoryError: one has a number beyond `LARGEST`.
         ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
     """
-    for trajectory in trajectories:
-        if (most := max(np.max(np.abs(x)) for x in (trajectory.t, *trajectory(trajectory.t)))) > LARGEST:
-            raise TrajectoryError(f"a trajectory has the number {most:g}; beyond {LARGEST:g} nothing can be shown")
+    _expect_shown(trajectories)
     for name, value, most in (("fps", fps, 1e3), ("slow_motion", slow_motion, 1e6)):
         if value is not None and not 1 / most <= number(value, name) <= most:
             raise ProblemError(f"{name} is {shown(value)}; it must be from {1 / most:g} to {most:g}")
@@ -85,21 +83,15 @@ def scene_data(
         "speed": speed,
         "commands": [_packed(command) for command in shapes],
         "marks": list(marks),
-        "parts": [
-            {
-                "shapes": [[f"joint{one.joint}", f"part{k}-{i}"] for i, one in enumerate(part.shapes)],
-                "commands": [
-                    _packed(command)
-                    for i, one in enumerate(part.shapes)
-                    for command in _set_object(f"/armdyn/arm0/joint{one.joint}/part{k}-{i}", one)
-                ],
-                "begin": part.begin,
-                "end": part.end,
-            }
-            for k, part in enumerate(shown_parts(robot, trajectories[0], parts))
-        ],
+        "parts": [_part(k, part) for k, part in enumerate(shown_parts(robot, trajectories[0], parts))],
         "arms": [_arm(robot, i, trajectory, step) for i, trajectory in enumerate(trajectories)],
     }
+
+
+def _expect_shown(trajectories: Sequence[Trajectory]) -> None:
+    for trajectory in trajectories:
+        if (most := max(np.max(np.abs(x)) for x in (trajectory.t, *trajectory(trajectory.t)))) > LARGEST:
+            raise TrajectoryError(f"a trajectory has the number {most:g}; beyond {LARGEST:g} nothing can be shown")
 
 
 def mark_of(clearance: Facts, always: bool = False) -> dict[str, Any] | None:
@@ -163,6 +155,14 @@ def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualSha
     return [
         command for name, shape in named for command in _set_object(f"/armdyn/arm0/joint{shape.joint}/{name}", shape)
     ]
+
+
+def _part(k: int, part: ShownPart) -> dict[str, Any]:
+    """A carried part: its shapes in the scene, and when they are shown."""
+    names = [(f"joint{one.joint}", f"part{k}-{i}") for i, one in enumerate(part.shapes)]
+    shapes = zip(names, part.shapes, strict=True)
+    commands = [one for (joint, name), shape in shapes for one in _set_object(f"/armdyn/arm0/{joint}/{name}", shape)]
+    return {"shapes": names, "commands": [_packed(one) for one in commands], "begin": part.begin, "end": part.end}
 
 
 def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str, Any]:
