@@ -10,4 +10,5 @@ def unrendered():
     """Figures are made and written, but their files show nothing."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("armdyn.show.plots._rendered", lambda figure, kind: b"<svg/>")
+        patch.setattr("matplotlib.figure.Figure.draw_without_rendering", lambda figure: None)  # places the panels
         yield

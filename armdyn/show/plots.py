@@ -1,7 +1,8 @@
 """Figures of motions: position, velocity and torque over time."""
 
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
@@ -155,6 +156,34 @@ def save_figure(figure: Figure, path: str | os.PathLike[str]) -> Path:
     if kind not in _UNDATED:
         raise ValueError(f"{path}: a figure is written as .png, .pdf or .svg")
     return write_whole(path, _rendered(figure, kind))
+
+
+def save_figures(figure: Figure, stem: Path, kinds: Sequence[str]) -> list[Path]:
+    """Write a figure in several formats, see `save_figure`; its panels are placed once.
+
+    Args:
+        figure: as it is to be seen.
+        stem: the files' path without a suffix.
+        kinds: png, pdf or svg.
+
+    Returns:
+        The paths written, in the order of the formats.
+    """
+    with laid_out(figure):
+        return [save_figure(figure, stem.with_name(f"{stem.name}.{kind}")) for kind in kinds]
+
+
+@contextmanager
+def laid_out(figure: Figure) -> Iterator[None]:
+    """Place a figure's panels once for several files; matplotlib would place them twice for each of them."""
+    engine = figure.get_layout_engine()
+    with rc_context(LOOK):
+        figure.draw_without_rendering()
+    figure.set_layout_engine(None)
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
 
 
 def svg_text(figure: Figure) -> str:

@@ -71,12 +71,12 @@ def write_run(
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
     if "figure" in parts:
         progress("drawing the figure")
-        from armdyn.show.plots import plot_trajectories, save_figure
+        from armdyn.show.plots import plot_trajectories, save_figures
 
         # Of a minimum-time answer whose arcs are not resolved the summary has an empty list of them.
         unresolved = (0,) if summary.get("arcs") == [] else ()
         figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
-        files += [save_figure(figure, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+        files += save_figures(figure, folder / "figure", ("png", "pdf"))
     if "report" in parts:
         progress("writing the report")
         files.append(write_report(folder / "report.html", robot, motions, summary, title, obstacles))

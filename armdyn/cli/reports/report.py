@@ -108,7 +108,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
         from armdyn.show.page.course import until
         from armdyn.show.page.joints import compared, worth_seeing
         from armdyn.show.page.report import report_of
-        from armdyn.show.plots import plot_trajectories, save_figure
+        from armdyn.show.plots import plot_trajectories, save_figures
 
         with working(f"comparison of {subject.name}") as progress:
             rows = compared(moves, subject.limits)
@@ -125,7 +125,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
                 unresolved=unresolved,
                 captions=[f"{row.name}, {'not at the goal' if row.there is None else _there(row)}" for row in rows],
             )
-            files = [page, *(save_figure(figure, folder / f"figure.{kind}") for kind in ("pdf", "svg"))]
+            files = [page, *save_figures(figure, folder / "figure", ("pdf", "svg"))]
         answer.done("written", {"robot": subject.name, "motions": [asdict(row) for row in rows]}, files)
         console.print(_table(title, rows))
         console.print(f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}")

@@ -130,12 +130,12 @@ def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
 
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
     from armdyn.show.figures.sweeps import figures_of
-    from armdyn.show.plots import save_figure
+    from armdyn.show.plots import save_figures
     from armdyn.studies.settings import label
 
     settings = {axis.name: axis.kind for axis in study.axes}
     drawn = figures_of(table, settings, _outcomes(study), named=label, title=title)
-    return [save_figure(figure, folder / f"{name}.{kind}") for name, figure in drawn.items() for kind in ("png", "pdf")]
+    return [file for name, figure in drawn.items() for file in save_figures(figure, folder / name, ("png", "pdf"))]
 
 
 def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], files: Sequence[Path]) -> dict[str, str]:

@@ -133,7 +133,7 @@ def _write(
 ) -> list[Path]:
     """Write the reference, the figure and result.json next to the rows."""
     from armdyn.show.figures.loops import plot_envelope
-    from armdyn.show.plots import save_figure
+    from armdyn.show.plots import save_figures
     from armdyn.show.results import save_results
     from armdyn.studies.rows import read_rows
     from armdyn.studies.tables import write_csv
@@ -144,7 +144,7 @@ def _write(
     if figure:
         name = found.question.robot.name
         drawn = plot_envelope(found.envelope(), f"{name}: {len(found.rows)} arms, {found.success().settled} settle")
-        files += [save_figure(drawn, folder / f"envelope.{suffix}") for suffix in ("png", "pdf")]
+        files += save_figures(drawn, folder / "envelope", ("png", "pdf"))
     return save_results(folder, found.question.robot, summary, files)
 
 

@@ -15,7 +15,7 @@ from armdyn.paper.outcomes.outcome import Outcome, by_case
 from armdyn.paper.printed import published
 from armdyn.paper.printed.examples import EXAMPLES, PAYLOAD
 from armdyn.show.figures.style import COLORS
-from armdyn.show.plots import plot_panels, put_head, run_handles, save_figure, svg_text, switches
+from armdyn.show.plots import laid_out, plot_panels, put_head, run_handles, save_figure, svg_text, switches
 
 EXAMPLE_OF_FIGURE = {2: 1, 3: 4, 4: 2, 5: 5, 6: 3, 7: 6}
 """Worked example of each of the paper's figures."""
@@ -154,8 +154,9 @@ def picture(folder: Path, figure: PaperFigure) -> Picture:
     """
     folder.mkdir(parents=True, exist_ok=True)
     drawn = draw(figure)
-    files = [save_figure(drawn, folder / f"figure{figure.number}.{suffix}") for suffix in ("pdf", "png")]
-    return Picture(figure, svg_text(drawn), tuple(files))
+    with laid_out(drawn):
+        files = [save_figure(drawn, folder / f"figure{figure.number}.{suffix}") for suffix in ("pdf", "png")]
+        return Picture(figure, svg_text(drawn), tuple(files))
 
 
 def label(case: Case) -> str:

@@ -86,10 +86,10 @@ def write_sweep(
     table = csv_text([rows[0], *(row.values() for row in rows)])
     files = [*motions, write_whole(folder / "sweep.csv", table.encode())]
     if figure:
-        from armdyn.show.plots import save_figure
+        from armdyn.show.plots import save_figures
 
         drawn = plot_sweep(rows, title)
-        files += [save_figure(drawn, folder / f"figure.{suffix}") for suffix in ("png", "pdf")]
+        files += save_figures(drawn, folder / "figure", ("png", "pdf"))
     return save_results(folder, robot, {"rows": rows}, files)
 
 
