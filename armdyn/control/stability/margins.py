@@ -72,8 +72,7 @@ def multiloop_disk(loop: SampledLoop) -> float:
     """
     _expect_stable(loop)
     one = np.eye(loop.torque.shape[1])
-    z = np.exp(1j * _frequencies(loop) * loop.period)
-    response = loop.felt @ np.linalg.solve(z[:, None, None] * np.eye(len(loop.carried)) - loop.carried, loop.torque)
+    response = _response(loop, loop.carried, loop.torque, loop.felt)
     sensitivity = np.linalg.inv(one - response)
     return float(1 / np.linalg.norm(sensitivity - one / 2, ord=2, axis=(1, 2)).max())
 
@@ -103,9 +102,8 @@ def _expect_stable(loop: object) -> None:
 def _margins(loop: SampledLoop, joint: int) -> Margins:
     import control
 
-    omega = _frequencies(loop)
-    response = control.ss(*broken(loop, joint), 0.0, loop.period)(np.exp(1j * omega * loop.period))
-    data = control.FrequencyResponseData(response, omega, smooth=True)
+    response = _response(loop, *broken(loop, joint))[:, 0, 0]
+    data = control.FrequencyResponseData(response, _frequencies(loop), smooth=True)
     gains, phases, _, _, crossovers, _ = control.stability_margins(data, returnall=True)
     gains = np.append(gains, _at_ends(loop, joint))
     lags = np.deg2rad(np.mod(phases, 360.0))
@@ -122,6 +120,13 @@ def _frequencies(loop: SampledLoop) -> Array:
     """Frequencies from far below the loop's slowest mode to Nyquist's frequency [rad/s]."""
     nyquist = np.pi / loop.period
     return np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
+
+
+def _response(loop: SampledLoop, A: Array, B: Array, C: Array) -> Array:
+    """C (z I - A)⁻¹ B at the loop's frequencies, shape (frequencies, outputs, inputs)."""
+    z = np.exp(1j * _frequencies(loop) * loop.period)
+    response: Array = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)
+    return response
 
 
 def _at_ends(loop: SampledLoop, joint: int) -> Array:
