@@ -40,6 +40,13 @@ def shown(name):
     return made
 
 
+def test_the_python_of_every_section_is_run():
+    """By the tests below, each on its own: what a section registers is not there for other tests."""
+    with_code = [name for name in re.findall("(?m)^## (.*)", DOCS) if "```python" in section(name)]
+    assert with_code == re.findall(r'[=d] shown\("(.*)"\)', Path(__file__).read_text())
+    assert sum(section(name).count("```python") for name in with_code) == DOCS.count("```python")
+
+
 @pytest.fixture
 def bound_task():
     """The class of the docs, for the time of a test."""

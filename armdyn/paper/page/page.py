@@ -1,7 +1,5 @@
 """The whole study as one HTML page: tables, figures, statements and replays, without a link to the outside."""
 
-import base64
-import gzip
 import json
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -32,7 +30,7 @@ from armdyn.paper.tables.grids import feasibility_grid, first_approach_grid
 from armdyn.paper.tables.rows import ARRIVAL_TOLERANCE, CLOSE, Row
 from armdyn.paper.tables.standing import VERDICTS
 from armdyn.show.figures.style import INK, SOFT
-from armdyn.show.markup import Html, element, fill, inline_svg, join, script_json
+from armdyn.show.markup import Html, element, fill, inline_svg, join, packed_text, script_json
 from armdyn.show.page.assets import viewer_script
 from armdyn.show.page.report import page_fields, page_template
 from armdyn.show.replay import replay_of
@@ -219,7 +217,4 @@ def _replays(outcomes: Iterable[Outcome], payload: float) -> dict[str, object]:
     }
 
 
-@lru_cache(maxsize=16)
-def _packed(text: str) -> str:
-    """Compressed, as base64; the page is written twice with the same replays."""
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
+_packed = lru_cache(maxsize=16)(packed_text)  # the page is written twice with the same replays

@@ -6,7 +6,6 @@ Facts become a `Report`, a value; `report_html` is the only one that knows how a
 from __future__ import annotations
 
 import base64
-import gzip
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.show.markup import Html, element, fill, join, script_json
+from armdyn.show.markup import Html, element, fill, join, packed_text, script_json
 from armdyn.show.page import joints, sections
 from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.course import ShownMotion, course_data, until
@@ -196,7 +195,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
             touching=subject.touching, marks=[mark for mark in marks if mark is not None], parts=parts_in(facts),
         )  # fmt: skip
         speed = scene["speed"] if replay else speed
-        packed = base64.b64encode(gzip.compress(script_json(scene).encode(), 9, mtime=0)).decode("ascii")
+        packed = packed_text(script_json(scene))
     verdicts = [verdict_of(move.facts) for move in moves]
     return {
         "alone": replay is not None,
