@@ -26,11 +26,12 @@ FLAGS = [
 ]
 
 UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) {
-  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+  for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced", "clear"]) {
     kind.prototype[name] = () => {};
   }
 }"""
-"""Leaves the scene's canvas blank: without a graphics card a frame takes up to a second."""
+"""Leaves the scene's canvas blank: without a graphics card a frame takes up to a second. A frame that is not
+even cleared is not composed."""
 
 
 def find_chromium():

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 
 import numpy as np
 import psutil
@@ -117,6 +118,14 @@ def until_goal(page, wanted, within=0.51e-3):  # it is shown in thousandths
             return
         page.wait_for_timeout(50)
     pytest.fail(f"the goal is {goal(page)}, not {wanted}")
+
+
+def until_saved(file, wanted):
+    for _ in range(300):
+        if file.exists() and json.loads(file.read_text())["state"]["goal"] == wanted:
+            return
+        time.sleep(0.05)
+    pytest.fail(f"{file.name} has not the goal {wanted}")
 
 
 def plain_duration(q_goal, **arguments):
@@ -237,7 +246,7 @@ def test_killed_and_restarted_it_takes_up_its_last_state(chromium, tmp_path):
         page = opened(said["url"])
         fields(page, "joint1").fill("0.7")
         until_goal(page, [0.7, POSES["rr"][1][1]])
-        page.wait_for_timeout(1500)  # it is saved twice a second
+        until_saved(tmp_path / "studio.json", [0.7, POSES["rr"][1][1]])  # which is twice a second
         page.close()
         process.kill()
     with served(tmp_path) as (_, said), browser(chromium) as opened:
