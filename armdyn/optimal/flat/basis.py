@@ -6,14 +6,11 @@ De Boor, A Practical Guide to Splines, 1978, chapters IX to XI.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
+from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 DEGREE = 4
 """Of positions: accelerations are quadratic between breaks, and torques have no corners."""

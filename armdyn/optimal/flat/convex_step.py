@@ -8,8 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
+from armdyn.arrays import Array, Index
 
 _MOST = 60
 """Iterations; those that end take 10 to 30."""

@@ -5,17 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.nlp_data import CurveSpec, travel_scales
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.flat.torque_rows import TorqueParts
 from armdyn.optimal.task.task import Task
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)

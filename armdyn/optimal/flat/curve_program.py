@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 from armdyn.optimal.flat.clearance_rows import ClearanceRows
 from armdyn.optimal.flat.curve import Curve
@@ -15,9 +16,6 @@ from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.solver import NlpData
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)

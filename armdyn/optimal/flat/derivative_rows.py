@@ -6,14 +6,11 @@ from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.convex_step import both_sides
 from armdyn.optimal.flat.program import CurveLayout
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +38,11 @@ class Sides:
         return float(np.sum(np.maximum(np.maximum(self.values - high, low - self.values), 0)))
 
     @property
-    def equal(self) -> NDArray[np.bool_]:
+    def equal(self) -> Flags:
         """Which rows are equations, shape (rows,)."""
         return np.asarray(self.bounds[0] == self.bounds[1])
 
-    def only(self, which: NDArray[np.bool_]) -> Self:
+    def only(self, which: Flags) -> Self:
         """Some of the rows."""
         if np.all(which):
             return self

@@ -6,8 +6,8 @@ from math import factorial
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.basis import WINDOW, Basis
 from armdyn.optimal.flat.curve import Curve
@@ -22,8 +22,6 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
-
-Array = NDArray[np.float64]
 
 _CAUTIOUS = 0.9
 """Part of their limits that a guess's torques are clipped to: IPOPT begins inside."""
@@ -258,9 +256,7 @@ def _ends_free(constraints: TightenedConstraints) -> bool:
     return any(isinstance(each, GoalRegion) for each in constraints.path_constraints)
 
 
-def _fix_ends(
-    problem: MinimumTimeProblem, leg: int, points: NDArray[np.int_], sides: tuple[Array, Array], free: bool
-) -> None:
+def _fix_ends(problem: MinimumTimeProblem, leg: int, points: Index, sides: tuple[Array, Array], free: bool) -> None:
     """Give a leg's ends their poses, unless these are free, and rest where the motion begins and ends."""
     ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
     for place, inward, outer, v in ends:

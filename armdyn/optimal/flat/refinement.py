@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
@@ -17,8 +16,6 @@ from armdyn.optimal.path_constraints.tightened import ConstraintReports, Tighten
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _SLOWER = 0.6
 """Times an excess, as a part of half a range, by which a curve is slowed down again: half of it mends a torque without

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from armdyn.arrays import Array
 from armdyn.optimal.flat.clearance_rows import Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
 from armdyn.optimal.flat.curve_program import CurveProgram
@@ -21,9 +21,6 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.solver import NlpResult
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int_]
 
 Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
 """From unknowns, and the torques that their curve takes as parts of half the range, shape (points, joints), to lower

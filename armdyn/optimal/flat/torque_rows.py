@@ -4,15 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.program import CurveLayout
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
