@@ -6,7 +6,7 @@ from armdyn.optimal.flat.basis import WINDOW
 from armdyn.optimal.flat.equations import BODY
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.program.interval import Stages
+from armdyn.optimal.program.interval import Stages, only_present
 
 
 def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
@@ -27,7 +27,6 @@ def _torques(stages: Stages, numbers: ca.SX, stage: int) -> ca.SX:
     """Torques at a stage by inverse dynamics, over half their ranges."""
     n, dynamics = stages.dynamics.nv, stages.dynamics
     first = WINDOW**2 + 1 + 2 * n
-    body = stages.p[first : first + BODY]
-    present = ca.vertcat(*(body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
-    scaled: ca.SX = dynamics.rnea(stages.q[:, stage], stages.v[:, stage], stages.a[:, stage], present) / stages.effort
+    body = only_present(dynamics, stages.p[first : first + BODY])
+    scaled: ca.SX = dynamics.rnea(stages.q[:, stage], stages.v[:, stage], stages.a[:, stage], body) / stages.effort
     return scaled

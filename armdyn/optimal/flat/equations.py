@@ -9,7 +9,7 @@ from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import WINDOW
-from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of
+from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of, only_present
 
 POINTS = 2
 """Gauss's points in an interval at which torques are unknowns."""
@@ -62,9 +62,9 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
     basis, part, tie, calm = ca.SX.sym("basis", 3 * WINDOW), ca.SX.sym("part"), ca.SX.sym("tie"), ca.SX.sym("calm")
-    present = ca.vertcat(*(shared.body[i] if there else 0 for i, there in enumerate(dynamics.last_body != 0)))
+    body = only_present(dynamics, shared.body)
     q, dq, ddq = (curve[i * n : (i + 1) * n] for i in range(3))
-    load = dynamics.rnea(q, dq / duration, ddq / duration**2, present) / shared.effort
+    load = dynamics.rnea(q, dq / duration, ddq / duration**2, body) / shared.effort
     points, lam, sigma = ca.SX.sym("points", n * WINDOW), ca.SX.sym("lam", n), ca.SX.sym("sigma")
     y, p = ca.vertcat(points, duration, torque), ca.vertcat(basis, part, tie, calm, shared.column())
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))

@@ -28,7 +28,8 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
     """
     problem, looks = task.problem, task.policy.curves.looks
     limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
-    half = limits.actuators.half_range
+    half, marks = limits.actuators.half_range, np.linspace(0, looks, POINTS + 1).astype(int)
+    parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its part of an interval
     found = []
     for leg in curve.legs:
         breaks = leg.basis.breaks
@@ -36,19 +37,12 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
         tau = inverse_dynamics(problem.robot)(q, v, a)
         weakest, strongest = limits.actuators.range(q, v)
-        # What the limits lose with speed is added to the torque: 0 where they are constant.
-        least = -tops((weakest - limits.actuators.lower) - tau)
-        most = tops(tau + (limits.actuators.upper - strongest))
-        marks = np.linspace(0, looks, POINTS + 1).astype(int)
-        halves = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its half of an interval
-        upper = (
-            np.stack([np.max(most[:, half_of], axis=1) - limits.actuators.upper for half_of in halves], axis=1) / half
-        )
-        lower = (
-            np.stack([limits.actuators.lower - np.min(least[:, half_of], axis=1) for half_of in halves], axis=1) / half
+        upper, lower = (
+            np.stack([np.max(beyond[:, part], axis=1) for part in parts], axis=1).reshape(-1, half.size)
+            for beyond in (tops((tau - strongest) / half), tops((weakest - tau) / half))
         )
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
-        found.append(TorqueMargin(upper.reshape(-1, half.size), lower.reshape(-1, half.size), rates))
+        found.append(TorqueMargin(upper, lower, rates))
     return tuple(found)
 
 

@@ -8,7 +8,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.excess import tops
-from armdyn.optimal.live.mesh import Places
+from armdyn.optimal.live.program import StepProgram
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,33 +46,29 @@ class Checked:
         return self.torque <= -spare and self.other <= tolerance
 
 
-def check(
-    mesh: Places, points: Array, duration: float, limits: JointLimits, acceleration: Array, torque: StateFunction
-) -> Checked:
+def check(program: StepProgram, points: Array, duration: float, torque: StateFunction) -> Checked:
     """Look at a curve's samples.
 
     Args:
-        mesh: of the curve.
-        points: its control points.
+        program: its mesh, and the limits.
+        points: control points of the curve.
         duration: [s].
-        limits: of torques, velocities and positions.
-        acceleration: limits [rad/s² or m/s²], shape (nv,), inf: none.
         torque: inverse dynamics, friction included.
     """
+    mesh, limits = program.mesh, program.limits
     derivatives = mesh.of_samples @ points
     q, v, a = derivatives[0], derivatives[1] / duration, derivatives[2] / duration**2
     tau = torque(q, v, a)
     lower, upper = limits.actuators.range(q, v)
-    half = limits.actuators.half_range
     above, below = (
         np.max(mesh.once(tops(mesh.per_interval(each)))[mesh.around], axis=1)
-        for each in ((tau - upper) / half, (lower - tau) / half)
+        for each in ((tau - upper) / program.half, (lower - tau) / program.half)
     )
     bounded = np.where(np.isinf(limits.position_upper), 1.0, limits.position_upper - limits.position_lower)
     other = max(
         float(np.max(np.abs(v) / limits.velocity)) - 1,
         float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
-        float(np.max(np.abs(a) / acceleration)) - 1,
+        float(np.max(np.abs(a) / program.acceleration)) - 1,
     )
     return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)
 

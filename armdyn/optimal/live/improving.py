@@ -40,8 +40,7 @@ class LimitedArm:
 
     def seen(self, points: Array, duration: float) -> Checked:
         """A curve at its samples."""
-        program = self.program
-        return check(program.mesh, points, duration, program.limits, program.acceleration, self.torque)
+        return check(self.program, points, duration, self.torque)
 
     def motion(self, seen: Checked, name: str) -> Trajectory:
         """The samples as a motion."""
