@@ -1,4 +1,4 @@
-"""Piecewise polynomials through a motion's points, as ros2_control interpolates them."""
+"""Piecewise polynomials through a motion's points: the cubics of a `Trajectory`, and those of ros2_control."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,36 @@ from armdyn.arrays import Array, Index
 INTERPOLATIONS = {1: "linear", 2: "cubic", 3: "quintic"}
 """ros2_control's joint_trajectory_controller goes from point to point by the lowest polynomial that has the given
 derivatives at both: https://control.ros.org/rolling/doc/ros2_controllers/joint_trajectory_controller/doc/trajectory.html"""
+
+
+def cubic(s: Array, h: Array, q: tuple[Array, Array], v: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Positions and velocities of the cubic that matches both ends of an interval.
+
+    Hermite's, https://en.wikipedia.org/wiki/Cubic_Hermite_spline, in Horner form.
+
+    Args:
+        s: parts of the interval from 0 to 1, shape (..., 1).
+        h: its length [s], likewise.
+        q: positions at its begin and end, each of shape (..., nv).
+        v: velocities there, likewise.
+    """
+    (q0, q1), (v0, v1) = q, v
+    rise = q1 - q0
+    c2, c3 = 3 * rise - h * (2 * v0 + v1), -2 * rise + h * (v0 + v1)
+    return q0 + s * (h * v0 + s * (c2 + s * c3)), v0 + s * (2 * c2 + 3 * s * c3) / h
+
+
+def cubic_accelerations(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    """Accelerations where each cubic between samples begins and ends, each of shape (n - 1, nv); linear in between.
+
+    Args:
+        t: times of the samples [s], shape (n,).
+        q: positions, shape (n, nv).
+        v: velocities, likewise.
+    """
+    h = np.diff(t)[:, None]
+    rise, before, after = np.diff(q, axis=0) / h, v[:-1], v[1:]
+    return (6 * rise - 4 * before - 2 * after) / h, (2 * before + 4 * after - 6 * rise) / h
 
 
 def interpolated(t: Array, derivatives: Sequence[Array], at: Array) -> tuple[Array, Array, Array]:

@@ -16,6 +16,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import joining, npz
+from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.pieces import Load, Piece, check_pieces, to_text
 from armdyn.trajectory.samples import LEAST_STEP, Samples, check_fields, samples_of
 
@@ -229,15 +230,10 @@ class Trajectory:
         """
         at: Array = np.clip(numbers(time, "time", "times [s]", error=TrajectoryError), self.t[0], self.t[-1])
         k = np.clip(np.searchsorted(self.t, at, side="right") - 1, 0, self.t.size - 2)
-        left, q0, v0, v1, tau0 = self.t[k], self.q[k], self.v[k], self.v[k + 1], self.tau[k]
+        left, tau0 = self.t[k], self.tau[k]
         h = (self.t[k + 1] - left)[..., None]
         s = (at - left)[..., None] / h
-        rise = self.q[k + 1] - q0
-        # Cubic Hermite in s: https://en.wikipedia.org/wiki/Cubic_Hermite_spline, in Horner form.
-        c2 = 3 * rise - h * (2 * v0 + v1)
-        c3 = -2 * rise + h * (v0 + v1)
-        q = q0 + s * (h * v0 + s * (c2 + s * c3))
-        v = v0 + s * (2 * c2 + 3 * s * c3) / h
+        q, v = cubic(s, h, (self.q[k], self.q[k + 1]), (self.v[k], self.v[k + 1]))
         return Sample(q, v, tau0 + s * (self.tau_end[k] - tau0))
 
     def save(self, path: str | os.PathLike[str]) -> Path:

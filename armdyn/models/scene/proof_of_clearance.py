@@ -17,6 +17,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.bodies import bodies
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.interpolation import cubic_accelerations
 
 
 class MotionBounds:
@@ -66,7 +67,7 @@ def _joint_bounds(motion: Trajectory) -> tuple[Array, Array]:
     h = np.diff(motion.t)[:, None]
     mean, v0, v1 = np.diff(motion.q, axis=0) / h, motion.v[:-1], motion.v[1:]
     v = np.max(np.abs([v0, 3 * mean - v0 - v1, v1]), axis=0)
-    a = np.max(np.abs([6 * mean - 4 * v0 - 2 * v1, -6 * mean + 2 * v0 + 4 * v1]), axis=0) / h
+    a = np.max(np.abs(cubic_accelerations(motion.t, motion.q, motion.v)), axis=0)
     jumps = motion.jumps
     v[jumps], a[jumps] = np.maximum(np.abs(v0), np.abs(v1))[jumps], 0.0
     return v, a

@@ -140,7 +140,7 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
 
 
 @built_once(maxsize=16)
-def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
+def torque_rate_equations(joints: int, sides: int, given: bool = False) -> IntervalFunctions:
     """Torque rates between two neighbouring points, relative to the limits of the rates.
 
     Unknowns: the scaled torques at both points, then the durations of the legs that they lie in.
@@ -150,27 +150,14 @@ def torque_rate_equations(joints: int, sides: int) -> IntervalFunctions:
     Args:
         joints: of the arm.
         sides: legs: 1, or 2 where the points lie before and after a pose that is passed.
+        given: the first torques are no unknowns, but the first parameters: where the motion begins or ends.
     """
     before, after = ca.SX.sym("before", joints), ca.SX.sym("after", joints)
     durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
     rates = (after - before) * over / ca.dot(parts, durations)
-    y, p = ca.vertcat(before, after, durations), ca.vertcat(parts, over)
+    y, p = ca.vertcat(after, durations), ca.vertcat(parts, over)
+    y, p = (y, ca.vertcat(before, p)) if given else (ca.vertcat(before, y), p)
     return differentiated(f"torque_rate{sides}", y, p, rates, None, False)
-
-
-@built_once(maxsize=16)
-def torque_end_equations(joints: int) -> IntervalFunctions:
-    """Torque rates between a given torque and a point, where the motion begins or ends.
-
-    Unknowns: the scaled torques at the point, the leg's duration.
-    Parameters: the given torques, scaled likewise, shape (nv,); the part of the duration; half the range over
-    the limit [s], shape (nv,).
-    """
-    torque, duration = ca.SX.sym("torque", joints), ca.SX.sym("T")
-    given, part, over = ca.SX.sym("given", joints), ca.SX.sym("part"), ca.SX.sym("over", joints)
-    rates = (torque - given) * over / (part * duration)
-    y, p = ca.vertcat(torque, duration), ca.vertcat(given, part, over)
-    return differentiated("torque_end", y, p, rates, None, False)
 
 
 @built_once(maxsize=16)

@@ -16,7 +16,6 @@ from armdyn.optimal.flat.equations import (
     Shared,
     meeting_equations,
     rate_equations,
-    torque_end_equations,
     torque_equations,
     torque_rate_equations,
     torque_speed_equations,
@@ -230,4 +229,5 @@ def _torque_rates(shape: CurveLayout) -> list[_Part]:
     n = shape.joints
     steps = [_Part(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
     meetings = [_Part(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]
-    return [*steps, *meetings, *(_Part(torque_end_equations(n), end, 1 + 2 * n) for end in shape.torque_ends())]
+    ends = (_Part(torque_rate_equations(n, 1, given=True), end, 1 + 2 * n) for end in shape.torque_ends())
+    return [*steps, *meetings, *ends]

@@ -9,6 +9,7 @@ from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.excess import tops
 from armdyn.optimal.live.program import StepProgram
+from armdyn.trajectory.interpolation import cubic_accelerations
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +85,7 @@ def between_samples(seen: Checked, limits: JointLimits, torque: StateFunction) -
         limits: of the torques.
         torque: inverse dynamics, friction included.
     """
-    h = np.diff(seen.t)[:, None]
-    rise, before, after = np.diff(seen.q, axis=0) / h, seen.v[:-1], seen.v[1:]
-    a = np.concatenate([6 * rise - 4 * before - 2 * after, 2 * before + 4 * after - 6 * rise]) / np.tile(h, (2, 1))
+    a = np.concatenate(cubic_accelerations(seen.t, seen.q, seen.v))
     q, v = (np.concatenate([each[:-1], each[1:]]) for each in (seen.q, seen.v))
     beyond = limits.actuators.excess(torque(q, v, a), q, v) / limits.actuators.half_range
     return float(np.max(beyond))

@@ -11,6 +11,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import CondensedLayout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.interpolation import cubic
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +68,8 @@ class Guesses:
         each = np.arange(len(k))[:, None]
         left, h = t[each, k], (t[each, k + 1] - t[each, k])[..., None]
         s = (at - left)[..., None] / h
-        q0, v0, v1, tau0 = self.q[each, k], self.v[each, k], self.v[each, k + 1], self.tau[each, k]
-        rise = self.q[each, k + 1] - q0
-        c2, c3 = 3 * rise - h * (2 * v0 + v1), -2 * rise + h * (v0 + v1)
-        v = v0 + s * (2 * c2 + 3 * s * c3) / h
-        return q0 + s * (h * v0 + s * (c2 + s * c3)), v, tau0 + s * (self.tau[each, k + 1] - tau0)
+        (q0, q1), (v0, v1), (tau0, tau1) = ((own[each, k], own[each, k + 1]) for own in (self.q, self.v, self.tau))
+        return *cubic(s, h, (q0, q1), (v0, v1)), tau0 + s * (tau1 - tau0)
 
     def scales(self, problem: MinimumTimeProblem) -> list[Scales]:
         """Scales of each guess's program."""

@@ -10,7 +10,6 @@ from armdyn.optimal.flat.equations import (
     CurveInterval,
     meeting_equations,
     rate_equations,
-    torque_end_equations,
     torque_equations,
     torque_rate_equations,
 )
@@ -83,7 +82,7 @@ def test_a_rate_is_a_derivative_of_the_curve_over_its_limit(order):
 
 def test_torque_rates_are_differences_over_the_time_between():
     before, after, over = np.array([0.1, -0.2]), np.array([0.4, 0.1]), np.array([2.0, 3.0])
-    (one, two), ends = (torque_rate_equations(2, sides).defects for sides in (1, 2)), torque_end_equations(2).defects
+    one, two, ends = (torque_rate_equations(2, *how).defects for how in ((1,), (2,), (1, True)))
     rate = (after - before) * over / (0.05 * 0.8)
     np.testing.assert_allclose(one([*before, *after, 0.8], [0.05, *over]).full().ravel(), rate, rtol=1e-14)
     np.testing.assert_allclose(ends([*after, 0.8], [*before, 0.05, *over]).full().ravel(), rate, rtol=1e-14)
