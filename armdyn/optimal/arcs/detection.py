@@ -138,8 +138,6 @@ def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switc
             continue
         away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
         after = runs[r + 1][0] if r + 1 < len(runs) else away
-        if r + 1 < len(runs) and switching[r + 1]:
-            continue
         part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
         if after is mode:  # there and back: a short arc on the other limit
             if mode not in sign:
