@@ -22,7 +22,9 @@ def both_sides(jacobian: sp.csr_matrix, lower: Array, upper: Array) -> tuple[sp.
     above, below = np.flatnonzero(np.isfinite(upper)), np.flatnonzero(np.isfinite(lower))
     every = jacobian.shape[0]
     sides = [(jacobian if own.size == every else jacobian[own]) for own in (above, below)]
-    rows = sp.vstack([sides[0], -sides[1]], format="csr")
+    start, column, value = compressed(*sides)
+    value[sides[0].nnz :] *= -1
+    rows = sp.csr_matrix((value, column, start), (start.size - 1, jacobian.shape[1]))
     return rows, np.concatenate([upper[above], -lower[below]]), np.concatenate([above, below])
 
 

@@ -56,9 +56,9 @@ class TorqueRows:
         q, dq, ddq = np.einsum("kdj,kjn->dkn", self._local, x[self._points])
         v, a = dq / T, ddq / T**2
         tau, by_q, by_v, inertia = self._torques(q, v, a)
-        basis, wide = self._local[:, :, None, :, None], T[..., None]
-        by_points = basis[:, 0] * by_q[:, :, None] + basis[:, 1] * (by_v / wide)[:, :, None]
-        by_points += basis[:, 2] * (inertia / wide**2)[:, :, None]
+        wide = T[..., None]
+        parts = np.stack([by_q, by_v / wide, inertia / wide**2], axis=1)
+        by_points = np.einsum("kdj,kdab->kajb", self._local, parts)
         by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None]) / wide
         columns = [by_points.reshape(*tau.shape, -1), by_duration]
         values = np.concatenate(columns, axis=2) / self.half_range[:, None]
