@@ -3,6 +3,7 @@
 import pytest
 
 import armdyn as ad
+from armdyn.cycle.costs import _simpler
 from armdyn.errors import ProblemError
 from cycles import planar, planar_solved
 
@@ -68,3 +69,13 @@ def test_costs_are_of_usable_cycles():
     broken = ad.solve_cycle(planar(obstacles=[ad.Sphere((0.06, 0.0, 0.05), 0.02)]), QUICK)
     with pytest.raises(ProblemError, match="usable"):
         ad.cycle_costs(broken)
+
+
+def test_each_condition_of_a_move_is_left_out_once():
+    move = ad.Move([1.0, -0.4], via=([0.2, 0.1], [0.4, 0.3]), retreat=0.02, approach=0.03, speed=0.5)
+    simpler = dict(_simpler(move))
+    assert list(simpler) == ["via 1", "via 2", "straight retreat", "straight approach", "speed of 0.5 m/s"]
+    assert simpler["via 1"].via == move.via[1:] and simpler["via 2"].via == move.via[:1]
+    assert simpler["straight retreat"].retreat is None and simpler["straight retreat"].approach == move.approach
+    assert simpler["straight approach"].approach is None and simpler["straight approach"].speed == 0.5
+    assert simpler["speed of 0.5 m/s"].speed is None and simpler["speed of 0.5 m/s"].via == move.via
