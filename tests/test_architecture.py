@@ -57,6 +57,7 @@ def test_every_file_named_is_there():
         assert any((root / name).exists() for root in rooms), name
 
 
+@pytest.mark.slow
 def test_no_two_classes_share_a_name():
     found = Counter(
         node.name

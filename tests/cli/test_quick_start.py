@@ -70,6 +70,7 @@ def test_completion_does_without_the_sciences():
     assert not there & set(HEAVY)
 
 
+@pytest.mark.slow
 def test_a_robot_is_looked_at_without_the_solver():
     there, _ = loaded("doctor", "panda", "--json")
     assert "pinocchio" in there

@@ -70,6 +70,7 @@ def test_a_solution(solution):
     assert "certified" in words and f"{solution.duration:.6f} s" in words and "time decided by" in words
 
 
+@pytest.mark.slow
 def test_a_motion_and_a_run(solution, run):
     words = text_of(solution.trajectory._repr_html_())
     assert "minimum time" in words and f"{solution.trajectory.t.size}" in words and "largest torque" in words

@@ -9,7 +9,7 @@ from show.motions import HANGING, RAISED, quintic
 ALWAYS = ["trajectory.npz", "result.json"]
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize(
     ("parts", "drawn", "told"),
     [

@@ -144,6 +144,7 @@ def _sayable(name):
     return True
 
 
+@pytest.mark.slow
 @given(trajectories(), st.floats(0.5, 200), st.text("ab,;\"' µ", max_size=6))
 def test_a_table_reads_back_to_the_last_bit(motion, rate, name):
     samples = motion.resample(rate)

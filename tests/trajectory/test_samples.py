@@ -43,6 +43,7 @@ def test_stamps_increase_and_means_add_up(motion, rate):
     np.testing.assert_array_equal(samples.a[-1], samples.a[-2])
 
 
+@pytest.mark.slow
 @given(trajectories(), st.floats(0.5, 2e4))
 def test_ticks_are_even_but_for_the_last(motion, rate):
     t = motion.resample(rate).t

@@ -91,6 +91,7 @@ def test_a_text_includes_nothing():
         parse_mjcf('<mujoco><include file="x.xml"/></mujoco>', "text")
 
 
+@pytest.mark.slow
 def test_includes_are_bounded_together(write):
     for i in range(MAX_FILES + 1):
         write("<m/>", f"{i}.xml")

@@ -204,6 +204,7 @@ def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, read):
     assert read(tree(MAX_LINKS, deep, 7)).nv == 142
 
 
+@pytest.mark.slow
 def test_many_elements_are_refused_quickly():
     started = time.process_time()
     with pytest.raises(UrdfError, match="more than 200000 elements"):

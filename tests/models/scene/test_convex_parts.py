@@ -57,6 +57,7 @@ def test_a_ur5_has_few_parts():
     assert len({body.name for body in meshes}) == 7 and len(meshes) == 12
 
 
+@pytest.mark.slow
 def test_parts_are_cut_once(tmp_path, monkeypatch):
     monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path))
     ring = trimesh.creation.annulus(0.08, 0.1, 0.2)

@@ -55,6 +55,7 @@ def played(model, substeps=4):
     return data.qpos
 
 
+@pytest.mark.slow
 def test_a_library_arm_plays_its_motion():
     """A Panda with a load: fingers, their damping and mesh paths are gone, and it ends on the goal, open loop, too."""
     robot = ad.Robot.from_library("panda", payload=ad.Payload(mass=1.0))

@@ -35,6 +35,7 @@ def test_a_needle_that_only_the_tip_touches_is_found():
     assert clear.nearest.sure and not clear.missed and clear.nearest.distance > 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thick", [5e-4, 1e-3])
 def test_a_thin_wall_that_is_crossed_is_never_proven_clear(thick):
     robot, random = robot_named("panda"), np.random.default_rng(5)

@@ -26,6 +26,7 @@ def rr(*path_constraints, **keywords):
     )
 
 
+@pytest.mark.slow
 def test_the_guide_s_example_works():
     (code,) = re.findall(r"```python\n(   @dataclass.*?)```", GUIDE.read_text(), re.DOTALL)
     room = {each.__name__: each for each in (dataclass, PathConstraint, ConstraintReport, StageRows, RowValues)} | {

@@ -62,6 +62,7 @@ def test_growth_is_that_of_open_loop_replays(friction):
     assert found.growth == pytest.approx(np.linalg.norm(np.column_stack(columns), 2), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_two_integrators_agree_open_loop_on_the_papers_arm():
     solution = solved("rr")
     certificate, motion = solution.certificate, solution.trajectory

@@ -48,6 +48,7 @@ def test_without_the_stagewise_method_a_mesh_stays_as_it_is():
     assert at_switches(task, attempt) is attempt
 
 
+@pytest.mark.slow
 def test_a_joint_that_starts_near_its_position_limit_is_certified():
     # Equal intervals show a contact from the start on; it begins after a tenth of the duration.
     problem = ad.MinimumTimeProblem(

@@ -62,6 +62,7 @@ def test_a_curve_chooses_its_end_within_a_region(region):
         np.testing.assert_allclose(motion.q[-1], q, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_arcs_to_a_region_are_usable_and_not_called_extremal():
     robot = paper_arm("rr")
     at = placement(robot, np.array([0.2, 0.5]))

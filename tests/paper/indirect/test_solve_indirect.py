@@ -138,6 +138,7 @@ def test_limits_that_are_not_reached_change_nothing():
     assert bounded.duration == pytest.approx(free.duration, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_finite_differences_come_to_the_same_at_second_order():
     problem = paper_problem("rr", effort_weight=1.0)
     exact = solve_indirect(problem).duration

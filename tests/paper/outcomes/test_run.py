@@ -95,6 +95,7 @@ def test_arrivals(case, name, payload, reading):
         assert outcome.time == pytest.approx(expected, abs=2e-3)  # the reference was sampled at about that
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("payload", [0.0212, 0.1006, 0.5, 1.0])
 def test_three_links_settle_by_the_printed_equations_alone(payload):
     lagrangian = computed.outcome(Case(6, "rrr", "pid", payload, "mM"))

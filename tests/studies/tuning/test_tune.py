@@ -36,6 +36,7 @@ def test_the_search_is_as_good_as_a_grid():
     assert found.evaluations >= 8 * 2
 
 
+@pytest.mark.slow
 def test_the_same_with_any_number_of_threads():
     family, ramps = ad.ControllerFamily.pid(ROBOT, POSES["r"][1]), ad.Ramps(*POSES["r"], (0.15, 0.5))
     answers = [
@@ -79,6 +80,7 @@ def test_a_time_limit_gives_the_best_so_far():
     assert len(found.history) == 1
 
 
+@pytest.mark.slow
 def test_an_answer_keeps_to_the_overshoot_where_another_would_settle_sooner():
     family = ad.ControllerFamily("loose", (ad.Parameter("kd", 1.0, 100.0),), lambda x: ad.Pid(
         ad.PidGains(2000.0, 0.0, x["kd"]), form="computed_torque", feedforward=False

@@ -1,6 +1,7 @@
 """Free torques of a rollout: how its arcs answer to their singular controls, against rollouts beside it."""
 
 import numpy as np
+import pytest
 
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.switching.extremal.change import Change
@@ -45,6 +46,7 @@ def test_torques_are_their_courses_where_they_are_free():
     np.testing.assert_allclose(rollout.torques.tau[0][steps, 1], unit * (smooth + leap), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_arcs_answer_to_all_unknowns_as_differences_say():
     rollout, small = rolled_out(), 1e-6
     by, still = rollout.arcs[1], np.zeros_like(rollout.structure.states)
