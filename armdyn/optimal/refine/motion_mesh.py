@@ -85,10 +85,10 @@ class _Meshes:
         rough = replace(
             self.task.sharp(),
             tolerance=numbers.tolerance,
-            max_iterations=numbers.iterations,
+            max_iterations=numbers.first_iterations,
             barrier=numbers.barrier,
         )
-        near = replace(rough, barrier=numbers.near_barrier, push=numbers.push)
+        near = replace(rough, max_iterations=numbers.iterations, barrier=numbers.near_barrier, push=numbers.push)
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             first = knots.size - 1 == numbers.intervals
@@ -117,8 +117,9 @@ class _Meshes:
             faster: excess over a limit of velocity, as a part of it, by which the next motion stays within them.
             beyond: the same of a position limit, as a part of its range.
         """
-        knots = _in_parts(attempt.mesh, np.where(rough, self.task.policy.motion_mesh.parts, 1))
-        if not (np.any(rough) and self.worth(knots)) or self.task.stop:
+        numbers = self.task.policy.motion_mesh
+        knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
+        if not (np.any(rough) and knots.size <= numbers.most_again and self.worth(knots)) or self.task.stop:
             return None
         found = self._solved(self._within(faster, beyond), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None

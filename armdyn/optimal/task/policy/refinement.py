@@ -81,7 +81,13 @@ class MotionMeshPolicy:
     intervals: int = tuned(160, "intervals", "of the first mesh")
     most: int = tuned(3000, "knots", "more take a second")
     rounds: int = tuned(7, "meshes", "a switch is then located to 1e-6 of the duration")
-    iterations: int = tuned(300, "iterations", "at most: most take 5 to 60", "random arms (RRR)")
+    first_iterations: int = tuned(300, "iterations", "on the first mesh, at most", "random arms (RRR)")
+    iterations: int = tuned(
+        130,
+        "iterations",
+        "on the others, at most: most take 5 to 60; where idle joints take more the next tie takes 6 to 50",
+        "random arms (RRR)",
+    )
     sharp_iterations: int = tuned(
         200, "iterations", "of the last mesh, at most: most take 20 to 60", "random arms (RRR)"
     )
@@ -137,6 +143,7 @@ class MotionMeshPolicy:
     spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
     fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
     again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    most_again: int = tuned(5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)")
     nearly: float = tuned(
         1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
     )
