@@ -16,7 +16,7 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE, percent
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
@@ -263,17 +263,20 @@ class _Judged:
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
     """The best motion of a mesh, and of those divided where the one before is not yet certified; None: none lands."""
-    task, best = meshes.task, _judged(meshes.task, mesh, remark)
+    task, best, numbers = meshes.task, _judged(meshes.task, mesh, remark), meshes.task.policy.motion_mesh
     if best is None:
         return None
-    for k in range(task.policy.motion_mesh.again):
+    for k in range(numbers.again):
         _, velocity, position = (one.share for one in excesses(task.problem.limits, best.optimum.trajectory))
         faster = velocity if k else 0.0  # shorter intervals exceed limits by less
         divided = meshes.again(mesh, best.rough, faster, position if position > LIMIT_TOLERANCE else 0.0)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
+        stalled = found.saving > max(numbers.falls * best.saving, SAVING_TOLERANCE)
         mesh, best = divided, found
+        if stalled and best.optimum.within_limits:
+            break
     return best.optimum
 
 
@@ -289,8 +292,12 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau), None, remark)
     costates = mesh_costates(problem, motion, replay, task.policy)
     rough = _rough(task, motion, replay, costates)
-    if costates is None or costates.saving > SAVING_TOLERANCE:
-        return _Judged(found, np.inf if costates is None else costates.saving, rough)
+    if costates is None:
+        return _Judged(found, np.inf, rough)
+    if costates.saving > SAVING_TOLERANCE:
+        most = f"a small change may save up to {percent(costates.saving)} of its time"
+        why = f"{most}; at most {percent(SAVING_TOLERANCE)} is certified"
+        return _Judged(replace(found, certificate=replace(found.certificate, remark=why)), costates.saving, rough)
     certificate = replace(
         found.certificate,
         remark="",

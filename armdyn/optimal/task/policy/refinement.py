@@ -143,6 +143,12 @@ class MotionMeshPolicy:
     spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
     fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
     again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
+    falls: float = tuned(
+        0.9,
+        "of the saving before",
+        "to which such a mesh brings it at least, or more divided ones do not either",
+        "random arms (RRR)",
+    )
     most_again: int = tuned(5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)")
     nearly: float = tuned(
         1e-3, "-", "saving, and excess over a limit, beyond which that is not worth a mesh", "random arms (RRR)"
