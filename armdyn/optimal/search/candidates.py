@@ -88,17 +88,11 @@ def find(task: Task) -> Found:
         several = min(count, max(count // share, numbers.again_at_least))
         prepare_quickly(task, mesh, task.fine())
         with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
-            again = _searched(near, several, SearchSettings(meshes, _brief(task)), known=refined.attempts)
+            again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
             refined = _refined(near, found)
         iterations += refined.iterations + sum(attempt.iterations for attempt in again)
     return Found(tuple(refined.attempts), mesh=mesh, listed=tuple(refined.listed), iterations=iterations)
-
-
-def _brief(task: Task) -> list[SolverSettings]:
-    """Settings for guesses on fine meshes, where the few that take long take most of the time."""
-    most = min(task.policy.search.again_iterations, task.options.max_iterations)
-    return [replace(one, max_iterations=most) for one in task.coarse()]
 
 
 def _searched(

@@ -85,12 +85,6 @@ class SearchPolicy:
         6, "times as many", "coarse optima are solved on the finer mesh: many are too good to be true", "RRR, random"
     )
     again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes")
-    again_iterations: int = tuned(
-        200,
-        "iterations",
-        "of such a guess: best optima take 60 to 160, what takes more is found by others",
-        "RRR, random",
-    )
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
         1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left"
