@@ -18,6 +18,7 @@ import resource
 import statistics
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,10 @@ import pinocchio as pin
 from scipy.stats import binomtest
 
 import armdyn as ad
+from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.search_level import SEARCH_LEVELS
+from armdyn.optimal.task.task import Task
 
 SAME = 1e-6
 """Largest relative difference of two durations that count as the same optimum."""
@@ -81,10 +84,12 @@ def other_link(random: np.random.Generator) -> ad.LinkSpec:
     return ad.LinkSpec(length=length, com=com, mass=mass, inertia=mass * length**2 / 12)
 
 
-def solved(problem: ad.MinimumTimeProblem, options: ad.MinimumTimeOptions) -> dict[str, object]:
-    """Solution of a problem, and the time that it took."""
+def solved(problem: ad.MinimumTimeProblem, options: ad.MinimumTimeOptions, times: float = 1.0) -> dict[str, object]:
+    """Solution of a problem by so many times the guesses of the options, those of curves excepted; its CPU time."""
     started, before = time.perf_counter(), cpu_seconds()
-    found = ad.solve_minimum_time(problem, options)
+    task = Task.of(problem, options)
+    starts = round(times * task.policy.search.starts)
+    found = solve_task(replace(task, policy=task.policy.changed("search", starts=starts)))
     return {
         "duration": found.duration if found.usable else None,
         "certified": bool(found.certified),
@@ -113,9 +118,8 @@ def measured(given: argparse.Namespace) -> None:
         options = ad.MinimumTimeOptions(calm=0, search=given.search, time_limit=given.time_limit)
         line: dict[str, object] = {"pair": k, "case": case_of(given), "own": solved(problem, options)}
         if given.times:
-            starts = given.times * Policy.of(problem).search.starts
-            more = ad.MinimumTimeOptions(calm=0, search="thorough", starts=starts, time_limit=20 * given.time_limit)
-            line["more"] = solved(problem, more)
+            more = replace(options, search="thorough", time_limit=20 * given.time_limit)
+            line["more"] = solved(problem, more, given.times / Policy.of(problem).search.thorough)
         with given.out.open("a") as file:
             file.write(json.dumps(line) + "\n")
         print(f"{line['case']} {k}: {line['own']['message']}", file=sys.stderr, flush=True)
