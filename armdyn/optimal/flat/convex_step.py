@@ -1,5 +1,6 @@
 """One step of sequential convexification: a quadratic program, by the interior-point method of `_curves/`, in C++."""
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Self
 
@@ -14,18 +15,11 @@ _MOST = 60
 """Iterations; those that end take 10 to 30."""
 
 
-def both_sides(jacobian: sp.csr_matrix, lower: Array, upper: Array) -> tuple[sp.csr_matrix, Array, Index]:
-    """Finite sides of `lower <= jacobian @ step <= upper` as rows below tops, and of which row each is.
-
-    The upper sides come first.
-    """
-    above, below = np.flatnonzero(np.isfinite(upper)), np.flatnonzero(np.isfinite(lower))
-    every = jacobian.shape[0]
-    sides = [(jacobian if own.size == every else jacobian[own]) for own in (above, below)]
-    start, column, value = compressed(*sides)
-    value[sides[0].nnz :] *= -1
-    rows = sp.csr_matrix((value, column, start), (start.size - 1, jacobian.shape[1]))
-    return rows, np.concatenate([upper[above], -lower[below]]), np.concatenate([above, below])
+def with_values(pattern: sp.csr_matrix, values: Array) -> sp.csr_matrix:
+    """A matrix of the same pattern with other values; scipy's constructor would check the pattern again."""
+    out = copy(pattern)
+    out.data = values
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,22 +27,22 @@ class SoftRows:
     """Inequalities that may be violated at a price: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
 
     Attributes:
-        jacobian: by the unknowns, shape (rows, unknowns).
-        upper: shape (rows,).
+        jacobian: by the unknowns: matrices below each other, of (rows, unknowns) together.
+        upper: shape (rows,), inf: no limit.
         groups: of the slack that each row shares with others, shape (rows,).
         price: of a unit of slack.
     """
 
-    jacobian: sp.csr_matrix
+    jacobian: tuple[sp.csr_matrix, ...]
     upper: Array
     groups: Index
     price: float
 
     @classmethod
     def between(cls, jacobian: sp.csr_matrix, lower: Array, upper: Array, groups: Index, price: float) -> Self:
-        """Rows of `lower <= jacobian @ step <= upper`; see `both_sides`."""
-        rows, top, which = both_sides(jacobian, lower, upper)
-        return cls(rows, top, groups[which], price)
+        """Rows of `lower <= jacobian @ step <= upper`, the upper sides first."""
+        both = jacobian, with_values(jacobian, -jacobian.data)
+        return cls(both, np.concatenate([upper, -lower]), np.tile(groups, 2), price)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +56,7 @@ class ConvexStep:
         curvature: of the cost, positive semidefinite, shape (unknowns, unknowns).
         squares: rows, and the weights of their halved squares in the cost.
         bounds: of the step, each of shape (unknowns,); where it is not fixed the lower one is below the upper one.
-        hard: inequalities without a price: their Jacobian, and upper sides of shape (rows,).
+        hard: inequalities without a price: their Jacobian and upper sides, as those of `SoftRows`.
         soft: inequalities that may be violated.
     """
 
@@ -71,7 +65,7 @@ class ConvexStep:
     curvature: sp.csr_matrix
     squares: tuple[sp.csr_matrix, Array]
     bounds: tuple[Array, Array]
-    hard: tuple[sp.csr_matrix, Array]
+    hard: tuple[tuple[sp.csr_matrix, ...], Array]
     soft: tuple[SoftRows, ...]
 
 
@@ -116,7 +110,7 @@ def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
         square_weight=problem.squares[1],
         lower=problem.bounds[0],
         upper=problem.bounds[1],
-        rows=compressed(hard, *(rows.jacobian for rows in soft)),
+        rows=compressed(*hard, *(part for rows in soft for part in rows.jacobian)),
         top=np.concatenate([top, *(rows.upper for rows in soft)]),
         slack=np.concatenate(slacks).astype(np.int32),
         price=np.concatenate(prices),

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from armdyn.arrays import Array, Flags, Index
 from armdyn.optimal.flat.basis import Basis
-from armdyn.optimal.flat.convex_step import both_sides
+from armdyn.optimal.flat.convex_step import with_values
 from armdyn.optimal.flat.program import CurveLayout
 
 
@@ -23,6 +23,7 @@ class Sides:
         bounds: low and high, each of shape (rows,).
         power: k of each row g = c(points) / T^k, shape (rows,); 0: it is of no such form.
         duration: index of T of each, shape (rows,).
+        closed: whether the last entry of every row of the Jacobian is that of its T.
     """
 
     jacobian: sp.csr_matrix
@@ -30,6 +31,7 @@ class Sides:
     bounds: tuple[Array, Array]
     power: Array
     duration: Index
+    closed: bool = False
 
     @property
     def missed(self) -> float:
@@ -47,22 +49,26 @@ class Sides:
         if np.all(which):
             return self
         low, high = (side[which] for side in self.bounds)
-        return type(self)(
-            self.jacobian[which], self.values[which], (low, high), self.power[which], self.duration[which]
-        )
+        own = self.jacobian[which], self.values[which], (low, high), self.power[which], self.duration[which]
+        return type(self)(*own, self.closed)
 
-    def below(self, x: Array) -> tuple[sp.csr_matrix, Array, Index]:
-        """All finite sides as rows of a step below tops, and of which row each is, the upper sides first.
+    def below(self, x: Array) -> tuple[tuple[sp.csr_matrix, ...], Array, Index]:
+        """Both sides as rows of a step below tops, and of which row each is, the upper sides first.
 
         c / T^k <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent of T^k is used, which is
         exact or on the safe side.
         """
-        low, high = self.bounds
-        rows, top, which = both_sides(self.jacobian, low - self.values, high - self.values)
+        (low, high), jacobian = self.bounds, self.jacobian
+        top = np.concatenate([high - self.values, self.values - low])
         # From -k c / T^(k + 1), which the Jacobian has, to -k b / T.
-        duration = self.duration[which]
-        change = -self.power[which] * top / x[duration]
-        return rows + sp.csr_matrix((change, duration, np.arange(top.size + 1)), rows.shape), top, which
+        changes = np.where(np.isinf(top), 0.0, top).reshape(2, -1) * (-self.power / x[self.duration])
+        rows = [with_values(jacobian, sign * jacobian.data) for sign in (1, -1)]
+        for k, change in enumerate(changes):
+            if self.closed:
+                rows[k].data[jacobian.indptr[1:] - 1] += change
+            else:
+                rows[k] += sp.csr_matrix((change, self.duration, np.arange(change.size + 1)), jacobian.shape)
+        return tuple(rows), top, np.tile(np.arange(self.values.size), 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,5 +119,5 @@ class DerivativeRows:
         c = linear @ x
         entries = linear.data.reshape(c.size, -1) / T[:, None] ** k
         entries[:, -1] = -k * c / T ** (k + 1)
-        jacobian = sp.csr_matrix((entries.ravel(), linear.indices, linear.indptr), linear.shape)
-        return Sides(jacobian, c / T**k, bounds, np.full(c.size, float(k)), self.duration)
+        jacobian = with_values(linear, entries.ravel())
+        return Sides(jacobian, c / T**k, bounds, np.full(c.size, float(k)), self.duration, closed=True)

@@ -223,7 +223,7 @@ class Sequential:
         rows = (at.velocities.only(given) if np.any(given) else None, at.others)
         soft += [SoftRows(*sides.below(at.x), policy.other) for sides in rows if sides is not None]
         if at.near is not None:
-            soft.append(SoftRows(-at.near.jacobian, at.near.spare, at.near.samples, policy.distance))
+            soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
         nothing = np.zeros(at.x.size)
         return ConvexStep(
             place=problem.place,
@@ -254,13 +254,9 @@ class Sequential:
         """Multipliers of torque limits and velocity limits, with IPOPT's signs."""
         torques, rates = self.problem.torques.ravel(), self.problem.rates
         least, most = (side[rates] for side in self.problem.numbers.g_bounds)
-        rates, least, most = rates[least < most], least[least < most], most[least < most]
-        low, high = (side[torques] for side in self.problem.numbers.x_bounds)
-        for out, own, sides, found in (
-            (lam_x, torques, (low, high), step.multipliers[1]),
-            (lam_g, rates, (least, most), step.multipliers[0]),
+        for out, own, found in (
+            (lam_x, torques, step.multipliers[1]),
+            (lam_g, rates[least < most], step.multipliers[0]),
         ):
-            below, above = (own[np.isfinite(side)] for side in sides)
-            upper, lower = np.split(found, [above.size])
-            out[above] += upper
-            out[below] -= lower
+            upper, lower = np.split(found, 2)
+            out[own] += upper - lower

@@ -10,6 +10,7 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics_derivatives
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import Basis
+from armdyn.optimal.flat.convex_step import with_values
 from armdyn.optimal.flat.program import CurveLayout
 
 
@@ -42,25 +43,25 @@ class TorqueRows:
             legs: of each its basis, and the points as parts of its duration.
             shape: of the program.
         """
-        self.half_range, self.size, n = half_range, shape.size, robot.nv
+        self.half_range, n = half_range, robot.nv
         self._torques = inverse_dynamics_derivatives(robot)
         self._local, self._points = np.concatenate([basis.local(s) for basis, s in legs]), shape.windows(legs)
         self._duration = np.repeat([shape.duration(k) for k in shape.legs], [s.size for _, s in legs])
         columns = np.hstack([self._points.reshape(self._duration.size, -1), self._duration[:, None]])
-        self._columns = np.repeat(columns, n, axis=0).astype(np.int32).ravel()
-        self._starts = np.arange(n * self._duration.size + 1, dtype=np.int32) * columns.shape[1]
+        index = np.repeat(columns, n, axis=0).astype(np.int32)
+        starts = np.arange(len(index) + 1, dtype=np.int32) * index.shape[1]
+        self._pattern = csr_matrix((np.zeros(index.size), index.ravel(), starts), (len(index), shape.size))
 
     def at(self, x: Array) -> TorqueParts:
         """Linearise the torques at unknowns x, shape (unknowns,), of which the torques count for nothing."""
         T = x[self._duration][:, None]
-        q, dq, ddq = np.einsum("kdj,kjn->dkn", self._local, x[self._points])
+        q, dq, ddq = (self._local @ x[self._points]).transpose(1, 0, 2)
         v, a = dq / T, ddq / T**2
         tau, by_q, by_v, inertia = self._torques(q, v, a)
-        wide = T[..., None]
-        parts = np.stack([by_q, by_v / wide, inertia / wide**2], axis=1)
-        by_points = np.einsum("kdj,kdab->kajb", self._local, parts)
+        n, wide = tau.shape[1], T[..., None]
+        local = self._local.transpose(0, 2, 1) / wide ** np.arange(3)
+        by_points = local @ np.stack([by_q, by_v, inertia], axis=1).reshape(len(tau), 3, n * n)
         by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None]) / wide
-        columns = [by_points.reshape(*tau.shape, -1), by_duration]
+        columns = [by_points.reshape(len(tau), -1, n, n).transpose(0, 2, 1, 3).reshape(len(tau), n, -1), by_duration]
         values = np.concatenate(columns, axis=2) / self.half_range[:, None]
-        matrix = csr_matrix((values.ravel(), self._columns, self._starts), (tau.size, self.size), copy=False)
-        return TorqueParts(q, v, tau / self.half_range, matrix)
+        return TorqueParts(q, v, tau / self.half_range, with_values(self._pattern, values.ravel()))

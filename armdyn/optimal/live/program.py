@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
-from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step
+from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step, with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.curve_cost import quadratic_form
 from armdyn.optimal.flat.derivative_rows import DerivativeRows, Sides
@@ -194,17 +194,17 @@ class StepProgram:
         for price, sides in self._priced(at):
             soft.append(SoftRows(*sides.below(x), price))
         if at.near is not None:
-            soft.append(SoftRows(-at.near.jacobian, at.near.spare, at.near.samples, policy.distance))
+            soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
         gradient = self._smoothing @ x
         gradient[self._last] = 1.0 + gradient[self._points[1]] @ self._lead(ends)
         found = solve_step(
             ConvexStep(
                 place=self._place,
                 gradient=gradient,
-                curvature=(1 + policy.proximal / reach) * self._smoothing,
+                curvature=with_values(self._smoothing, (1 + policy.proximal / reach) * self._smoothing.data),
                 squares=self._nothing,
                 bounds=self._step_bounds(at, reach),
-                hard=self._nothing,
+                hard=((), np.empty(0)),
                 soft=tuple(soft),
             ),
             policy.accuracy,

@@ -28,23 +28,24 @@ def program(random, n=6, rows=30, upper=1.0, together=3, wide=6):
         curvature=sp.identity(n, format="csr") * 0.1,
         squares=(jacobian(), random.uniform(0, 0.1, rows)),
         bounds=(np.full(n, -0.5), np.full(n, 0.5)),
-        hard=(jacobian(), random.uniform(0.1, upper, rows)),
-        soft=(SoftRows(jacobian(), random.uniform(-0.1, upper, rows), np.arange(rows) // together, 0.7),),
+        hard=((jacobian(),), random.uniform(0.1, upper, rows)),
+        soft=(SoftRows((jacobian(),), random.uniform(-0.1, upper, rows), np.arange(rows) // together, 0.7),),
     )
 
 
 def expect_solution(problem, found, accuracy=1e-7):
     """Karush, Kuhn and Tucker: feasible, stationary, complementary; the cost is the step's."""
-    (hard, top), (rows,), (lower, upper) = problem.hard, problem.soft, problem.bounds
+    ((hard,), top), (rows,), (lower, upper) = problem.hard, problem.soft, problem.bounds
+    (soft,) = rows.jacobian
     curvature = problem.curvature + problem.squares[0].T @ sp.diags(problem.squares[1]) @ problem.squares[0]
     step, (of_hard, of_soft) = found.step, found.multipliers
-    change = rows.jacobian @ step - rows.upper
+    change = soft @ step - rows.upper
     slack = np.zeros(int(np.max(rows.groups)) + 1)
     np.maximum.at(slack, rows.groups, change)
     assert found.found
     assert np.max(hard @ step - top) < accuracy
     assert np.min(step - lower) > -accuracy and np.min(upper - step) > -accuracy
-    slope = problem.gradient + curvature @ step + hard.T @ of_hard + rows.jacobian.T @ of_soft + found.bounds
+    slope = problem.gradient + curvature @ step + hard.T @ of_hard + soft.T @ of_soft + found.bounds
     np.testing.assert_allclose(slope, 0, atol=accuracy)
     assert min(np.min(of_hard), np.min(of_soft)) >= 0
     paid = np.bincount(rows.groups, of_soft)
@@ -75,8 +76,8 @@ def test_a_program_against_another_solver():
         return problem.gradient @ z[:6] + z[:6] @ (problem.curvature @ z[:6]) / 2 + rows.price * np.sum(z[6:])
 
     kept = [
-        {"type": "ineq", "fun": lambda z: problem.hard[1] - problem.hard[0] @ z[:6]},
-        {"type": "ineq", "fun": lambda z: rows.upper - rows.jacobian @ z[:6] + z[6:][rows.groups]},
+        {"type": "ineq", "fun": lambda z: problem.hard[1] - problem.hard[0][0] @ z[:6]},
+        {"type": "ineq", "fun": lambda z: rows.upper - rows.jacobian[0] @ z[:6] + z[6:][rows.groups]},
     ]
     bounds = [(-0.5, 0.5)] * 6 + [(0, None)] * slacks
     other = minimize(cost, np.zeros(6 + slacks), bounds=bounds, constraints=kept, options={"maxiter": 500})
@@ -86,12 +87,12 @@ def test_a_program_against_another_solver():
 
 def test_rows_beyond_reach_change_nothing_and_have_no_multiplier():
     problem = program(np.random.default_rng(5))
-    far = np.full(30, 20.0)  # no step within half a unit reaches so far
-    twice = sp.vstack([problem.hard[0], problem.hard[0]], format="csr")
-    wide = replace(problem, hard=(twice, np.append(problem.hard[1], far)))
-    alone, both = accurately(problem), accurately(wide)
-    np.testing.assert_array_equal(both.step, alone.step)
-    np.testing.assert_array_equal(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)))
+    alone = accurately(problem)
+    for far in (20.0, np.inf):  # no step within half a unit reaches so far
+        wide = replace(problem, hard=(2 * problem.hard[0], np.append(problem.hard[1], np.full(30, far))))
+        both = accurately(wide)
+        np.testing.assert_array_equal(both.step, alone.step)
+        np.testing.assert_array_equal(both.multipliers[0], np.append(alone.multipliers[0], np.zeros(30)))
 
 
 def test_equations_are_missed_where_they_cost_too_much():
@@ -99,7 +100,7 @@ def test_equations_are_missed_where_they_cost_too_much():
     either = sp.csr_matrix(np.eye(6)[:1] * np.array([[1.0], [-1.0]]))
     free = float(accurately(problem).step[0])
     for aim, price, missed in ((free + 0.1, 100.0, False), (free + 0.1, 1e-3, True), (free - 0.1, 100.0, False)):
-        rows = SoftRows(either, np.array([aim, -aim]), np.arange(2), price)
+        rows = SoftRows((either,), np.array([aim, -aim]), np.arange(2), price)
         found = accurately(replace(problem, soft=(*problem.soft, rows)))
         assert found.found and (abs(found.step[0] - aim) > 1e-3) == missed
 
@@ -107,7 +108,7 @@ def test_equations_are_missed_where_they_cost_too_much():
 def test_no_step_keeps_rows_that_exclude_each_other():
     problem = program(np.random.default_rng(9))
     both = sp.csr_matrix(np.array([[1.0, 0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0, 0]]))
-    assert not accurately(replace(problem, hard=(both, np.array([-0.2, -0.2])))).found
+    assert not accurately(replace(problem, hard=((both,), np.array([-0.2, -0.2])))).found
 
 
 def test_unknowns_that_are_fixed_do_not_move_and_the_order_does_not_matter():

@@ -104,8 +104,8 @@ def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
             (own.velocities(x), own.velocities(x + step)),
             (own.other_sides(x, at.jacobian), own.other_sides(x + step, after.jacobian)),
         ):
-            jacobian, top, which = sides.below(x)
-            kept = jacobian @ step <= top
+            jacobians, top, which = sides.below(x)
+            kept = np.concatenate([jacobian @ step for jacobian in jacobians]) <= top
             true = np.concatenate([then.values <= then.bounds[1], then.values >= then.bounds[0]])
             assert np.all(true[kept])
             np.testing.assert_array_equal(which, np.tile(np.arange(sides.values.size), 2))
