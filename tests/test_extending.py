@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import armdyn as ad
-from armdyn.cli.options.course import obstacles_of
+from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models.scene.collision import collision_model

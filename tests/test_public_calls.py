@@ -79,7 +79,7 @@ INNER = {
         "at_goal",
         "bounded",
         "check",
-        "asked_distances",
+        "required_distances",
         "derivative_limit",
         "fits",
         "from_table",

@@ -16,8 +16,8 @@ from armdyn.arguments import whole
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
 from armdyn.cli.invocation import invocation
 from armdyn.cli.layout import Followed
-from armdyn.cli.options.course import SceneOptions
 from armdyn.cli.options.groups import argument, flag, given, option
+from armdyn.cli.options.path_constraints import SceneOptions
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument

@@ -99,11 +99,11 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
         return _numbers(robot, equations, parameters_of(unknowns.bodies(x)))
 
     prior, values = _numbers(robot, equations, _given(robot, equations)), at(fit.x)
-    slopes = _slopes(at, fit.x, 10 * len(unknowns.joints))
+    jacobian = _jacobian(at, fit.x, 10 * len(unknowns.joints))
     names = ["payload"] if equations.what == "payload" else robot.joint_names
     for b in range(len(unknowns.joints)):
         for k, (what, unit) in enumerate(BODY):
-            yield estimated(f"{what} of {names[b]}", unit, prior[b, k], values[b, k], slopes[b, k])
+            yield estimated(f"{what} of {names[b]}", unit, prior[b, k], values[b, k], jacobian[b, k])
     start, found = 10 * len(unknowns.joints), unknowns.numbers(fit.x)
     priors = (robot.model.armature, *robot.friction.per_joint(robot.nv), np.zeros(robot.nv))
     scales = (unknowns.armature, unknowns.damping, unknowns.coulomb, unknowns.offset)
@@ -114,11 +114,11 @@ def _parameters(robot: Robot, equations: Equations, fit: Fit) -> Iterator[Estima
         start += sizes.size
 
 
-def _slopes(function: Callable[[Array], Array], x: Array, count: int) -> Array:
+def _jacobian(function: Callable[[Array], Array], x: Array, count: int) -> Array:
     """Derivatives by the first unknowns, the others' zero, shape (bodies, 10, p)."""
-    slopes = np.zeros((*function(x).shape, x.size))
+    jacobian = np.zeros((*function(x).shape, x.size))
     for i in range(count):
         step = np.zeros(x.size)
         step[i] = _DIFFERENCE
-        slopes[..., i] = (function(x + step) - function(x - step)) / (2 * _DIFFERENCE)
-    return slopes
+        jacobian[..., i] = (function(x + step) - function(x - step)) / (2 * _DIFFERENCE)
+    return jacobian

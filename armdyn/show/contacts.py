@@ -7,8 +7,8 @@ from pathlib import Path
 from armdyn.arguments import expect
 from armdyn.errors import ContactError
 from armdyn.files import write_whole
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
 from armdyn.show.page.sections import verdict_section
 from armdyn.show.page.verdict import Verdict

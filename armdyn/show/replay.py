@@ -9,8 +9,8 @@ from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
 from armdyn.trajectory import Trajectory
 

@@ -97,8 +97,8 @@ def write_report(
     Raises:
         FileError: the folder cannot be written.
     """
-    from armdyn.show.page.course import ShownMotion
     from armdyn.show.page.facts import Facts
+    from armdyn.show.page.motions import ShownMotion
     from armdyn.show.page.report import Subject, report_html, report_of
 
     facts = [Facts({**result_head(robot), **summary}), *([Facts()] * (len(motions) - 1))]

@@ -17,8 +17,8 @@ import armdyn as ad
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.models.reading import meshes
 from armdyn.show import replay, visuals
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.verdict import verdict_of
 from problems import paper_arm, solved
 from show.browser import left_the_page, open_page, screenshot

@@ -8,9 +8,9 @@ from pathlib import Path
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.motion.mintime import SolverOptions
-from armdyn.cli.options.course import RateOptions
 from armdyn.cli.options.groups import argument
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
+from armdyn.cli.options.path_constraints import RateOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError

@@ -39,7 +39,7 @@ def replay(
     """
     with answering(output.json) as answer:
         from armdyn.cli.reports.subject import obstacles_in
-        from armdyn.show.page.course import ShownMotion
+        from armdyn.show.page.motions import ShownMotion
         from armdyn.show.replay import write_html
 
         arm = robot.read(payload.carried())

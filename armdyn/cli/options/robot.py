@@ -183,7 +183,7 @@ class PayloadPlace:
             ProblemError: its place is given, but neither mass nor shape; or a shape is none.
         """
         if self.payload_shape:
-            from armdyn.cli.options.course import obstacles_of
+            from armdyn.cli.options.path_constraints import obstacles_of
 
             shapes = obstacles_of(self.payload_shape, "--payload-shape")
         else:

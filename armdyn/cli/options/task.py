@@ -7,8 +7,8 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass
 from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
-from armdyn.cli.options.course import PathConstraintOptions
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
+from armdyn.cli.options.path_constraints import PathConstraintOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.positions import degrees_are_on
 from armdyn.cli.options.preset import PresetOptions
@@ -99,7 +99,7 @@ class ProblemOptions:
     robot: RobotArgument
     joints: FastJointOptions
     controller: PresetOptions
-    course: PathConstraintOptions
+    path_constraints: PathConstraintOptions
 
     def problem(self) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
         """The problem, and the solver's options of a file.
@@ -110,13 +110,13 @@ class ProblemOptions:
         name = self.robot.robot
         if is_problem_file(name):
             refuse_beside_a_file(
-                name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.course
+                name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.path_constraints
             )
             file = problem_file(name)
             return file.made(), file.options
         arm = self.joints.fit(self.robot.read(self.payload.carried()))
         given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
-        kept = self.course.problem_arguments(arm)
+        kept = self.path_constraints.problem_arguments(arm)
         return ad.MinimumTimeProblem(arm, **given, **kept, preset=self.controller.read()), {}
 
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from armdyn.show.page.course import ShownMotion
     from armdyn.show.page.joints import Compared
+    from armdyn.show.page.motions import ShownMotion
     from armdyn.show.page.report import Report, Subject
 
 
@@ -105,8 +105,8 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
         end = shown.end()
         subject, moves = shown.read()
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
-        from armdyn.show.page.course import until
         from armdyn.show.page.joints import compared, worth_seeing
+        from armdyn.show.page.motions import until
         from armdyn.show.page.report import report_of
         from armdyn.show.plots import plot_trajectories, save_figures
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.cli.options.course import obstacles_of
+from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
@@ -25,8 +25,8 @@ from armdyn.models.robots.loads import is_motion_of
 from armdyn.models.scene.attached import payload_from, tool_from
 from armdyn.models.scene.obstacles import SHAPES, obstacle_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts, as_number
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Subject
 
 if TYPE_CHECKING:

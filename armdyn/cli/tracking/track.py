@@ -69,7 +69,7 @@ def track(
     armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
     """
     with answering(results.output.json) as answer:
-        from armdyn.show.page.course import until
+        from armdyn.show.page.motions import until
 
         arm = task.arm
         law, joined, real = controller.chosen(), loop.joined(), plant.real(task)

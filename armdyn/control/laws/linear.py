@@ -22,7 +22,7 @@ class Steps(NamedTuple):
     """Shape (n, m, nv)."""
 
 
-def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+def linearised(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
     """d/dt (δq, δv) = A (δq, δv) + B δtau at states, with Pinocchio's derivatives of the articulated-body algorithm.
 
     J. Carpentier, N. Mansard: Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018. The joints'
@@ -45,7 +45,7 @@ def slopes(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
 def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     """Discretise an arm's (δq, δv) along a reference, with torques held over each tick.
 
-    The exponential of the slopes in the middle of each tick, under its mean torque (the midpoint rule of Magnus:
+    The exponential of the linearisation in the middle of each tick, under its mean torque (the midpoint rule of Magnus:
     Hairer, Lubich, Wanner, Geometric Numerical Integration, 2nd ed., section IV.7): its error is of third order in
     the tick. The last pair is of rest at the goal.
 
@@ -59,7 +59,7 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     rest = np.zeros(robot.nv)
     holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
     states = np.vstack([middle_q, ticks.goal]), np.vstack([middle_v, rest]), np.vstack([ticks.tau[:-1], holding])
-    return Steps(*held(*slopes(robot, *states), h))
+    return Steps(*held(*linearised(robot, *states), h))
 
 
 def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import held, slopes
+from armdyn.control.laws.linear import held, linearised
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.references import Ticks, set_point
@@ -46,7 +46,7 @@ class LinearPlant:
             goal: where it rests [rad or m], shape (nv,).
             holding: torque that acts there [N m or N], shape (nv,).
         """
-        return cls(*slopes(robot, goal, np.zeros(robot.nv), holding))
+        return cls(*linearised(robot, goal, np.zeros(robot.nv), holding))
 
     def held(self, period: float) -> tuple[Array, Array]:
         """Exact discretisation of (q, v) under zero-order hold: matrices of shapes (2 nv, 2 nv) and (2 nv, nv)."""
@@ -54,7 +54,7 @@ class LinearPlant:
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class LawDerivatives:
     """A law near rest: δtau = q δq + v δv + integral δz + pending δp, of its readings.
 
     Attributes:
@@ -76,7 +76,7 @@ class Slopes:
         """Differentiate a law by CasADi in its last row, with the integrals that hold the arm.
 
         Where no integral can, as without integral gains, the torque is another than the holding one and the arm would
-        rest away from the goal; the slopes are those at the goal all the same.
+        rest away from the goal; the derivatives are those at the goal all the same.
 
         Args:
             law: of a reference that rests at the goal.
@@ -85,7 +85,7 @@ class Slopes:
             delay: ticks.
 
         Raises:
-            BeyondNumbersError: a slope is not finite.
+            BeyondNumbersError: a derivative is not finite.
         """
         nv, row = goal.size, law.rows[-1]
         pending, jacobian = np.tile(holding, delay), law.function.jacobian()
@@ -97,7 +97,8 @@ class Slopes:
             step = np.linalg.lstsq(blocks[2], rest, rcond=None)[0]
             if not all(np.all(np.isfinite(part)) for part in (*blocks[:4], step)):
                 raise BeyondNumbersError(
-                    "the law's slopes at the goal exceed the range of floating-point numbers; its gains are too large"
+                    "the law's derivatives at the goal exceed the range of floating-point numbers; "
+                    "its gains are too large"
                 )
             if np.abs(step).max() <= _NEAR * max(1.0, np.abs(z).max()):
                 break
@@ -113,12 +114,12 @@ class Rest:
     Attributes:
         plant: the arm.
         model: the controller's model of the arm.
-        law: its slopes.
+        law: its derivatives.
     """
 
     plant: LinearPlant
     model: LinearPlant
-    law: Slopes
+    law: LawDerivatives
 
     @classmethod
     def of(
@@ -152,7 +153,7 @@ class Rest:
         return cls(
             LinearPlant.of(arm, goal, holding),
             LinearPlant.of(robot, goal, holding),
-            Slopes.of(law, goal, holding, loop.delay),
+            LawDerivatives.of(law, goal, holding, loop.delay),
         )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, one_of
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import slopes
+from armdyn.control.laws.linear import linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError
@@ -46,7 +46,7 @@ class ArmAtGoal(NamedTuple):
             return cls(one, 0 * one, 0 * one)
         rest = np.zeros(nv)
         holding = inverse_dynamics(robot)(goal, rest, rest) if form == "torque" else rest
-        A, B = slopes(robot, goal, rest, holding)
+        A, B = linearised(robot, goal, rest, holding)
         return cls(B[nv:] if form == "torque" else one, A[nv:, :nv], -A[nv:, nv:])
 
 

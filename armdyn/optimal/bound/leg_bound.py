@@ -62,7 +62,7 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
     return known, joint, full or known == longest
 
 
-def course_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: float, stop: Stop) -> float:
+def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: float, stop: Stop) -> float:
     """Lower bound on the duration of a leg in phases [s].
 
     Args:

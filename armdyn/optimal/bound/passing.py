@@ -13,7 +13,7 @@ from armdyn.optimal.bound.cells import Phase
 from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
+from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.bound.tube import tube
 
@@ -47,13 +47,13 @@ def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float,
     if phases is None:
         return longest, longest == begun
     known = max(known, min(sum_down([phase.least for phase in phases]), longest))
-    near = min(longest, (1 + numbers.course_ahead) * known)
-    for _ in range(numbers.course_grids):
-        before, known = known, max(known, course_bound(leg, phases, known, near, stop))
+    near = min(longest, (1 + numbers.region_ahead) * known)
+    for _ in range(numbers.region_grids):
+        before, known = known, max(known, phased_bound(leg, phases, known, near, stop))
         if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
             break
         # The nearer the longest motion spoken of, the smaller the boxes; where the bound is as much, there is more.
-        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.course_ahead) * known)
+        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.region_ahead) * known)
     return known, known < longest or known == begun
 
 
@@ -111,7 +111,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
             continue
         passed = event.region.end(near[0])
         one = replace(leg, goal=passed) if first else replace(leg, start=passed)
-        known = course_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
+        known = phased_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
         if known < before * (1 + numbers.phase_worth):
             break
     return known

@@ -11,7 +11,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.path_constraints.constraint import AskedDistances
+from armdyn.optimal.path_constraints.constraint import RequiredDistances
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 
@@ -20,7 +20,7 @@ class Linearised:
     """Distances near one curve, linearised: `spare + jacobian @ step` is not to be negative.
 
     Attributes:
-        spare: distances less those that are asked [m], shape (rows,).
+        spare: distances less those that are required [m], shape (rows,).
         jacobian: by the unknowns, shape (rows, unknowns).
         samples: of which pose each row is, shape (rows,).
         missing: largest shortfall at every pose [m], shape (poses,); 0 where everything is kept.
@@ -38,14 +38,14 @@ class ClearanceRows:
 
     Attributes:
         model: of the scene.
-        asked: distances to be kept [m], shape (pairs,).
+        required: distances to be kept [m], shape (pairs,).
         legs: of each its basis, and the poses as parts of its duration.
         within: pairs that are no farther apart than this [m] count,
         most: and so many at every pose at most.
     """
 
     model: CollisionModel
-    asked: Array
+    required: Array
     legs: tuple[tuple[Basis, Array], ...]
     within: float
     most: int
@@ -64,7 +64,7 @@ class ClearanceRows:
         """Linearise all distances at the unknowns x, shape (shape.size,)."""
         of_pose = shape.windows(self.legs)
         near = self.model.near(np.einsum("pi,pin->pn", self._weights, x[of_pose]), self.within, self.most)
-        spare, missing = near.distances - self.asked[near.pairs], np.zeros(len(of_pose))
+        spare, missing = near.distances - self.required[near.pairs], np.zeros(len(of_pose))
         np.maximum.at(missing, near.poses, -spare)
         columns, values = of_pose[near.poses], near.gradients[:, None] * self._weights[near.poses][..., None]
         starts = np.arange(spare.size + 1) * of_pose[0].size
@@ -72,22 +72,22 @@ class ClearanceRows:
         return Linearised(spare, jacobian, near.poses, missing)
 
 
-def clearance_rows(asked: AskedDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
+def clearance_rows(required: RequiredDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
     """Rows at even places of every leg, where distances were missed before, and where pairs pass each other."""
     longest = max(leg.basis.intervals for leg in guess.legs)
     fine = longest > policy.coarse
     most = policy.poses if fine else policy.coarse_poses
-    least = np.minimum(asked.clearance + policy.spare, asked.most)
+    least = np.minimum(required.clearance + policy.spare, required.most)
     legs = []
-    for leg, more in zip(guess.legs, asked.places, strict=True):
+    for leg, more in zip(guess.legs, required.places, strict=True):
         even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
-        passing = _passing(asked.model, leg, even, least + policy.passing) if fine else even[:0]
+        passing = _passing(required.model, leg, even, least + policy.passing) if fine else even[:0]
         near = np.concatenate([more, passing])
         beside = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
         # Nearer places than a hundredth of a step tell the program nothing new.
         all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
         legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))
-    return ClearanceRows(asked.model, least, tuple(legs), policy.within, policy.pairs)
+    return ClearanceRows(required.model, least, tuple(legs), policy.within, policy.pairs)
 
 
 _FINER = 8

@@ -72,7 +72,7 @@ def solve_curve(
         LateError: the time is up before the program is built.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
-    if task.problem.regional or spec.constraints.asked_distances(task.problem) is not None:
+    if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
         return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager))
@@ -125,7 +125,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
     """
     problem = task.problem
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
-    asked = spec.constraints.asked_distances(problem)
+    asked = spec.constraints.required_distances(problem)
     data, program = assemble_curve(task, guess, spec, shape), None
     if other_equations(shape, data.g_bounds[0].size).size:
         program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))

@@ -38,7 +38,7 @@ class Distances:
 
     def rows(self, curve: Curve) -> ClearanceRows:
         """Rows of a program near a curve."""
-        return clearance_rows(self.constraint.asked_distances(self.problem), curve, self.policy)
+        return clearance_rows(self.constraint.required_distances(self.problem), curve, self.policy)
 
     def kept(self, motion: Trajectory) -> bool:
         """Whether a motion provably keeps all distances; where it does not they are asked for in the next rows."""

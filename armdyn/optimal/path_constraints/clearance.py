@@ -8,7 +8,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.scene.proof_of_clearance import prove_clearance
-from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint, RequiredDistances
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
@@ -41,12 +41,12 @@ class KeepsClear(PathConstraint):
         """Constraint of a problem with the keywords `obstacles` or `self_collision`."""
         return cls() if problem.crowded else None
 
-    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances:
+    def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances:
         """The clearance and a little more; of a pair that is nearer at a given pose that distance, or part of it."""
         model, ends = _model_and_ends(problem)
         places = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         most = np.minimum(ends, problem.clearance + _LEFT * (ends - problem.clearance))
-        return AskedDistances(model, problem.clearance, most, places)
+        return RequiredDistances(model, problem.clearance, most, places)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check clearances by coal on the real geometry, proven between the samples."""

@@ -71,7 +71,7 @@ class Path:
 
 
 @dataclass(frozen=True, eq=False)
-class AskedDistances:
+class RequiredDistances:
     """Distances that pairs of bodies keep.
 
     Attributes:
@@ -138,7 +138,7 @@ class PathConstraint(PathConstraintSpec, ABC):
         """
         return None
 
-    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances | None:
+    def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
         """Distances between bodies, if it asks for just these: curves keep them without rows of the program."""
         return None
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance
-from armdyn.optimal.path_constraints.constraint import AskedDistances, ConstraintReport, PathConstraint
+from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint, RequiredDistances
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, spread
 from armdyn.optimal.problem.aim import Aim
@@ -70,9 +70,9 @@ class TightenedConstraints:
         numbers = task.policy.path_constraints
         return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
 
-    def asked_distances(self, problem: MinimumTimeProblem) -> AskedDistances | None:
+    def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
         """Distances between bodies that one of them asks for; None: none does."""
-        found = (constraint.asked_distances(problem) for constraint in self.path_constraints)
+        found = (constraint.required_distances(problem) for constraint in self.path_constraints)
         return next((asked for asked in found if asked is not None), None)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:

@@ -163,7 +163,7 @@ class MinimumTimeProblem:
             raise ProblemError(
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )
-        self._resolve_course()
+        self._resolve_path_constraints()
         warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
 
     def _words(self) -> list[str]:
@@ -359,7 +359,7 @@ class MinimumTimeProblem:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
 
-    def _resolve_course(self) -> None:
+    def _resolve_path_constraints(self) -> None:
         """Check via points, obstacles and path constraints, and keep them as tuples and arrays."""
         object.__setattr__(self, "via", self._resolved_via())
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)

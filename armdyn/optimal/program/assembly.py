@@ -143,12 +143,12 @@ def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), pri
         nonzeros = one.hessian.map(N)(*given, ca.repmat(sigma, 1, N), weights)
         hessian.add(np.minimum(down, across), np.maximum(down, across), nonzeros)
         row += block.equations
-    values, slopes, bends = ca.vertcat(*g), jacobian.matrix(total, size), hessian.matrix(size, size)
+    values, jacobian_matrix, hessian_matrix = ca.vertcat(*g), jacobian.matrix(total, size), hessian.matrix(size, size)
     names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
     return Program(
         functions={"x": x, "p": p, "f": sum(costs[1:], costs[0]), "g": values},
-        jacobian=ca.Function("nlp_jac_g", [x, p], [values, slopes], ["x", "p"], ["g", "jac_g_x"]),
-        hessian=ca.Function("nlp_hess_l", [x, p, sigma, lam], [bends], *names),
+        jacobian=ca.Function("nlp_jac_g", [x, p], [values, jacobian_matrix], ["x", "p"], ["g", "jac_g_x"]),
+        hessian=ca.Function("nlp_hess_l", [x, p, sigma, lam], [hessian_matrix], *names),
     )
 
 

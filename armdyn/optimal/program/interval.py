@@ -256,9 +256,9 @@ def _chained(equations: ca.SX, lam: ca.SX, y: ca.SX, x: ca.SX, inner: ca.SX) -> 
     jacobian, hessian, gradient, equations = ca.substitute(
         ca.cse([jacobian, hessian, gradient, equations]), [x], [inner]
     )
-    slopes, weights = ca.jacobian(inner, y), ca.SX.sym("weights", len(used))
-    bends = ca.substitute(ca.hessian(ca.dot(weights, inner), y)[0], weights, gradient)
-    return jacobian @ slopes, slopes.T @ hessian @ slopes + bends, equations
+    inner_jacobian, weights = ca.jacobian(inner, y), ca.SX.sym("weights", len(used))
+    inner_hessian = ca.substitute(ca.hessian(ca.dot(weights, inner), y)[0], weights, gradient)
+    return jacobian @ inner_jacobian, inner_jacobian.T @ hessian @ inner_jacobian + inner_hessian, equations
 
 
 def nonzeros_of(matrix: ca.SX) -> ca.SX:

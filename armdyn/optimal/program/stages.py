@@ -111,7 +111,7 @@ class _Acceleration:
         at = ca.vertcat(x, u)
         jacobians, hessians = ca.jacobian(a, at), ca.triu(ca.hessian(ca.dot(weights, a), at)[0])
         second_order = ca.Function(
-            "bend", [x, u, weights, p], _shared([a, nonzeros_of(jacobians), nonzeros_of(hessians)])
+            "second_order", [x, u, weights, p], _shared([a, nonzeros_of(jacobians), nonzeros_of(hessians)])
         )
         return cls(ca.Function("rate", [x, u, p], [a]), second_order, jacobians.sparsity(), hessians.sparsity())
 
@@ -143,8 +143,8 @@ class _Point:
             ca.SX.sym(f"{name}_{part}", size)
             for part, size in (
                 ("a", n),
-                ("slopes", acceleration.jacobians.nnz()),
-                ("bends", acceleration.hessians.nnz()),
+                ("jacobian", acceleration.jacobians.nnz()),
+                ("hessian", acceleration.hessians.nnz()),
             )
         )
         jacobian = ca.SX(acceleration.jacobians, jacobians)

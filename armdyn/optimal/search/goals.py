@@ -150,6 +150,6 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
 
 def _chooses(problem: MinimumTimeProblem, pose: GoalPose, spec: CurveSpec) -> bool:
     """Whether a curve may end at other joint positions near its goal: at rest, and among obstacles not."""
-    fixed = spec.constraints.asked_distances(problem) is not None or problem.continuous_torque
+    fixed = spec.constraints.required_distances(problem) is not None or problem.continuous_torque
     at_rest = problem.from_rest_to_rest and not fixed
     return at_rest and free_directions(problem.robot, pose, np.asarray(problem.q_goal)).size > 0

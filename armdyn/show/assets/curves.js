@@ -1,6 +1,6 @@
 /* Position, velocity and torque over time, and which limit each joint is on: four uPlot charts under one cursor.
 
-   armdynCurves(host, course, names, seek, zooms) draws what `armdyn.show.page.course` has written into an element;
+   armdynCurves(host, motions, names, seek, zooms) draws what `armdyn.show.page.motions` has written into an element;
    seek(time) is called where someone drags, zooms(from, to) where someone zooms. Colours are of joints, line styles of
    motions. */
 "use strict";
@@ -11,11 +11,11 @@ const armdynPalette = dark => (dark
       joints: ["#2970b8", "#d9731a", "#2b8f50", "#cc2936", "#7b52ab", "#0f96a5", "#8a5a3b", "#c9509a"] });
 const armdynNumber = (x, digits) => x.toFixed(digits).replace("-", "−");
 
-const armdynCurves = (host, course, names, seek, zooms) => {
+const armdynCurves = (host, motions, names, seek, zooms) => {
   const floats = (text, kind) => new kind(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);
-  const t = Array.from(floats(course.t, Float64Array)), n = t.length, joints = names.length;
+  const t = Array.from(floats(motions.t, Float64Array)), n = t.length, joints = names.length;
   const kinds = ["q", "v", "tau"];
-  for (const move of course.moves) {
+  for (const move of motions.moves) {
     for (const kind of kinds) {
       const all = floats(move[kind], Float32Array);
       move[kind] = names.map((_, j) => Array.from(all.subarray(j * n, (j + 1) * n), x => (Number.isNaN(x) ? null : x)));
@@ -28,29 +28,29 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     return node;
   };
   const units = { q: ["rad", "m"], v: ["rad/s", "m/s"], tau: ["N m", "N"] };
-  const unit = (kind, j) => units[kind][+course.sliding[j]];
+  const unit = (kind, j) => units[kind][+motions.sliding[j]];
   const unitOf = kind => [...new Set(names.map((_, j) => unit(kind, j)))].join(", ");
   const titles = { q: "Position", v: "Velocity", tau: "Torque" };
-  const shown = names.map(() => true), there = course.moves.map(() => true);
+  const shown = names.map(() => true), there = motions.moves.map(() => true);
   let palette = armdynPalette(false);
   const color = j => palette.joints[j % palette.joints.length];
 
   // Parts of limits: what makes a wrist readable beside a shoulder.
-  const limited = kind => kind !== "q" && course.limits[kind].every(([a, b]) => a !== null && b !== null)
-    && course.limits[kind].some(([a, b]) => b > a);
+  const limited = kind => kind !== "q" && motions.limits[kind].every(([a, b]) => a !== null && b !== null)
+    && motions.limits[kind].some(([a, b]) => b > a);
   const apart = kind => {
-    const sizes = course.limits[kind].map(([a, b]) => Math.max(-a, b)).filter(x => x > 0);
+    const sizes = motions.limits[kind].map(([a, b]) => Math.max(-a, b)).filter(x => x > 0);
     return Math.max(...sizes) > 3 * Math.min(...sizes);
   };
   const relative = { q: false, v: limited("v") && apart("v"), tau: limited("tau") && apart("tau") };
   const scaled = (kind, j, x) => {
     if (x === null || !relative[kind]) return x;
-    const [a, b] = course.limits[kind][j];
+    const [a, b] = motions.limits[kind][j];
     return x === 0 ? 0 : 100 * (x > 0 ? x / b : -x / a) || 0;
   };
-  const columns = kind => [t, ...course.moves.flatMap(move => move[kind].map((xs, j) => xs.map(x => scaled(kind, j, x))))];
-  const lines = kind => names.flatMap((_, j) => (course.limits[kind][j] || []).filter(x => x !== null)
-    .map(x => ({ j, at: scaled(kind, j, x), left: course.kept && course.kept[kind] ? 1 - course.kept[kind][j] : 1 })));
+  const columns = kind => [t, ...motions.moves.flatMap(move => move[kind].map((xs, j) => xs.map(x => scaled(kind, j, x))))];
+  const lines = kind => names.flatMap((_, j) => (motions.limits[kind][j] || []).filter(x => x !== null)
+    .map(x => ({ j, at: scaled(kind, j, x), left: motions.kept && motions.kept[kind] ? 1 - motions.kept[kind][j] : 1 })));
 
   const dash = k => (k ? [[6, 3], [2, 3], [9, 3, 2, 3], [4, 4]][(k - 1) % 4] : undefined);
   const charts = {}, axis = 52;
@@ -70,7 +70,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     const { ctx } = u, { left, top, width: w, height: h } = u.bbox, x = time => u.valToPos(time, "x", true);
     ctx.save();
     ctx.beginPath(); ctx.rect(left, top, w, h); ctx.clip();
-    const first = course.moves[0], edges = [0, ...first.switches.map(s => s.t), first.duration];
+    const first = motions.moves[0], edges = [0, ...first.switches.map(s => s.t), first.duration];
     ctx.fillStyle = palette.band;
     for (let k = 1; k + 1 < edges.length; k += 2) ctx.fillRect(x(edges[k]), top, x(edges[k + 1]) - x(edges[k]), h);
     const stroke = (style, dash, wide, points) => {
@@ -81,7 +81,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       const own = s.joints.filter(j => shown[j]);
       if (own.length) stroke(color(own[0]) + "88", [1, 3], 1, [[x(s.t), top], [x(s.t), top + h]]);
     }
-    for (const move of course.moves) stroke(palette.soft + "88", [], .7, [[x(move.duration), top], [x(move.duration), top + h]]);
+    for (const move of motions.moves) stroke(palette.soft + "88", [], .7, [[x(move.duration), top], [x(move.duration), top + h]]);
     for (const { j, at, left: part } of limits) {
       if (!shown[j]) continue;
       const y = u.valToPos(at, "y", true);
@@ -94,7 +94,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
 
   function range(kind) {
     let low = Infinity, high = -Infinity;
-    course.moves.forEach((move, k) => there[k] && move[kind].forEach((xs, j) => shown[j] && xs.forEach(x => {
+    motions.moves.forEach((move, k) => there[k] && move[kind].forEach((xs, j) => shown[j] && xs.forEach(x => {
       if (x !== null) { low = Math.min(low, scaled(kind, j, x)); high = Math.max(high, scaled(kind, j, x)); }
     })));
     if (!(low <= high)) return [-1, 1];
@@ -110,7 +110,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     const [low, high] = charts[kind].y, far = [], none = [];
     names.forEach((name, j) => {
       if (!shown[j]) return;
-      const bounds = course.limits[kind][j];
+      const bounds = motions.limits[kind][j];
       const out = bounds.filter(x => x !== null && (scaled(kind, j, x) < low || scaled(kind, j, x) > high));
       if (bounds.every(x => x === null)) none.push(name);
       else if (out.length) far.push(`${name} ${bound(out.map(x => +x.toPrecision(3)))}`.replaceAll("-", "−"));
@@ -160,7 +160,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       width: width(), height: height(), padding: [6, 10, 0, 0], legend: { show: false }, cursor,
       scales: { x: { time: false, range: () => zoom.span }, y: { range: () => y } },
       axes: axes(false, { values: (_, at) => at.map(x => `${+x.toPrecision(4)}`.replace("-", "−")) }),
-      series: [{}, ...course.moves.flatMap((_, k) => names.map((_, j) => ({
+      series: [{}, ...motions.moves.flatMap((_, k) => names.map((_, j) => ({
         stroke: () => color(j), width: k ? 1.3 : 1.8, dash: dash(k),
         points: { show: false }, spanGaps: false,
       })))],
@@ -174,7 +174,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
   function refresh(kind) {
     const { u, y } = charts[kind];
     [y[0], y[1]] = range(kind);
-    course.moves.forEach((_, k) => names.forEach((_, j) => { u.series[1 + k * joints + j].show = shown[j] && there[k]; }));
+    motions.moves.forEach((_, k) => names.forEach((_, j) => { u.series[1 + k * joints + j].show = shown[j] && there[k]; }));
     u.setData(columns(kind));
     note(kind);
     mark(u);
@@ -189,7 +189,7 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       make("i", key, "", `key ${kind}`);
       key.append(word);
     }
-    const box = make("div", figure), rows = course.moves.length * joints, row = rows > 12 ? 14 : rows > 8 ? 17 : 22;
+    const box = make("div", figure), rows = motions.moves.length * joints, row = rows > 12 ? 14 : rows > 8 ? 17 : 22;
     const u = new uPlot({
       width: width(), height: rows * row + 46, padding: [6, 10, 0, 0], legend: { show: false }, cursor: { ...cursor, points: { show: false } },
       scales: { x: { time: false, range: () => zoom.span }, y: { range: () => [0, rows] } },
@@ -197,17 +197,17 @@ const armdynCurves = (host, course, names, seek, zooms) => {
       series: [{}, { stroke: "transparent", points: { show: false } }],
       hooks: { drawAxes: [self => { behind(self, []); strips(self, rows); }] },
     }, [t, t.map(() => 0)], box);
-    const known = course.moves[0].resolved;
+    const known = motions.moves[0].resolved;
     make("p", figure, (known ? "Upper half: the upper limit; lower half: the lower. The arcs are those that were solved for."
       : "Upper half: the upper limit; lower half: the lower. Read from the motion's samples, within 0.5 % of a limit.")
-      + (course.moves.length > 1 ? ` From above: ${course.moves.map(move => move.name).join(", ")}.` : ""), "note");
+      + (motions.moves.length > 1 ? ` From above: ${motions.moves.map(move => move.name).join(", ")}.` : ""), "note");
     charts.lanes = { u, height: rows * row + 46 };
     zoom.attach(u);
   }
   function strips(u, rows) {
     const { ctx } = u, high = u.bbox.height / rows, dpr = devicePixelRatio;
     ctx.save();
-    course.moves.forEach((move, k) => move.lanes.forEach((lane, j) => {
+    motions.moves.forEach((move, k) => move.lanes.forEach((lane, j) => {
       const top = u.bbox.top + (k * joints + j) * high, middle = top + high / 2;
       ctx.fillStyle = color(j);
       ctx.globalAlpha = shown[j] && there[k] ? 1 : .25;
@@ -252,11 +252,11 @@ const armdynCurves = (host, course, names, seek, zooms) => {
     get span() { return zoom.span; },
     // A motion's values at a time; one that has ended stays where it is.
     values(kind, j, now, k = 0) {
-      const xs = course.moves[k][kind][j], last = course.moves[k].duration, i = index(Math.min(now, last));
+      const xs = motions.moves[k][kind][j], last = motions.moves[k].duration, i = index(Math.min(now, last));
       const a = xs[i], b = i + 1 < n ? xs[i + 1] : null;
       return b === null || t[i + 1] === t[i] ? a : a + (b - a) * (Math.min(now, last) - t[i]) / (t[i + 1] - t[i]);
     },
-    on(j, now, k = 0) { return (course.moves[k].lanes[j].find(([a, b]) => a <= now && now < b) || ["", "", ""])[2]; },
+    on(j, now, k = 0) { return (motions.moves[k].lanes[j].find(([a, b]) => a <= now && now < b) || ["", "", ""])[2]; },
     joint(j, yes) { shown[j] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     move(k, yes) { there[k] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     theme(dark) { palette = armdynPalette(dark); all().forEach(u => u.redraw(false)); },

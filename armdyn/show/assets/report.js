@@ -8,18 +8,18 @@
     if (kind) node.className = kind;
     return node;
   };
-  const data = JSON.parse(el("armdyn-data").textContent), { course, labels } = data;
+  const data = JSON.parse(el("armdyn-data").textContent), { motions, labels } = data;
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
   const number = armdynNumber, seconds = time => number(time, duration < 100 ? 4 : 2);  // as the page says times elsewhere
   const dark = matchMedia("(prefers-color-scheme: dark)");
 
   let scene = null;
-  const curves = armdynCurves(el("plots"), course, labels, to => player.hold(to), zoomed);
+  const curves = armdynCurves(el("plots"), motions, labels, to => player.hold(to), zoomed);
   const duration = curves.duration, player = armdynPlayer(duration, data.speed, show, () => curves.span);
 
   // The arm.
-  const called = k => `${course.moves[k].name}, ${data.cut[k] ? "first " : ""}${seconds(course.moves[k].duration)} s`;
+  const called = k => `${motions.moves[k].name}, ${data.cut[k] ? "first " : ""}${seconds(motions.moves[k].duration)} s`;
   const line = (key, k) => {  // as its curves are drawn
     const [svg, path] = ["svg", "path"].map(tag => document.createElementNS("http:" + "//www.w3.org/2000/svg", tag));
     svg.setAttribute("viewBox", "0 0 26 4");
@@ -56,9 +56,9 @@
     }
   } else {
     missing("The robot was not at hand when this report was written: its curves stand beside, the arm is not drawn.");
-    course.moves.forEach((_, k) => {
+    motions.moves.forEach((_, k) => {
       const key = make("span", el("motions"), undefined, "move");
-      if (course.moves.length > 1) line(key, k);
+      if (motions.moves.length > 1) line(key, k);
       make("span", key, called(k));
     });
   }
@@ -79,7 +79,7 @@
   // The numbers of the moment, of the first motion; alone, of all of them.
   const head = make("div", el("now"), undefined, "row head");
   ["joint", "position", "velocity", "torque", "of its limit", "on"].forEach(word => make("span", head, word));
-  const blocks = course.moves.map((move, k) => {
+  const blocks = motions.moves.map((move, k) => {
     const block = make("div", el("now"), undefined, k ? "block further" : "block"), run = make("div", block, undefined, "run");
     const [level, headline] = data.verdicts[k];
     make("span", run, move.name);
@@ -87,7 +87,7 @@
     if (headline) make("small", run, headline, level);
     return { block, time };
   });
-  const rows = course.moves.flatMap((_, k) => labels.map((label, j) => {
+  const rows = motions.moves.flatMap((_, k) => labels.map((label, j) => {
     const row = make("div", blocks[k].block, undefined, "row"), name = make("label", row, undefined, "name");
     const box = make("input", name);
     Object.assign(box, { type: "checkbox", checked: true, title: "show its curves" });
@@ -102,7 +102,7 @@
   const said = { "T+": "torque, upper", "T-": "torque, lower", "V+": "speed, upper", "V-": "speed, lower", "Q+": "position, upper",
     "Q-": "position, lower", P: "no motor", "": "–" };
   const full = labels.map((_, j) => {
-    const [a, b] = course.limits.tau[j];
+    const [a, b] = motions.limits.tau[j];
     return a !== null && b !== null ? [a, b] : null;
   });
   rows.forEach(({ bar, j }) => {
@@ -114,13 +114,13 @@
   // The player.
   const ticks = el("ticks");
   const place = (node, at) => { node.style.left = `calc(9px + (100% - 18px) * ${at / duration})`; };  // half a thumb at both ends
-  course.moves[0].switches.forEach(({ t, joints }) => {
+  motions.moves[0].switches.forEach(({ t, joints }) => {
     const tick = make("i", ticks);
     place(tick, t);
     tick.dataset.joint = joints[0];
     tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
   });
-  if (course.moves.length > 1) course.moves.forEach(move => place(make("u", ticks), move.duration));
+  if (motions.moves.length > 1) motions.moves.forEach(move => place(make("u", ticks), move.duration));
   // The steps of a cycle: bands under the slider, as wide as their times, and the rows of the table; both seek.
   const lines = [...document.querySelectorAll("#steps tbody th")].map(cell => ({ row: cell.parentElement, begin: +cell.dataset.begin }));
   const named = el("step");
@@ -143,7 +143,7 @@
     named.textContent = step.name;
     make("small", named, `${seconds(step.end - step.begin)} s${step.rest ? " at rest" : ""}${step.carries > 0 ? `, carrying ${number(step.carries, 3)} kg` : ""}`);
   }
-  const most = kind => Math.max(1e-3, ...course.moves[0][kind].map(xs => xs.reduce((so, x) => Math.max(so, Math.abs(x ?? 0)), 0)));
+  const most = kind => Math.max(1e-3, ...motions.moves[0][kind].map(xs => xs.reduce((so, x) => Math.max(so, Math.abs(x ?? 0)), 0)));
   const precise = kind => Math.max(0, Math.min(3, 4 - Math.floor(Math.log10(most(kind)))));
   const places = { q: 3, v: precise("v"), tau: precise("tau") };
 
@@ -158,9 +158,9 @@
       const torque = curves.values("tau", j, time, k);
       const part = full[j] ? (torque < 0 ? -torque / full[j][0] : torque / full[j][1]) || 0 : 0;
       fill.style.transform = `scaleX(${Math.max(-1, Math.min(1, part))})`;
-      on.textContent = said[curves.on(j, Math.min(time, course.moves[k].duration * (1 - 1e-9)), k)];
+      on.textContent = said[curves.on(j, Math.min(time, motions.moves[k].duration * (1 - 1e-9)), k)];
     });
-    course.moves.forEach((move, k) => { blocks[k].time.textContent = `${seconds(move.duration)} s${time >= move.duration ? " ✓" : ""}`; });
+    motions.moves.forEach((move, k) => { blocks[k].time.textContent = `${seconds(move.duration)} s${time >= move.duration ? " ✓" : ""}`; });
     el("scrubber").setAttribute("aria-valuetext", `${seconds(time)} s`);
     el("clock").textContent = `${seconds(time)} / ${seconds(duration)} s`;
   }

@@ -9,7 +9,7 @@ from armdyn.arrays import Array
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
-from armdyn.show.page.course import ShownMotion
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.sections import Section, stacked, td, th
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory

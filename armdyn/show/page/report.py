@@ -21,9 +21,9 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, fill, join, packed_text, script_json
 from armdyn.show.page import joints, sections
 from armdyn.show.page.assets import asset, script, viewer_script
-from armdyn.show.page.course import ShownMotion, course_data, until
 from armdyn.show.page.cycle import costs_section, parts_in, step_data, steps_section
 from armdyn.show.page.joints import motor_section
+from armdyn.show.page.motions import ShownMotion, motions_data, until
 from armdyn.show.page.scene import mark_of, playing_speed, scene_data, short_names
 from armdyn.show.page.sections import Section
 from armdyn.show.page.verdict import Tile, Verdict, tiles_of, verdict_of
@@ -168,7 +168,7 @@ def _sections(
         costs_section(facts),
         sections.sensitivity_section(facts, subject.joints),
         sections.optima_section(facts, duration),
-        sections.course_section(facts),
+        sections.path_constraint_section(facts),
         sections.controller_section(facts),
         joints.joint_section(moves[0], subject.joints, subject.limits, subject.sliding),
         motor_section(moves[0], subject.joints, subject.limits, subject.sliding),
@@ -206,7 +206,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
         "speed": speed,
         "seen": seen,
         "steps": step_data(shown[0].motion),
-        "course": course_data(shown, subject.limits, subject.sliding),
+        "motions": motions_data(shown, subject.limits, subject.sliding),
         "scene": packed,
     }
 

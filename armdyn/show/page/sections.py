@@ -129,7 +129,7 @@ def optima_section(facts: Facts, duration: float) -> Section | None:
     return Section("optima", "Other optima met", join([element("p", told), element("ul", *items, class_="chips")]))
 
 
-def course_section(facts: Facts) -> Section | None:
+def path_constraint_section(facts: Facts) -> Section | None:
     """Path constraints, via points and reserve."""
     rows: list[tuple[str, str]] = []
     near = facts.part("clearance")
@@ -152,7 +152,7 @@ def course_section(facts: Facts) -> Section | None:
     ]  # fmt: skip
     heads = [th("limit"), th("worst", class_="words"), th("of it"), th("kept")]
     body = [*([stacked(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
-    return Section("course", "Path constraints", join(body)) if body else None
+    return Section("path-constraints", "Path constraints", join(body)) if body else None
 
 
 def controller_section(facts: Facts) -> Section | None:

@@ -1,6 +1,6 @@
 """Shapes and files of --obstacle."""
 
-from armdyn.cli.options.course import obstacles_of
+from armdyn.cli.options.path_constraints import obstacles_of
 
 
 def test_a_file_may_have_an_at_sign_in_its_name(tmp_path):

@@ -3,7 +3,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 import armdyn as ad
-from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps, slopes
+from armdyn.control.laws.linear import Steps, best_gains, linearised, loop_steps, plant_steps
 from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import forward_dynamics
 from oracles import random_states, robot_named
@@ -32,7 +32,7 @@ def test_slopes_are_those_of_differences(name):
     robot = ROBOTS[name]
     nv, aba = robot.nv, forward_dynamics(robot)
     for q, v, tau in random_states(nv, count=3):
-        A, B = slopes(robot, q, v / 10 if robot.friction.present else v, tau)
+        A, B = linearised(robot, q, v / 10 if robot.friction.present else v, tau)
         v = v / 10 if robot.friction.present else v
         x = np.concatenate([q, v])
         expected = stencil(lambda x, tau=tau: aba(x[:nv], x[nv:], tau), x, 2e-4)

@@ -14,7 +14,7 @@ from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.leg_bound import course_bound, leg_bound
+from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion
@@ -147,7 +147,7 @@ def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
     assert np.all((found.box.lower <= motion.q[:passed]) & (motion.q[:passed] <= found.box.upper))
     phase = Phase(0.0, found.box, passage.lines[0])
     alone = replace(leg, goal=first.end(found.plane))
-    least = course_bound(alone, [replace(phase, least=0.02)], 0.02, 0.03, lambda: False)
+    least = phased_bound(alone, [replace(phase, least=0.02)], 0.02, 0.03, lambda: False)
     assert 0.02 < least <= motion.t[passed]
 
 

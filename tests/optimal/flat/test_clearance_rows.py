@@ -35,7 +35,7 @@ def swing():
 
 def test_slopes_by_the_control_points_against_differences(swing):
     problem, curve, policy = swing
-    asked = KeepsClear().asked_distances(problem)
+    asked = KeepsClear().required_distances(problem)
     rows = clearance_rows(asked, curve, policy)
     shape = curve_layout(problem, curve, TightenedConstraints.of(Task.of(problem)))
     x = np.zeros(shape.size)
@@ -55,7 +55,7 @@ def test_slopes_by_the_control_points_against_differences(swing):
 
 def test_poses_are_where_bodies_pass_each_other(swing):
     problem, curve, policy = swing
-    asked = KeepsClear().asked_distances(problem)
+    asked = KeepsClear().required_distances(problem)
     ((_, places),) = clearance_rows(asked, curve, policy).legs
     looks = np.linspace(0, 1, 2001)
     distances = asked.model.distances(curve.legs[0].at(looks)[0])
@@ -71,5 +71,5 @@ def test_a_pair_just_beyond_the_clearance_at_the_goal_is_asked_for_more_than_the
     problem = swing[0]
     near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
     tight = problem.variant(clearance=near - 3e-4)  # as a finger beside what it is to grasp
-    asked = KeepsClear().asked_distances(tight)
+    asked = KeepsClear().required_distances(tight)
     assert tight.clearance < np.min(asked.most) < near

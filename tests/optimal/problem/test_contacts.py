@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.cli.options.course import PathConstraintOptions, obstacles_of
+from armdyn.cli.options.path_constraints import PathConstraintOptions, obstacles_of
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.clearance import KeepsClear
 from problems import paper_arm

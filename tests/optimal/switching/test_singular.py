@@ -60,7 +60,7 @@ def test_short_stretches_off_all_limits_are_full_torques():
     assert not only.controls
 
 
-def test_a_course_at_the_start_begins_after_a_stay():
+def test_a_singular_control_at_the_start_begins_after_a_stay():
     solution = solved("rr")
     own = shooting(solution.problem, solution.trajectory)
     _, free = structures_of(own, freed(solution, 0.0, 0.3), solution.phases.torques)
@@ -69,7 +69,7 @@ def test_a_course_at_the_start_begins_after_a_stay():
     assert free.times[k] == pytest.approx(1e-3 * free.duration)
 
 
-def test_a_course_knows_the_jump_of_another_torque():
+def test_a_singular_control_knows_the_jump_of_another_torque():
     own = shooting(paper_problem("rr"), ad.Trajectory.at_rest(np.zeros(2), np.zeros(2), 0.2))
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
@@ -79,14 +79,14 @@ def test_a_course_knows_the_jump_of_another_torque():
     np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs)[0] @ control.values, tau[:, 1], atol=1e-9)
 
 
-def test_a_course_keeps_within_its_limits():
+def test_a_singular_control_keeps_within_its_limits():
     own = shooting(paper_problem("rr"), ad.Trajectory.at_rest(np.zeros(2), np.zeros(2), 0.2))
     tau = np.column_stack([np.zeros(50), np.full(50, 3.0)])
     control = control_near(own, 1, tau, frozenset(), 3)
     np.testing.assert_allclose(own.torque_unit[1] * control.values, [0.95 * 3.0, 0, 0], atol=1e-9)
 
 
-def test_a_course_grows_while_its_switching_function_is_not_zero():
+def test_a_singular_control_grows_while_its_switching_function_is_not_zero():
     solution = solved("rr")
     own = shooting(solution.problem, solution.trajectory)
     _, free = structures_of(own, freed(solution), solution.phases.torques)
@@ -123,7 +123,7 @@ def settled_from(problem, text):
     return refine_extremal(own, free, Stop())
 
 
-def test_a_course_that_meets_a_limit_on_its_way_settles():
+def test_a_singular_control_that_meets_a_limit_on_its_way_settles():
     # Planes that were only ever added stopped the descent where the singular control came to its upper limit.
     problem = random_problem(0, position_limit=(-np.inf, np.inf))
     end = settled_from(

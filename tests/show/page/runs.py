@@ -3,8 +3,8 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from problems import paper_arm
 
 LIMIT = 3.0

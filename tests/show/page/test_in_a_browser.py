@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from armdyn.models.scene.obstacles import Box
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Subject, report_html, report_of
 from oracles import robot_named
 from show.browser import left_the_page, open_page, screenshot, wait_until

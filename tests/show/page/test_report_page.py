@@ -11,8 +11,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import TrajectoryError
-from armdyn.show.page.course import ShownMotion
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Report, Subject, report_html, report_of
 from armdyn.show.page.verdict import verdict_of
 from show.motions import quintic

@@ -132,7 +132,7 @@ static int restored(Solve *s, int *k, int iterations) {
 /* Newton's step of all (11) to (12); how large it is beside w. */
 static double newton(Solve *s) {
     double largest = 0;
-    s->slope = 0;
+    s->descent = 0;
     for (int i = 0; i < s->it.all; i++) {
         double push = 0;
         if (s->zl[i] > 0) push -= s->mu / (s->w[i] - s->lower[i]);
@@ -141,7 +141,7 @@ static double newton(Solve *s) {
     }
     step(&s->it, &s->end, s->d, s->c, s->dw, s->dlam);
     for (int i = 0; i < s->it.all; i++) {
-        s->slope += s->trial[i] * s->dw[i];
+        s->descent += s->trial[i] * s->dw[i];
         largest = larger(largest, fabs(s->dw[i]) / (1 + fabs(s->w[i])));
         if (s->zl[i] > 0) s->dzl[i] = (s->mu - s->zl[i] * s->dw[i]) / (s->w[i] - s->lower[i]) - s->zl[i];
         if (s->zu[i] > 0) s->dzu[i] = (s->mu + s->zu[i] * s->dw[i]) / (s->upper[i] - s->w[i]) - s->zu[i];

@@ -70,8 +70,8 @@ static int evaluate(const Program *it, const double *w, double *cost, double *c,
 static void differentiate(const Program *it, const double *w, const double *lam, double *gradient) {
     V y[NY], p[PARAMETERS], x[NX], l[NX], m[NX], left[NU], mid[NU], right[NU], to_left[NU], to_right[NU];
     V J[JACOBIAN], g[GRADIENT], H[HESSIAN], Jm[MIDDLE];
-    V slopes_left[SLOPES], slopes_mid[SLOPES], slopes_right[SLOPES];
-    V bends_left[BENDS], bends_mid[BENDS], bends_right[BENDS];
+    V jacobian_left[POINT_JACOBIAN], jacobian_mid[POINT_JACOBIAN], jacobian_right[POINT_JACOBIAN];
+    V hessian_left[POINT_HESSIAN], hessian_mid[POINT_HESSIAN], hessian_right[POINT_HESSIAN];
     memset(gradient, 0, it->all * sizeof *gradient);
     for (int first = 0; first < it->N; first += LANES) {
         gather(it, w, first, y, p);
@@ -81,10 +81,10 @@ static void differentiate(const Program *it, const double *w, const double *lam,
                 l[j][lane] = lam[i], m[j][lane] = it->all > it->size ? lam[it->equations + i] : 0;
             }
         rate(y, y + NX, p, left), rate(y + BLOCK, y + NX, p, right), middle(y, left, right, p, x);
-        bend(x, y + NX, l + NU, p, mid, slopes_mid, bends_mid), weigh(y, slopes_mid, l, m, p, to_left, to_right);
-        bend(y, y + NX, to_left, p, left, slopes_left, bends_left);
-        bend(y + BLOCK, y + NX, to_right, p, right, slopes_right, bends_right);
-        assemble(y, l, m, left, slopes_left, bends_left, mid, slopes_mid, bends_mid, right, slopes_right, bends_right,
+        second_order(x, y + NX, l + NU, p, mid, jacobian_mid, hessian_mid), weigh(y, jacobian_mid, l, m, p, to_left, to_right);
+        second_order(y, y + NX, to_left, p, left, jacobian_left, hessian_left);
+        second_order(y + BLOCK, y + NX, to_right, p, right, jacobian_right, hessian_right);
+        assemble(y, l, m, left, jacobian_left, hessian_left, mid, jacobian_mid, hessian_mid, right, jacobian_right, hessian_right,
                  p, J, g, H, Jm);
         for (int lane = 0; lane < LANES && first + lane < it->N; lane++) {
             int k = first + lane;

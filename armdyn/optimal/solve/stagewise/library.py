@@ -65,8 +65,8 @@ def _source(joints: int, one: StageFunctions) -> str:
     sizes = {
         "JOINTS": joints,
         "PARAMETERS": Parameters.size(joints),
-        "SLOPES": one.second_order.numel_out(1),
-        "BENDS": one.second_order.numel_out(2),
+        "POINT_JACOBIAN": one.second_order.numel_out(1),
+        "POINT_HESSIAN": one.second_order.numel_out(2),
         "JACOBIAN": one.jacobian.nnz(),
         "GRADIENT": one.gradient.nnz(),
         "HESSIAN": one.hessian.nnz(),

@@ -14,7 +14,7 @@ typedef struct {
     double *trial, *trial_c, *other_c, *other_dw, *other_dlam; /* what the line search tries */
     double *best_w, *best_lam, *best_zl, *best_zu, closest, closest_mu; /* the best iterate, where E_0 is small */
     double cost, theta, mu, last;                           /* theta: sum of |c|; last: what was added to H last */
-    double least_theta, most_theta, slope, phi;             /* of the search: phi is the barrier function */
+    double least_theta, most_theta, descent, phi;             /* of the search: phi is the barrier function */
     double filter[FILTER][2];
     int filtered;
 } Solve;
@@ -89,10 +89,10 @@ static int tried(Solve *s, const double *dw, double length, double *cost, double
 /* Whether a trial will do, section 2.3; where it is no step of the cost the filter takes the old one in. */
 static int accepted(Solve *s, double alpha, double theta, double phi) {
     double rise = phi - s->phi, rounding = 10 * 2.2e-16 * fabs(s->phi);
-    int descends = s->slope < 0 && s->theta <= s->least_theta && alpha * pow(-s->slope, 2.3) > pow(s->theta, 1.1);
+    int descends = s->descent < 0 && s->theta <= s->least_theta && alpha * pow(-s->descent, 2.3) > pow(s->theta, 1.1);
     if (!(theta <= s->most_theta)) return 0;
     if (descends) {
-        if (!(rise - rounding <= 1e-8 * alpha * s->slope)) return 0;
+        if (!(rise - rounding <= 1e-8 * alpha * s->descent)) return 0;
     } else {
         if (rise > 0 && log10(rise) > larger(1, log10(larger(fabs(s->phi), 10))) + 5) return 0;
         if (!(theta <= (1 - 1e-5) * s->theta || rise - rounding <= -1e-8 * s->theta)) return 0;
@@ -129,9 +129,9 @@ static int whole_step(Solve *s, double tau, double *alpha, double *cost) {
 static int line_search(Solve *s, double tau, double *alpha, double *cost) {
     double shortest = 1e-5, theta, phi;
     int first = 1;
-    if (s->slope < 0) {
-        shortest = smaller(shortest, 1e-8 * s->theta / -s->slope);
-        if (s->theta <= s->least_theta) shortest = smaller(shortest, pow(s->theta, 1.1) / pow(-s->slope, 2.3));
+    if (s->descent < 0) {
+        shortest = smaller(shortest, 1e-8 * s->theta / -s->descent);
+        if (s->theta <= s->least_theta) shortest = smaller(shortest, pow(s->theta, 1.1) / pow(-s->descent, 2.3));
     }
     for (*alpha = longest(s, s->dw, tau); first || *alpha > 0.05 * shortest; *alpha /= 2, first = 0) {
         if (!tried(s, s->dw, *alpha, cost, &theta, &phi)) continue;

@@ -13,7 +13,7 @@
 
 /* Cholesky's factor of -G, S at T, curvature along T: where the sweep ends. */
 typedef struct {
-    double G[NX][NX], S[NX], bend;
+    double G[NX][NX], S[NX], curvature;
 } End;
 
 /* Place in y of the j-th of (x, T, u). */
@@ -90,7 +90,7 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
 }
 
 /* The curvature of an interval with that which bounds of its middle add. */
-static void bend_by_bounds(const Program *it, int k) {
+static void add_bound_hessian(const Program *it, int k) {
     Stage *s = it->stages + k;
     s->B = it->all > it->size ? s->bounded : s->H;
     if (it->all == it->size) return;
@@ -107,13 +107,13 @@ static int factor(const Program *it, End *end) {
     double P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
     for (int i = 0; i < NX; i++) P[i][i] = HELD, S[i][i] = 1;
     for (int k = it->N - 1; k >= 0; k--)
-        if (bend_by_bounds(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k)) return 0;
+        if (add_bound_hessian(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k)) return 0;
     memcpy(end->G, G, sizeof G), memcpy(end->S, S[NX], sizeof end->S), memcpy(a, end->S, sizeof a);
     if (!cholesky(&end->G[0][0], NX)) return 0;
     forward(&end->G[0][0], NX, a, 1);
-    end->bend = P[NX][NX] + it->bent[it->size - 1];
-    for (int i = 0; i < NX; i++) end->bend += a[i] * a[i];
-    return end->bend > 0;
+    end->curvature = P[NX][NX] + it->bent[it->size - 1];
+    for (int i = 0; i < NX; i++) end->curvature += a[i] * a[i];
+    return end->curvature > 0;
 }
 
 /* Vectors of the sweep backwards: d is the gradient, c the equations. Returns p at x_0, S's constant in s. */
@@ -148,13 +148,13 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
 /* `step` without its slacks: those unknowns and rows alone. */
 static void step_without_slacks(const Program *it, const End *end, const double *d, const double *c, double *dw,
                                 double *dlam) {
-    double p[NZ] = {0}, b[NX] = {0}, a[NX], nu[NX], v[NV] = {0}, slope;
+    double p[NZ] = {0}, b[NX] = {0}, a[NX], nu[NX], v[NV] = {0}, gradient;
     sweep_back(it, d, c, p, b);
     memcpy(a, end->S, sizeof a);
     forward(&end->G[0][0], NX, a, 1), forward(&end->G[0][0], NX, b, 1);
-    slope = p[NX] + d[it->size - 1];
-    for (int i = 0; i < NX; i++) slope += a[i] * b[i];
-    v[NX] = dw[it->size - 1] = -slope / end->bend;
+    gradient = p[NX] + d[it->size - 1];
+    for (int i = 0; i < NX; i++) gradient += a[i] * b[i];
+    v[NX] = dw[it->size - 1] = -gradient / end->curvature;
     for (int i = 0; i < NX; i++) nu[i] = a[i] * v[NX] + b[i];
     backward(&end->G[0][0], NX, nu);
     for (int k = 0; k < it->N; k++) {

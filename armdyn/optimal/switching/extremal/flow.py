@@ -54,14 +54,14 @@ class Flow:
     """CasADi Functions of an arm; x = (q, v).
 
     Attributes:
-        rollout: (x, own, begins, h, τ at the start, τ at the end, felt, held, body) -> ends of `STEPS` steps, shape
-            (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
+        rollout: (x, own, begins, h, τ at the start, τ at the end, free_mask, held, body) -> ends of `STEPS` steps,
+            shape (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
             (2 nv, 2 nv STEPS); what they answer to a torque along `free_mask`, at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
             where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
             has 3 nv rows: 1 for joints that their own torques hold, for one that another's holds, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
-        rate: (x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
+        rate: (x, τ, free_mask, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
     """
 
     rollout: ca.Function
@@ -122,7 +122,7 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
         ca.MX.sym("begins"),
         ca.MX.sym("h"),
     )
-    first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("felt", n)
+    first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("free_mask", n)
     rest = [free_mask, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
     start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
     rates: list[ca.MX] = []
@@ -157,11 +157,11 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
 
 
 def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
-    """(x, τ, felt, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`; and one column of `Flow.switching`."""
+    """(x, τ, free_mask, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`; and one column of `Flow.switching`."""
     n = dynamics.nv
     x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
-    body, free_mask = only_present(dynamics, numbers), ca.SX.sym("felt", n)
+    body, free_mask = only_present(dynamics, numbers), ca.SX.sym("free_mask", n)
     q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
     free = 1 - own
     inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)

@@ -86,7 +86,7 @@ class LinearizedRollout:
 
     @cached_property
     def _response(self) -> tuple[float, Array, Array]:
-        """Slope of the duration along the tangents less the active planes' part; all multipliers; the planes' own."""
+        """Gradient of the duration along the tangents less the active planes' part; all multipliers; the planes'."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
@@ -175,7 +175,7 @@ def _gradient(rollout: Rollout, costates: tuple[Array, Array]) -> tuple[Array, A
 
 
 def lengths_of(structure: SwitchingStructure) -> Array:
-    """Slopes of the segments' lengths by the unknowns, shape (segments, width)."""
+    """Jacobian of the segments' lengths by the unknowns, shape (segments, width)."""
     segments: list[Segment] = list(structure.segments())
     out = np.zeros((len(segments), structure.width))
     for row, segment in zip(out, segments, strict=True):

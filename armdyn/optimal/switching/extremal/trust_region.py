@@ -22,7 +22,7 @@ _CHANGES = 4
 
 @dataclass(frozen=True, eq=False)
 class QuadraticForm:
-    """The objective slope·y + yᵀ bend y / 2.
+    """The objective gradient·y + yᵀ Hessian y / 2.
 
     Attributes:
         gradient: shape (k,).

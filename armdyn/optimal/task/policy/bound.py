@@ -88,8 +88,8 @@ class BoundPolicy:
     )
     soonest_rounds: int = tuned(8, "rounds", "of bisection for the time before which a region is out of reach", POSES)
     phase_cells: int = tuned(32, "cells", "of a phase between regions", POSES)
-    course_grids: int = tuned(4, "grids", "of a motion that passes regions, at most", POSES)
-    course_ahead: float = tuned(
+    region_grids: int = tuned(4, "grids", "of a motion that passes regions, at most", POSES)
+    region_ahead: float = tuned(
         0.03, "of the bound so far", "motions that take longer are left out: 0.06 % more than with 0.1", LINES
     )
     slice: float = tuned(0.005, "m", "of a line, about, whose joint positions get a box of their own", POSES)

@@ -35,7 +35,7 @@ def rolled_out():
     )
 
 
-def test_torques_are_their_courses_where_they_are_free():
+def test_torques_are_their_controls_where_they_are_free():
     rollout = rolled_out()
     assert [layer.sum(axis=1).max() for layer in rollout.torques.layers] == [1, 1]
     unit, steps = rollout.shooting.torque_unit[1], np.flatnonzero((rollout.arc == 1) | (rollout.arc == 2))

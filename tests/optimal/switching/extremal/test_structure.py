@@ -77,7 +77,7 @@ def test_changes_of_different_joints_pass_each_other():
     np.testing.assert_array_equal(moved.states, given.states[::-1])
 
 
-def test_a_course_moves_with_its_change():
+def test_a_singular_control_moves_with_its_change():
     given = structure([Arc(1.0, (U, L)), Arc(1.0, (L, L))]).with_changes(
         [(0.5, Change(1, F, control=SingularControl((1.0, 2.0))), np.zeros(4))]
     )

@@ -54,7 +54,7 @@ def until(motion: Trajectory, end: float | None) -> Trajectory:
     return motion.slice(end=float(motion.t[0]) + end)
 
 
-def course_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
+def motions_data(moves: Sequence[ShownMotion], limits: JointLimits, sliding: Sequence[bool]) -> dict[str, Any]:
     """All curves at common times from 0 on, with limits, each joint's active limit, and switching instants.
 
     Args:
