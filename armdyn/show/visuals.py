@@ -16,6 +16,7 @@ from meshcat import geometry as mg
 
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning
+from armdyn.locks import built_once
 from armdyn.models import Robot
 from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
@@ -174,7 +175,8 @@ def _rgba(material: Element) -> Rgba | None:
 def _visual_shapes(visual: Element, folders: tuple[str, ...], rgba: Rgba | None) -> Iterator[VisualShape]:
     for tag, sizes, file in geometries(visual, folders):
         if file is not None:
-            for mesh, color in _load_meshes(file, sizes):
+            status = file.stat()
+            for mesh, color in _load_meshes(file, tuple(sizes.tolist()), (status.st_mtime_ns, status.st_size)):
                 yield VisualShape(0, np.eye(4), _NormalGeometry(mesh), rgba or color)
         elif tag == "box":
             yield VisualShape(0, np.eye(4), mg.Box(sizes.tolist()), rgba or _GREY)
@@ -184,15 +186,20 @@ def _visual_shapes(visual: Element, folders: tuple[str, ...], rgba: Rgba | None)
             yield VisualShape(0, _THREE_CYLINDER, mg.Cylinder(*sizes.tolist()), rgba or _GREY)
 
 
-def _load_meshes(path: Path, scale: Array) -> Iterator[tuple[trimesh.Trimesh, Rgba]]:
-    """The triangles of a file, one mesh per colour."""
+@built_once(maxsize=64)
+def _load_meshes(
+    path: Path, scale: tuple[float, ...], stamp: tuple[int, int]
+) -> tuple[tuple[trimesh.Trimesh, Rgba], ...]:
+    """The triangles of a file, one mesh per colour; stamp: when it was changed, and its size."""
     import trimesh  # slow to import, and planar arms have no meshes
 
     by_color: dict[Rgba, list[trimesh.Trimesh]] = {}
-    for bare, mesh in load_meshes(path, scale):
+    for bare, mesh in load_meshes(path, np.array(scale)):
         by_color.setdefault(_mesh_color(mesh), []).append(bare)
-    for color, meshes in by_color.items():
-        yield trimesh.graph.smooth_shade(trimesh.util.concatenate(meshes), angle=_CREASE), color
+    return tuple(
+        (trimesh.graph.smooth_shade(trimesh.util.concatenate(meshes), angle=_CREASE), color)
+        for color, meshes in by_color.items()
+    )
 
 
 def _mesh_color(mesh: trimesh.Trimesh) -> Rgba:
