@@ -99,7 +99,7 @@ def fallback(
     """
     rest = None if last is None else rest_of_last(arm, ends, last, distances)
     if rest is not None:
-        return Status.FOLLOWED, rest
+        return Status.FOLLOWED if np.any(rest.v) else Status.STOPPED, rest
     stop = _brake(arm, ends, inertia, distances) if np.any(ends.v) else at_rest(arm, ends.q, distances)
     return None if stop is None else (Status.STOPPED, stop)
 

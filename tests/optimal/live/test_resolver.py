@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
+from itertools import count, pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +12,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.optimal.live import improving
+from armdyn.optimal.live import resolver as live_resolver
 from armdyn.optimal.live.checking import Checked, between_samples
 from problems import CART
 
@@ -244,12 +247,16 @@ def test_towards_the_same_goal_the_last_motion_goes_on():
     assert not np.any(there.trajectory.v)
 
 
-def test_what_one_call_has_no_time_for_the_next_ones_go_on_with():
-    resolver, solution = ad.Resolver(panda()), None
-    for _ in range(60):  # each may take a step or two, on a busy machine none
-        solution = resolver.solve(READY, REST, THERE, deadline=0.03)
-        if solution.usable:
-            break
-        assert solution.status == "stopped"
-    assert solution.usable
-    expect_motion(solution, READY, REST, THERE)
+def test_what_one_call_has_no_time_for_the_next_ones_go_on_with(monkeypatch):
+    whole, ticks = first_motion(), count()
+    clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))  # a step takes a second, however busy the machine
+    monkeypatch.setattr(improving, "time", clock)
+    monkeypatch.setattr(live_resolver, "time", clock)
+    resolver = ad.Resolver(panda())
+    for _ in range(3):
+        late = resolver.solve(READY, REST, THERE, deadline=3.0)
+        assert (late.status, late.iterations, late.usable) == ("stopped", 0, False)
+    own = [resolver.solve(READY, REST, THERE, deadline=5.0) for _ in range(whole.iterations)]
+    assert [each.iterations for each in own] == [1] * len(own)
+    assert [each.usable for each in own] == [False] * (len(own) - 1) + [True]
+    expect_motion(own[-1], READY, REST, THERE)
