@@ -1,5 +1,6 @@
 """Checks of a curve at fine samples: torques, velocities, positions, accelerations."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,18 +75,21 @@ def check(program: StepProgram, points: Array, duration: float, torque: StateFun
     return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)
 
 
-def between_samples(seen: Checked, limits: JointLimits, torque: StateFunction) -> float:
+def between_samples(seen: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
     """Largest excess of a torque between samples, as a part of half its range.
 
     The motion that is handed out is a cubic from sample to sample. Its accelerations are linear, so that they are
-    looked at where each cubic begins and ends.
+    looked at where each cubic begins and ends; torques differ from the curve's by the inertia times their difference.
 
     Args:
         seen: a curve at its samples.
         limits: of the torques.
-        torque: inverse dynamics, friction included.
+        inertia: of positions, shape (samples, nv): M(q) [kg m², kg m or kg], shape (samples, nv, nv).
     """
-    a = np.concatenate(cubic_accelerations(seen.t, seen.q, seen.v))
-    q, v = (np.concatenate([each[:-1], each[1:]]) for each in (seen.q, seen.v))
-    beyond = limits.actuators.excess(torque(q, v, a), q, v) / limits.actuators.half_range
+    accelerations = np.concatenate(cubic_accelerations(seen.t, seen.q, seen.v))
+    q, v, a, tau, M = (
+        np.concatenate([each[:-1], each[1:]]) for each in (seen.q, seen.v, seen.a, seen.tau, inertia(seen.q))
+    )
+    tau += np.einsum("kij,kj->ki", M, accelerations - a)
+    beyond = limits.actuators.excess(tau, q, v) / limits.actuators.half_range
     return float(np.max(beyond))

@@ -1,7 +1,7 @@
 """A curve made shorter, step by step, until it keeps its limits everywhere and gets no shorter."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,12 +30,14 @@ class LimitedArm:
         robot: the arm.
         program: of a step, with the limits.
         torque: inverse dynamics.
+        inertia: of positions; see `joint_inertia`.
         torques: at the places of a curve, linearised.
     """
 
     robot: Robot
     program: StepProgram
     torque: StateFunction
+    inertia: Callable[[Array], Array]
     torques: TorqueRows
 
     def seen(self, points: Array, duration: float) -> Checked:
@@ -50,7 +52,7 @@ class LimitedArm:
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
         """Whether a curve keeps all limits and distances."""
         kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
-        kept = kept and between_samples(seen, self.program.limits, self.torque) <= LIMIT_TOLERANCE
+        kept = kept and between_samples(seen, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
         return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
 
 

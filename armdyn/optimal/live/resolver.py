@@ -143,7 +143,7 @@ class Resolver:
         problem = self._problem(q, v, goal)
         arm, policy = self._prepared(problem), Policy.of(problem)
         ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
-        inertia = np.diag(joint_inertia(self.robot)(ends.q))
+        inertia = np.diag(arm.inertia(ends.q))
         distances = Distances.of(problem, policy.sequential)
         if (rest := self._on_the_way(arm, ends, distances)) is not None:
             return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
@@ -185,7 +185,8 @@ class Resolver:
         if known is None or known.program is not program or known.robot is not self.robot:
             places = [(program.mesh.basis, program.mesh.places)]
             torques = TorqueRows(self.robot, program.half, places, program.layout)
-            known = self._arm = LimitedArm(self.robot, program, inverse_dynamics(self.robot), torques)
+            functions = inverse_dynamics(self.robot), joint_inertia(self.robot)
+            known = self._arm = LimitedArm(self.robot, program, *functions, torques)
         return known
 
     def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:

@@ -49,10 +49,11 @@ class LastMotion:
         t = float(motion.t[np.argmin(far)])
         for _ in range(_NEWTON):
             h = 1e-4 * motion.duration
-            at, beside = motion(t), motion(np.array([max(t - h, motion.t[0]), min(t + h, motion.t[-1])]))
-            a = (beside.v[1] - beside.v[0]) / (min(t + h, motion.t[-1]) - max(t - h, motion.t[0]))
-            slope = (q - at.q) @ at.v + _SECONDS**2 * (v - at.v) @ a
-            size = at.v @ at.v + _SECONDS**2 * a @ a
+            before, after = max(t - h, motion.t[0]), min(t + h, motion.t[-1])
+            at = motion(np.array([before, t, after]))
+            own, speed, a = at.q[1], at.v[1], (at.v[2] - at.v[0]) / (after - before)
+            slope = (q - own) @ speed + _SECONDS**2 * (v - speed) @ a
+            size = speed @ speed + _SECONDS**2 * a @ a
             t = float(np.clip(t + slope / size if size > 0 else t, motion.t[0], motion.t[-1]))
         return t
 

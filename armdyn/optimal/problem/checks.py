@@ -171,9 +171,10 @@ def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, p
     _, coulomb = robot.friction.per_joint(robot.nv)
     for i, joint in enumerate(robot.joint_names):
         bound = upper[i] if torque[i] > 0 else lower[i]
-        room, unit = coulomb[i] + _ROUNDING * limits.actuators.scale[i], "N" if robot.slides[i] else "N m"
+        room = coulomb[i] + _ROUNDING * limits.actuators.scale[i]
         if abs(torque[i]) <= abs(bound) + room:
             continue
+        unit = "N" if robot.slides[i] else "N m"
         kept = "" if limits.passive[i] else kept_words(reserve[i], bound, unit)
         most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} {unit}{kept}"
         own = abs(bound) / (1 - reserve[i])

@@ -11,7 +11,7 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 import armdyn as ad
-from armdyn.dynamics.numeric import inverse_dynamics
+from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.optimal.live import improving
 from armdyn.optimal.live import resolver as live_resolver
 from armdyn.optimal.live.checking import Checked, between_samples
@@ -59,8 +59,9 @@ def test_torques_between_samples_are_those_of_the_cubics():
     whole, robot = first_motion().trajectory, panda()
     few = replace(whole, t=whole.t[::24], q=whole.q[::24], v=whole.v[::24], tau=whole.tau[::24])
     nothing = np.zeros((len(few.t), 7))
-    seen = Checked(few.t, few.q, few.v, nothing, few.tau, nothing, nothing, 0.0)
-    between = between_samples(seen, robot.limits, inverse_dynamics(robot))
+    tau = inverse_dynamics(robot)(few.q, few.v, nothing)
+    seen = Checked(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
+    between = between_samples(seen, robot.limits, joint_inertia(robot))
     cubics, limits, found = CubicHermiteSpline(few.t, few.q, few.v), robot.limits, -np.inf
     for first, last in pairwise(few.t):
         t = np.linspace(np.nextafter(first, last), np.nextafter(last, first), 9)
