@@ -39,12 +39,12 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
     best, *others = _certified_first(task, _repeated(task, optima), bound)
     certificate, duration = best.certificate, best.trajectory.duration
     status = _status(task, best, found)
-    met = "" if certificate.ok else found.met
+    remark = "" if certificate.ok else found.remark
     known = [duration, *(optimum.trajectory.duration for optimum in others), *found.slower]
     return Solution(
         success=not (any(_rank(task, best)) or task.stop.interrupted),
         status=status,
-        message="; ".join((_message(task, status, best, found), *best.missed, *([met] if met else []))),
+        message="; ".join((_message(task, status, best, found), *best.missed, *([remark] if remark else []))),
         problem=task.problem,
         duration=duration,
         trajectory=_marked(task, best.trajectory),
@@ -61,7 +61,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         via_times=best.via_times,
         moves=_moves(task, best),
         calm=best.calm,
-        met=met,
+        search_remark=remark,
         decides=best.decides
         or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),
     )

@@ -56,8 +56,8 @@ class Solution:
             missing it is the best so far; else it is no motion, and `duration` says nothing.
         decides: how much of the time each limit decides, most first; empty if that is not known.
         calm: time that was given for calm joints [s]: without, the motion takes so much less.
-        met: how many different optima the guesses met, and how often the best, of a curve that is not certified; or
-            that refinement was given up.
+        search_remark: a sentence on the search where the motion is not certified: how many different optima a curve's
+            guesses met, and how often the best, or that refinement was given up; else empty.
     """
 
     success: bool
@@ -81,7 +81,7 @@ class Solution:
     moves: bool = True
     decides: tuple[Share, ...] = ()
     calm: float = 0.0
-    met: str = ""
+    search_remark: str = ""
 
     def __str__(self) -> str:
         """A paragraph: duration, verdict, limits that decide the time, bound."""

@@ -136,8 +136,8 @@ def paragraph(solution: Solution) -> str:
     said += [_decided(solution), _calmed(solution)]
     if solution.lower_bound is not None and solution.moves:
         said.append(f"No motion is faster than {solution.lower_bound:.6f} s.")
-    if solution.met:
-        said.append(f"{solution.met[0].upper()}{solution.met[1:]}.")
+    if solution.search_remark:
+        said.append(f"{solution.search_remark[0].upper()}{solution.search_remark[1:]}.")
     elif solution.local_optima:
         others = len(solution.local_optima)
         said.append(f"{others} other optim{'a were' if others > 1 else 'um was'} met.")

@@ -34,7 +34,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
         return [], found
     optima, given_up = refined(task.with_options(intervals=found.mesh), found)
     left = [attempt.trajectory.duration for attempt in found.attempts[len(optima) :]]
-    return optima, replace(found, slower=tuple(left), met=_GIVEN_UP if given_up else found.met)
+    return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
 
 
 def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:

@@ -82,10 +82,10 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
     iterations = sum(one.iterations for one in found[len(optima) :])
-    return optima, Found((), failed=failed, listed=others, iterations=iterations, met=_met(task, found))
+    return optima, Found((), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found))
 
 
-def _met(task: Task, found: Sequence[RefinedCurve]) -> str:
+def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
     """Number of distinct optima met by the guesses, in words; empty where a bound says how good the best is.
 
     Args:

@@ -33,8 +33,8 @@ class Found:
         listed: durations of the others on coarse meshes [s].
         slower: durations of those that were told apart better, and were not worth more [s].
         iterations: of IPOPT.
-        met: how many different optima the guesses have met, or that refinement was given up, for people, where nothing
-            else says how good the best is.
+        remark: a sentence for a motion that is not certified: how many different optima the guesses have met, or that
+            refinement was given up; else empty.
     """
 
     attempts: tuple[Attempt, ...]
@@ -43,7 +43,7 @@ class Found:
     listed: tuple[float, ...] = ()
     slower: tuple[float, ...] = ()
     iterations: int = 0
-    met: str = ""
+    remark: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -422,8 +422,11 @@ def test_a_goal_that_cannot_be_held_is_named():
 def test_how_many_optima_were_met_is_said_where_nothing_bounds_the_duration():
     solution = ad.solve_minimum_time(ur5(velocity_limit=np.inf), ad.MinimumTimeOptions(starts=2, workers=1))
     assert solution.usable and not solution.certified
-    assert solution.met == "one optimum was met, the best one 2 times of 2 guesses; other seeds may find a faster one"
-    assert solution.met in solution.message
+    assert (
+        solution.search_remark
+        == "one optimum was met, the best one 2 times of 2 guesses; other seeds may find a faster one"
+    )
+    assert solution.search_remark in solution.message
     assert "One optimum was met" in str(solution)
 
 
