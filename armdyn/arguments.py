@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind")
 Function = TypeVar("Function", bound=Callable[..., object])
 Sign = Literal["any", "not negative", "positive"]
-Stop = Callable[[], bool]
+StopCondition = Callable[[], bool]
 """Polled now and then; once it is true, work ends with what there is."""
 
 MOST_SHOWN = 100
@@ -142,7 +142,7 @@ def listener(value: object) -> Callable[[Any], None]:
     return function(value, "progress", lambda told: None)
 
 
-def stopper(value: object) -> Stop:
+def stopper(value: object) -> StopCondition:
     """The argument `stop`; one that never stops for None.
 
     Raises:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
@@ -24,7 +24,9 @@ _ROUNDED = 1e-12
 """Part of a time that is taken off: sums of a few dozen floats err by 1e-15 each."""
 
 
-def covers(legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, stop: Stop) -> list[list[Region]]:
+def covers(
+    legs: Sequence[BoundLeg], places: Sequence[Place], longest: float, stop: StopCondition
+) -> list[list[Region]]:
     """Regions of consecutive places.
 
     Args:
@@ -79,7 +81,7 @@ def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:
     return all(a * b <= legs[0].policy.most_pairs for a, b in pairwise(counts))
 
 
-def _regions(goals: GoalSet | None, boxes: Interval, stop: Stop) -> list[Region]:
+def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> list[Region]:
     """Boxes, those that touch joined where joint positions are isolated, turned by all whole turns."""
     if goals is None:
         return [Region(boxes)] if len(boxes.lower) else []

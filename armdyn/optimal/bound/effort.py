@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
@@ -34,7 +34,7 @@ class Edge:
     known: float
     most: float
 
-    def bounded(self, stop: Stop) -> tuple[float, bool, int]:
+    def bounded(self, stop: StopCondition) -> tuple[float, bool, int]:
         """The bound [s], whether more tries would gain nothing, and the number of linear programs on the way."""
         counted = _Counted(stop)
         if not np.all(np.isfinite(self.motion.away.magnitude)):
@@ -48,7 +48,7 @@ class Edge:
 class _Counted:
     """A stop that counts how often it is polled: once for each linear program."""
 
-    stop: Stop
+    stop: StopCondition
     programs: int = 0
 
     def __call__(self) -> bool:
@@ -69,7 +69,7 @@ class Effort:
     """
 
     left: float
-    stop: Stop = lambda: False
+    stop: StopCondition = lambda: False
     workers: int | None = 1
     report: Callable[[str], object] = lambda text: None
     others: float = 0.0

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import cached_property
@@ -162,7 +162,7 @@ class GoalSet:
         none = np.zeros_like(self.turning)
         return [(one, turns) for one, turns in found if np.any(self.within.times(one, none) < self.within.duration)]
 
-    def enclosed(self, boxes: Interval, small: float, stop: Stop) -> Interval:
+    def enclosed(self, boxes: Interval, small: float, stop: StopCondition) -> Interval:
         """Boxes that hold all of the set that others hold, but for whole turns.
 
         Args:
@@ -193,7 +193,7 @@ class GoalSet:
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
         return joined([*kept, boxes])
 
-    def shrunk(self, boxes: Interval, stop: Stop) -> Interval:
+    def shrunk(self, boxes: Interval, stop: StopCondition) -> Interval:
         """Boxes that touch, shape (boxes, nv): one as small as a point if they hold but an isolated joint position."""
         few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
         tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.isolated, stop)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.effort import Edge, Effort
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_down
@@ -66,7 +66,7 @@ class Region:
         """Half width of the hull [rad or m]."""
         return float(np.max(self.hull.radius))
 
-    def halves(self, stop: Stop) -> list[Region]:
+    def halves(self, stop: StopCondition) -> list[Region]:
         """The region cut in two, perhaps with less in it."""
         if self.goals is None:
             return [self]
@@ -154,7 +154,7 @@ class Lattice:
             self.learn(edges, effort.spent_on(edges))
         return self.path()
 
-    def next_edges(self, enough: float, stop: Stop) -> list[Edge]:
+    def next_edges(self, enough: float, stop: StopCondition) -> list[Edge]:
         """Edges of the shortest paths that are to be improved next, until these are long enough [s]; perhaps none."""
         found: list[Edge] = []
         numbers = self.legs[0].policy
@@ -221,7 +221,7 @@ class Lattice:
         same |= parts[0][:, None] & parts[1] & np.all(by[0][:, None] == by[1], axis=2)
         return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
-    def _cut(self, path: Route, stop: Stop) -> bool:
+    def _cut(self, path: Route, stop: StopCondition) -> bool:
         """Cut the widest region of the path in two; whether one was left to be cut."""
         sizes = [0.0 if one.is_point else one.size for one in path.regions]
         k = int(np.argmax(sizes))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.proof import proven
@@ -12,7 +12,7 @@ from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed, relaxed_in_phases
 
 
-def leg_bound(leg: BoundLeg, stop: Stop, known: float = 0.0) -> tuple[float, int]:
+def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[float, int]:
     """Lower bound on the duration of a leg [s], and the joint that decides it.
 
     Args:
@@ -34,7 +34,7 @@ def leg_bound(leg: BoundLeg, stop: Stop, known: float = 0.0) -> tuple[float, int
     return known, joint
 
 
-def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop) -> tuple[float, int, bool]:
+def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: StopCondition) -> tuple[float, int, bool]:
     """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
     cells, full, cut, numbers = Cells.of(leg, known / 2, longest), False, False, leg.policy
     for done in range(numbers.passes):
@@ -62,7 +62,7 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
     return known, joint, full or known == longest
 
 
-def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: float, stop: Stop) -> float:
+def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: float, stop: StopCondition) -> float:
     """Lower bound on the duration of a leg in phases [s].
 
     Args:

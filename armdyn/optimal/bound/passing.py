@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import Stop
+from armdyn.arguments import StopCondition
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.cells import Phase
 from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
@@ -32,7 +32,9 @@ class Passage:
     lines: Mapping[int, BoundRegion]
 
 
-def passing_bound(leg: BoundLeg, passage: Passage, known: float, longest: float, stop: Stop) -> tuple[float, bool]:
+def passing_bound(
+    leg: BoundLeg, passage: Passage, known: float, longest: float, stop: StopCondition
+) -> tuple[float, bool]:
     """Lower bound on the duration of a leg that passes regions [s], and whether more tries would gain nothing.
 
     Args:
@@ -72,7 +74,7 @@ class _Event:
     beside: Interval | None = None
 
 
-def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list[Phase] | None:
+def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[Phase] | None:
     """The phases of motions that take no longer than some time [s]; None: there are no such motions."""
     events = _events(leg, passage, longest, stop)
     if events is None:
@@ -94,7 +96,7 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list
     return phases
 
 
-def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: Stop) -> float:
+def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: StopCondition) -> float:
     """Least time of the first or the last phase by itself [s], the event at its other end."""
     numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
@@ -117,7 +119,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
     return known
 
 
-def _events(leg: BoundLeg, passage: Passage, longest: float, stop: Stop) -> list[_Event] | None:
+def _events(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[_Event] | None:
     """Where a motion meets its regions; None: it cannot in some time [s].
 
     A motion that follows a line into a region crosses the plane in front of the region on its way. The first time it
@@ -160,7 +162,7 @@ def _on_line(
     )
 
 
-def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: Stop) -> Interval | None:
+def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCondition) -> Interval | None:
     """A box of all joint positions in a region that a motion passes in some time [s]; None: there are none."""
     within = Within((leg.start.q.centre, leg.goal.q.centre), leg.velocity, leg.position, longest)
     goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box

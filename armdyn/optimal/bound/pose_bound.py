@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.arguments import Stop, expect
+from armdyn.arguments import StopCondition, expect
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
@@ -19,7 +19,7 @@ from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 
-def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[float, int, float]:
+def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) -> tuple[float, int, float]:
     """Lower bound on the last leg's duration to any joint position that reaches the pose.
 
     Args:
@@ -56,7 +56,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: Stop) -> tuple[
     return known, joint, kinematic
 
 
-def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
+def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
     """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
     known, boxes, numbers = 0.0, goals.before(near).whole, goals.policy
     for size in numbers.sizes:
@@ -69,7 +69,7 @@ def _kinematic(goals: GoalSet, near: float, stop: Stop) -> float:
     return known
 
 
-def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: Stop) -> tuple[float, int]:
+def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopCondition) -> tuple[float, int]:
     """Bound by boxes of all goals that may be reached in the set's time, that time at most, and the joint that decides.
 
     The region with the least bound is improved first: by momentum, and then by cutting it in two.
