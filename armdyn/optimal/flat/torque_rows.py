@@ -7,7 +7,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from armdyn.arrays import Array
-from armdyn.dynamics.numeric import inverse_dynamics_derivatives
+from armdyn.dynamics.numeric import inverse_dynamics, inverse_dynamics_derivatives
+from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.basis import Basis
 from armdyn.optimal.flat.convex_step import with_values
@@ -19,16 +20,27 @@ class TorqueParts:
     """Torques of one curve as parts of half their ranges.
 
     Attributes:
+        rows: whose torques they are.
+        T: durations [s], shape (points of all legs, 1).
         q: positions there [rad or m], shape (points of all legs, joints).
         v: velocities [rad/s or m/s], likewise.
+        a: accelerations [rad/s² or m/s²], likewise.
         tau: torques, likewise.
-        jacobian: of the torques by the program's unknowns, shape (points * joints, unknowns).
+        lead: changes of the unknowns with the durations, shape (unknowns,); None: they do not change.
     """
 
+    rows: "TorqueRows"
+    T: Array
     q: Array
     v: Array
+    a: Array
     tau: Array
-    jacobian: csr_matrix
+    lead: Array | None
+
+    @cached_property
+    def jacobian(self) -> csr_matrix:
+        """Derivatives of the torques by the program's unknowns, shape (points * joints, unknowns)."""
+        return self.rows.jacobian(self)
 
 
 class TorqueRows:
@@ -44,7 +56,7 @@ class TorqueRows:
             shape: of the program.
         """
         self.half_range, n = half_range, robot.nv
-        self._torques = inverse_dynamics_derivatives(robot)
+        self._torque, self._derivatives = inverse_dynamics(robot), inverse_dynamics_derivatives(robot)
         self._local, self._points = np.concatenate([basis.local(s) for basis, s in legs]), shape.windows(legs)
         self._duration = np.repeat([shape.duration(k) for k in shape.legs], [s.size for _, s in legs])
         columns = np.hstack([self._points.reshape(self._duration.size, -1), self._duration[:, None]])
@@ -52,16 +64,23 @@ class TorqueRows:
         starts = np.arange(len(index) + 1, dtype=np.int32) * index.shape[1]
         self._pattern = csr_matrix((np.zeros(index.size), index.ravel(), starts), (len(index), shape.size))
 
-    def at(self, x: Array) -> TorqueParts:
-        """Linearise the torques at unknowns x, shape (unknowns,), of which the torques count for nothing."""
+    def at(self, x: Array, lead: Array | None = None) -> TorqueParts:
+        """Torques at unknowns x, of which the torques count for nothing; lead: as in `TorqueParts`."""
         T = x[self._duration][:, None]
         q, dq, ddq = (self._local @ x[self._points]).transpose(1, 0, 2)
         v, a = dq / T, ddq / T**2
-        tau, by_q, by_v, inertia = self._torques(q, v, a)
-        n, wide = tau.shape[1], T[..., None]
+        return TorqueParts(self, T, q, v, a, self._torque(q, v, a) / self.half_range, lead)
+
+    def jacobian(self, at: TorqueParts) -> csr_matrix:
+        """Linearise torques; see `TorqueParts`."""
+        tau, by_q, by_v, inertia = self._derivatives(at.q, at.v, at.a)
+        n, wide = tau.shape[1], at.T[..., None]
         local = self._local.transpose(0, 2, 1) / wide ** np.arange(3)
         by_points = local @ np.stack([by_q, by_v, inertia], axis=1).reshape(len(tau), 3, n * n)
-        by_duration = -(by_v @ v[..., None] + 2 * inertia @ a[..., None]) / wide
+        by_duration = -(by_v @ at.v[..., None] + 2 * inertia @ at.a[..., None]) / wide
         columns = [by_points.reshape(len(tau), -1, n, n).transpose(0, 2, 1, 3).reshape(len(tau), n, -1), by_duration]
         values = np.concatenate(columns, axis=2) / self.half_range[:, None]
-        return TorqueParts(q, v, tau / self.half_range, with_values(self._pattern, values.ravel()))
+        matrix = with_values(self._pattern, values.ravel())
+        if at.lead is not None:
+            matrix.data[matrix.indptr[1:] - 1] += matrix @ at.lead
+        return matrix

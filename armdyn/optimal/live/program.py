@@ -153,17 +153,16 @@ class StepProgram:
         """
         x = np.zeros(self.layout.size)
         x[self._points], x[self._last] = points, duration
-        rates, at_places, lead = [], torques.at(x), np.zeros(x.size)
+        rates, lead = [], np.zeros(x.size)
+        lead[self._points[1]] = self._lead(ends)  # with the duration the second control point moves, too
         for rows, bound in zip(self._rows, self._bounds, strict=False):
             most = np.tile(bound, rows.duration.size // bound.size)
-            rates.append(rows.at(x, (-most, most)))
-        lead[self._points[1]] = self._lead(ends)
-        for jacobian in (at_places.jacobian, *(sides.jacobian for sides in rates)):
-            # With the duration, whose entry is the last one of every row, the second control point moves, too.
-            jacobian.data[jacobian.indptr[1:] - 1] += jacobian @ lead
+            sides = rows.at(x, (-most, most))
+            sides.jacobian.data[sides.jacobian.indptr[1:] - 1] += sides.jacobian @ lead
+            rates.append(sides)
         near = None if clear is None else clear.at(self.layout, x)
         cost = duration + float(x @ (self._smoothing @ x)) / 2
-        return Iterate(x, points, duration, cost, at_places, tuple(rates), near)
+        return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), near)
 
     def merit(self, at: Iterate, margins: TorqueMargin, price: float) -> float:
         """Cost and prices of what is violated [s]; price: of a torque [s]."""
