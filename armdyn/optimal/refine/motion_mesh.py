@@ -18,6 +18,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE, percent
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
+from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.search.distinct import distinct
@@ -306,6 +307,7 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
         costate=costates.costate,
         switching=costates.switching,
     )
+    certificate = repeated(problem, found.trajectory, certificate)  # where nothing repeats it another optimum is sought
     return _Judged(replace(found, certificate=certificate), costates.saving, rough)
 
 

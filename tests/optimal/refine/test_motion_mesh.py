@@ -79,6 +79,15 @@ def test_a_motion_whose_replay_does_not_land_is_judged_by_its_segments(monkeypat
     assert judged.usable and judged.saving < 1e-4 and judged.segment_error < 1e-9
 
 
+@pytest.mark.slow
+def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
+    monkeypatch.setattr("armdyn.optimal.proof.repeat.OPEN_LOOP_GROWTH", 0.0)  # every motion is judged under feedback,
+    monkeypatch.setattr("armdyn.optimal.proof.repeat.under_feedback", lambda *_: None)  # which leaves it
+    certificate = optimum_of(task_of()).certificate
+    assert not certificate.ok and certificate.saving < 1e-4
+    assert "replay under feedback leaves the motion" in certificate.remark
+
+
 def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
