@@ -46,7 +46,7 @@ OPTIONS = ad.MinimumTimeOptions(search="quick", time_limit=1e-3)
 LOG = simulated_log(RR, duration=2.0, rate=200.0)
 LOOP, PID = ad.Loop(), ad.Pid()
 PLANTS, ARMS = ad.Plants(), ad.MonteCarloOptions(count=1, duration=0.1, workers=1)
-TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=0.1, workers=1)
+TUNING = ad.TuneOptions(duration=0.1, members=2, generations=1, time_limit=10.0, workers=1)
 LINK = {"length": 0.25, "com": 0.1, "mass": 0.2, "inertia": 1e-3}
 BODY = {"mass": 1.0, "com": (0, 0, 0), "inertia": (0, 0, 0), "frame": None, "shapes": (), "name": "tool"}
 CORNERS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
