@@ -46,6 +46,7 @@ _NUMBER = re.compile(r"(?<==)-?\d+\.\d*(?:e[+-]?\d+)?(?=;)")
 _TABLE = """static double numbers[{0}];
 void set_numbers(const double *given) {{ for (int i = 0; i < {0}; i++) numbers[i] = given[i]; }}
 """
+"""Table of an arm's numbers in C, and the function that fills it."""
 
 _told: set[str] = set()
 """Warnings that this process has had."""

@@ -142,8 +142,9 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
 
 def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
     """Complete an optimum's certificate, and replace states of a mesh by those of the replay."""
-    motion = optimum.trajectory
-    certificate = repeated(task.problem, motion, optimum.certificate)
+    motion, certificate = optimum.trajectory, optimum.certificate
+    if certificate.growth is None:  # else it was repeated where it was found
+        certificate = repeated(task.problem, motion, certificate)
     if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
         motion = replace(replay, name=motion.name)
         certificate = repeated(task.problem, motion, optimum.certificate)
