@@ -182,7 +182,7 @@ class ForkPool(Generic[Result]):
             try:
                 line.send(what)
             except OSError:  # it died while it was idle
-                self._dismiss(line)
+                self._dismiss(line).join()
                 continue
             self._under_way[line] = number
             return
@@ -201,7 +201,7 @@ class ForkPool(Generic[Result]):
                 found.append((number, process, (line.recv(),)))
                 self._idle.append(line)
             except (OSError, EOFError):
-                self._dismiss(line)
+                self._dismiss(line).join()
                 found.append((number, process, None))
         return found
 
@@ -215,10 +215,7 @@ class ForkPool(Generic[Result]):
     def drop(self) -> None:
         """Kill the workers that are at work; others take their places when jobs come."""
         for line in self._under_way:
-            worker = self._processes.pop(line)
-            _own_ends.discard(line)
-            line.close()
-            worker.kill()
+            self._dismiss(line)
         self._under_way.clear()
 
     def close(self, patient: bool) -> None:
@@ -239,12 +236,13 @@ class ForkPool(Generic[Result]):
             for worker in self._processes.values():
                 worker.kill()
 
-    def _dismiss(self, line: Connection) -> None:
+    def _dismiss(self, line: Connection) -> ForkProcess:
+        """Close the line to a worker and kill it; nobody waits for its end yet."""
         worker = self._processes.pop(line)
         _own_ends.discard(line)
         line.close()
         worker.kill()
-        worker.join()
+        return worker
 
 
 @contextmanager

@@ -1,7 +1,5 @@
 """The fastest cycle found, and how far to trust it."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Rows of a study as one table: CSV, or Parquet with pyarrow."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """PID control along a reference."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

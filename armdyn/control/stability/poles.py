@@ -1,7 +1,5 @@
 """Eigenvalues of a continuous PID loop, linearised at its goal."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Self
 
 import numpy as np

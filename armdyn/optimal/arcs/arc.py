@@ -100,7 +100,7 @@ def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float
         if event and not event.touch:
             modes[event.joint] = event.mode
     total = sum(arc.duration for arc in arcs)
-    return [Arc(arc.duration * duration / total, arc.modes, arc.touches) for arc in arcs]
+    return merged([Arc(arc.duration * duration / total, arc.modes, arc.touches) for arc in arcs])
 
 
 def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:

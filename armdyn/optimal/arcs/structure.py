@@ -60,7 +60,7 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
         for k in range(1, K)
         if modes[k, i] is not modes[k - 1, i]
     ]
-    return merged(arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration))
+    return arcs_between(list(modes[0]), [*events, *touched, *_touches(phases)], phases.duration)
 
 
 def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:

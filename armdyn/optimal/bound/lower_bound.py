@@ -1,7 +1,5 @@
 """Lower bound on the duration of all motions within the limits."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Derivatives of the minimum time by payload mass and limits, from the multipliers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import casadi as ca

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import Arc, merged
+from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.landing.shooting import replay_on_goal
 from armdyn.optimal.problem.stop import Budget
@@ -133,7 +133,7 @@ def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
     brief, near = (0.0, policy.arcs) if equal else (policy.arcs.brief, policy.arcs.at_switches)
-    return merged(detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief))
+    return detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief)
 
 
 @dataclass(frozen=True, eq=False)
