@@ -5,10 +5,10 @@ from armdyn.control.laws.pid import PidGains as PidGains
 from armdyn.control.loop.loop import Loop as Loop
 from armdyn.control.loop.references import ramp as ramp
 from armdyn.control.loop.references import set_point as set_point
+from armdyn.control.stability.linear import closed_loop_eigenvalues as closed_loop_eigenvalues
 from armdyn.control.stability.margins import Margins as Margins
 from armdyn.control.stability.margins import loop_margins as loop_margins
 from armdyn.control.stability.margins import multiloop_disk as multiloop_disk
-from armdyn.control.stability.poles import closed_loop_eigenvalues as closed_loop_eigenvalues
 from armdyn.control.stability.rate import SampledStability as SampledStability
 from armdyn.control.stability.rate import sampled_stability as sampled_stability
 from armdyn.control.stability.rate import slowest_stable_rate as slowest_stable_rate

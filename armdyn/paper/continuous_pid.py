@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from armdyn.arrays import Array
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.run import Run, Status
 from armdyn.dynamics import forward_dynamics

@@ -24,7 +24,7 @@ from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted
 from problems import paper_arm
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.show.contacts import contacts_report, write_contacts
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.scene import mark_of, scene_data
+from armdyn.show.replay import contacts_report, write_contacts
 from armdyn.show.visuals import robot_shapes
 from problems import paper_arm
 from show.browser import open_page

@@ -257,7 +257,7 @@ def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) ->
     """Write a page with the pose for which a problem is refused into the folder of --out; without one, say so."""
     said = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
     if results.output.out is not None and not results.no_report:
-        from armdyn.show.contacts import write_contacts
+        from armdyn.show.replay import write_contacts
 
         folder = results.output.folder("mintime", name, ["contacts.html"])
         folder.mkdir(parents=True, exist_ok=True)

@@ -10,8 +10,7 @@ from armdyn.arguments import check_fields, checked, expect, interval, number, nu
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.stability.linear import Rest
-from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import ArmAtGoal, Rest, closed_loop_matrix, eigenvalues
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given

@@ -11,7 +11,7 @@ from armdyn.control.laws.pid import DEFAULT_GAINS, Form, Pid, PidGains
 from armdyn.control.loop.law import expect_motors
 from armdyn.control.loop.loop import MOST_RATE, Loop
 from armdyn.control.loop.references import set_point
-from armdyn.control.stability.poles import closed_loop_eigenvalues
+from armdyn.control.stability.linear import closed_loop_eigenvalues
 from armdyn.control.tracking.arrival import Arrival, ArrivalRule
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.track import MOST_ROWS, Setup

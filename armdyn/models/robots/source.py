@@ -12,8 +12,7 @@ import pinocchio as pin
 from armdyn.arguments import shown
 from armdyn.errors import SpecError, UnknownRobotError
 from armdyn.models.mjcf.document import is_mjcf
-from armdyn.models.robots.descriptions import Description, described, is_description
-from armdyn.models.robots.library import library_names
+from armdyn.models.robots.library import Description, described, is_description, library_names
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec
 

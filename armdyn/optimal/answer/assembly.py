@@ -11,8 +11,8 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.deciding import deciding
 from armdyn.optimal.proof.repeat import repeated
+from armdyn.optimal.proof.sensitivity import deciding
 from armdyn.optimal.refine.land import with_costates
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found

@@ -15,7 +15,7 @@ from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
-from armdyn.optimal.proof.transversality import end_gradient, transversality
+from armdyn.optimal.proof.sensitivity import end_gradient, transversality
 from armdyn.optimal.search.goals import GoalTried, screened
 from armdyn.optimal.task.policy.search import GoalPolicy
 from armdyn.optimal.task.task import Task

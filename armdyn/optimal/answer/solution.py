@@ -16,8 +16,7 @@ from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.deciding import Share
-from armdyn.optimal.proof.sensitivity import Sensitivities, sensitivities
+from armdyn.optimal.proof.sensitivity import Sensitivities, Share, sensitivities
 from armdyn.optimal.search.goals import GoalTried
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called

@@ -16,8 +16,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
-from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
-from armdyn.optimal.arcs.sampling import motion_of
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved, motion_of
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.solve.registry import in_time, solver_for

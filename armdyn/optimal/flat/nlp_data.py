@@ -11,8 +11,7 @@ from armdyn.arrays import Array, Index
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.optimal.flat.basis import WINDOW, Basis
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.end_torques import end_torque_rows, end_torque_values
-from armdyn.optimal.flat.equations import POINTS, CurveInterval
+from armdyn.optimal.flat.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion

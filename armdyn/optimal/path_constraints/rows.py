@@ -18,7 +18,7 @@ from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Block, Nlp, build_nlp
 from armdyn.optimal.program.interval import Collocated, IntervalFunctions, IntervalView, differentiated
 from armdyn.optimal.program.layout import Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 
 Where = Literal["every", "first", "last", "sum"]
 """In which intervals of the motion, or of a leg; "sum": rows of all are summed, as integrals along the path are."""

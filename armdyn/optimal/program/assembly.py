@@ -16,7 +16,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import cached_property
 from armdyn.optimal.program.interval import IntervalFunctions, interval_functions
 from armdyn.optimal.program.layout import Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 
 
 @dataclass(frozen=True, eq=False)

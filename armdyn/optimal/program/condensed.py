@@ -20,8 +20,7 @@ from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Block, Program, program_of
 from armdyn.optimal.program.interval import IntervalFunctions, differentiated, present_body
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
-from armdyn.optimal.task.tableau import LOBATTO_3
+from armdyn.optimal.task.tableau import LOBATTO_3, Scheme
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

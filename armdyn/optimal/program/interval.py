@@ -11,7 +11,7 @@ from armdyn.codegen.compiled import compiled
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.program.layout import Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 
 
 @dataclass(frozen=True)

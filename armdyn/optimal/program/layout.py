@@ -18,7 +18,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 
 _BODY = 10
 """Dynamic parameters of a body: mass, first moments, inertia."""

@@ -1,4 +1,4 @@
-"""Derivatives of the minimum time by payload mass and limits, from the multipliers."""
+"""Derivatives of the minimum time by payload mass, limits and goal, from the multipliers; the limits' shares in it."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,11 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from armdyn.arguments import check_fields, checked, number, text
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.reaching import GoalPose, free_directions
 from armdyn.optimal.arcs.arc import VELOCITY, Mode
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -78,3 +81,92 @@ def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:
     columns = [x.reshape(-1, n).T for x in (phases.stage_q, phases.stage_v, phases.tau)]
     da = np.array(rate.map(columns[0].shape[1])(*columns)).T
     return float(np.sum(phases.stage_costate[:, :, n:].reshape(-1, n) * da))
+
+
+@dataclass(frozen=True)
+class Share:
+    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising it by 1 % saves that share of 1 %.
+
+    Of a speed limit all that a cruise at it takes. Torques decide by their root: without gravity and speed limits all
+    torque limits together have one half.
+
+    Attributes:
+        limit: "torque limit" or "velocity limit".
+        joint: its name.
+        part: of the time.
+
+    Raises:
+        ProblemError: no text, or no number.
+    """
+
+    limit: str = checked(text)
+    joint: str = checked(text)
+    part: float = checked(number)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def name(self) -> str:
+        """Name of the limit in messages."""
+        return f"{self.joint}'s {self.limit}"
+
+
+def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple[Share, ...]:
+    """The limits that decide the time of an optimum whose arcs are known, most first; none where effort is paid for.
+
+    Args:
+        problem: the minimum-time problem.
+        phases: its optimum.
+        least: smaller shares are left out.
+    """
+    if problem.effort_weight > 0:  # its multipliers speak of the cost, not of the time
+        return ()
+    names, limits = problem.robot.joint_names, problem.limits
+    upper, lower, velocity = by_limits(phases)
+    torque = -(upper * limits.actuators.upper + lower * limits.actuators.lower) / phases.duration
+    speed = -velocity * np.where(velocity == 0, 0.0, limits.velocity) / phases.duration
+    shares = [Share("torque limit", name, float(part)) for name, part in zip(names, torque, strict=True)]
+    shares += [Share("velocity limit", name, float(part)) for name, part in zip(names, speed, strict=True)]
+    return tuple(sorted((one for one in shares if one.part > least), key=lambda one: -one.part))
+
+
+def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
+    """Gradient of the duration by the goal, along the joint positions that reach the pose [s/rad], shape (nv,).
+
+    Args:
+        robot: the arm.
+        goal: where a frame is to be.
+        q: joint positions at the goal [rad or m], shape (nv,).
+        phases: of the motion there, with costates.
+    """
+    free = free_directions(robot, goal, q)
+    return np.asarray(-free @ (free.T @ phases.costate[-1, : robot.nv]))
+
+
+def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, phases: Phases | None) -> float | None:
+    """Transversality error of the costates at the end; see `Certificate.transversality`.
+
+    The costates at the end are how the duration answers to the goal, ∂t_f/∂q = −ρ_q(t_f). Where a continuum of joint
+    positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control,
+    section 2.8).
+
+    Args:
+        problem: whose motion it is.
+        goal: where a frame is to be; None: the goal is a point.
+        q: joint positions at the goal [rad or m], shape (nv,).
+        phases: of the motion there, with costates; None: they are not known.
+
+    Returns:
+        inf where it is not known, as in a region with tolerances; None: no other joint position is near.
+    """
+    if goal is None:
+        return None
+    if any(goal.tolerance):  # multipliers of its bounds are not checked
+        return float("inf")
+    if not free_directions(problem.robot, goal, q).size:
+        return None
+    if phases is None:
+        return float("inf")
+    way = np.linalg.norm(q - problem.poses[-2])
+    return float(np.linalg.norm(end_gradient(problem.robot, goal, q, phases)) * way / phases.duration)

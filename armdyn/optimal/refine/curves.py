@@ -32,7 +32,7 @@ from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
-from armdyn.optimal.proof.deciding import Share
+from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.refine.ways import NO_WAY, refined_ways, ways_through
 from armdyn.optimal.search.candidates import Found

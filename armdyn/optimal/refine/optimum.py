@@ -11,7 +11,7 @@ from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.certificate import Certificate, certify
-from armdyn.optimal.proof.deciding import Share
+from armdyn.optimal.proof.sensitivity import Share
 from armdyn.trajectory import Trajectory
 
 

@@ -1,6 +1,10 @@
-"""IPOPT as a `Solver`, called from one place."""
+"""IPOPT as a `Solver`, called from one place: asked whether to stop, and kept from the terminal."""
 
-from typing import Any, Generic, TypeVar
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Generic, TextIO, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -10,10 +14,90 @@ from armdyn.locks import one_at_a_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
-from armdyn.optimal.solve.monitor import Monitor
-from armdyn.optimal.solve.silence import silence
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.solver_settings import SolverSettings
+
+
+class _Deaf:
+    """A stream that does not hear one thread."""
+
+    def __init__(self, stream: TextIO):
+        self._stream, self._thread = stream, threading.get_ident()
+
+    def hear(self) -> None:
+        """From now on hear that thread, too: somebody may have kept the stream."""
+        self._thread = -1
+
+    def write(self, text: str) -> int:
+        """Passed on, if another thread writes."""
+        return len(text) if threading.get_ident() == self._thread else self._stream.write(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextmanager
+def silence(verbose: bool) -> Iterator[None]:
+    """Within it nothing that this thread says is heard, on standard output and error.
+
+    Args:
+        verbose: let it be heard.
+    """
+    if verbose:
+        yield
+        return
+    heard = sys.stdout, sys.stderr
+    deaf = _Deaf(sys.stdout), _Deaf(sys.stderr)
+    sys.stdout, sys.stderr = deaf
+    try:
+        yield
+    finally:
+        for stream in deaf:
+            stream.hear()
+        if sys.stdout is deaf[0]:
+            sys.stdout = heard[0]
+        if sys.stderr is deaf[1]:
+            sys.stderr = heard[1]
+
+
+class Monitor(ca.Callback):
+    """An iteration callback of `casadi.nlpsol` that asks a `Stop` while there is one."""
+
+    def __init__(self, nx: int, ng: int, np_: int):
+        ca.Callback.__init__(self)
+        self._sizes = {"x": nx, "f": 1, "g": ng, "lam_x": nx, "lam_g": ng, "lam_p": np_}
+        self._stop: Stop | None = None
+        self.construct("monitor", {})
+
+    @contextmanager
+    def asking(self, stop: Stop) -> Iterator[None]:
+        """Within it, and no longer, a `Stop` is asked."""
+        self._stop = stop
+        try:
+            yield
+        finally:
+            self._stop = None
+
+    def get_n_in(self) -> int:
+        """The outputs of nlpsol are its inputs."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """One: whether to stop."""
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        """Name of an input, as nlpsol calls it."""
+        return str(ca.nlpsol_out(i))
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """Sparsity of each input: dense columns."""
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
+
+    def eval(self, arguments: Any) -> list[int]:
+        """Returns nonzero where IPOPT is to stop."""
+        return [int(bool(self._stop))]
+
 
 P = TypeVar("P", bound=Program)
 

@@ -9,8 +9,7 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
-from armdyn.optimal.arcs.phases import TABLEAU, Phases
-from armdyn.optimal.arcs.sampling import motion_of
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.flow import STEPS
 from armdyn.optimal.switching.extremal.rollout import Rollout

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 from armdyn.arguments import check_fields, checked, expect, flag, number, one_of, several, whole
 from armdyn.errors import ProblemError
-from armdyn.optimal.task.scheme import Control, DynamicsForm
 from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
-from armdyn.optimal.task.tableau import TABLEAUS
+from armdyn.optimal.task.tableau import TABLEAUS, Control, DynamicsForm
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 

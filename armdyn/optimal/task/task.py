@@ -11,8 +11,8 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
-from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.tableau import Scheme
 from armdyn.parallel import SharedPool, shared_pool
 
 Result = TypeVar("Result")

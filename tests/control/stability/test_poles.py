@@ -6,7 +6,7 @@ import pytest
 
 from armdyn.control import PidGains, closed_loop_eigenvalues
 from armdyn.control.laws.pid import DEFAULT_GAINS
-from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix
+from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from oracles import PinDynamics, robot_named

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix, eigenvalues
 from armdyn.control.stability.region import GainRegion, least_stable_factor
 from armdyn.control.stability.routh import routh_table
 from armdyn.errors import ProblemError

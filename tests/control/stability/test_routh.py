@@ -7,7 +7,7 @@ import pytest
 
 from armdyn.control import closed_loop_eigenvalues
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.poles import ArmAtGoal, closed_loop_matrix
+from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix
 from armdyn.control.stability.routh import characteristic_polynomial, routh_table
 from armdyn.errors import ProblemError
 from pid_loops import example

@@ -11,8 +11,7 @@ from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.law import Controller, Law
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.linear import Rest, continuous_matrix, ticks_at_rest
-from armdyn.control.stability.poles import closed_loop_eigenvalues
+from armdyn.control.stability.linear import Rest, closed_loop_eigenvalues, continuous_matrix, ticks_at_rest
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.dynamics import forward_dynamics, inverse_dynamics
 from armdyn.errors import ProblemError

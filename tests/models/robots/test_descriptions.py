@@ -6,7 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
-from armdyn.models.robots.descriptions import is_description
+from armdyn.models.robots.library import is_description
 from models.mjcf.arms import RR
 
 READ = ad.Robot.from_description

@@ -13,7 +13,7 @@ from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.optimal.proof.deciding import Share
+from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.starts import spline

@@ -11,7 +11,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numb
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.interval import Collocated
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem
 

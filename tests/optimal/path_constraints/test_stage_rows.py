@@ -6,8 +6,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.flat.end_torques import _torques
-from armdyn.optimal.flat.equations import CurveInterval
+from armdyn.optimal.flat.equations import CurveInterval, _torques
 from armdyn.optimal.path_constraints.goal_region import region_rows
 from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.program.interval import differentiated

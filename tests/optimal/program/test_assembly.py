@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp, scatter
 from armdyn.optimal.program.unknowns import Scales, to_unknowns
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 

@@ -10,8 +10,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.condensed import build_condensed, has_condensed
 from armdyn.optimal.program.interval import interval_functions
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
-from armdyn.optimal.task.scheme import Scheme
-from armdyn.optimal.task.tableau import TABLEAUS
+from armdyn.optimal.task.tableau import TABLEAUS, Scheme
 from problems import paper_arm
 
 SCHEMES = st.builds(

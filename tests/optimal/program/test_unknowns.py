@@ -11,8 +11,7 @@ from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.unknowns import Scales, bounds, to_trajectory, to_unknowns
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.task.scheme import Scheme
-from armdyn.optimal.task.tableau import TABLEAUS
+from armdyn.optimal.task.tableau import TABLEAUS, Scheme
 from armdyn.trajectory import Trajectory
 from problems import paper_problem
 

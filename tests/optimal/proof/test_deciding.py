@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.proof.deciding import Share, deciding
+from armdyn.optimal.proof.sensitivity import Share, deciding
 from problems import cart, gantry_problem, luus_problem, paper_problem, solve, solved
 
 SHARES = {"velocity limit": 1, "torque limit": 2}

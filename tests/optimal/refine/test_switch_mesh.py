@@ -7,7 +7,7 @@ import armdyn as ad
 from armdyn.optimal.refine.switch_mesh import at_switches
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import has_stagewise, solve_quickly
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
 

@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.models.scene.reaching import free_directions, slid
-from armdyn.optimal.proof.transversality import end_gradient, transversality
+from armdyn.optimal.proof.sensitivity import end_gradient, transversality
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.task.task import Task
 from oracles import robot_named

@@ -3,7 +3,7 @@
 import sys
 import threading
 
-from armdyn.optimal.solve.silence import silence
+from armdyn.optimal.solve.ipopt import silence
 
 
 def test_this_thread_is_not_heard_and_others_are(capsys):

@@ -10,8 +10,7 @@ from scipy.special import roots_jacobi, roots_legendre
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.unknowns import Scales, to_unknowns
-from armdyn.optimal.task.scheme import Scheme
-from armdyn.optimal.task.tableau import LOBATTO_3, RADAU_5, TABLEAUS, differentiation, lagrange
+from armdyn.optimal.task.tableau import LOBATTO_3, RADAU_5, TABLEAUS, Scheme, differentiation, lagrange
 from armdyn.trajectory import Trajectory
 from problems import paper_arm
 

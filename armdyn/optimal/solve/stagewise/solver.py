@@ -15,8 +15,8 @@ from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.solve.stagewise.library import WATCH, Settings, stagewise_library
-from armdyn.optimal.task.scheme import Scheme
 from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.tableau import Scheme
 
 _ASKED = 10
 """Iterations between two questions whether to stop: half a millisecond; a thread may have to wait for another one."""

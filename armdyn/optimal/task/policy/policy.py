@@ -31,7 +31,7 @@ from armdyn.optimal.task.policy.switching import (
     SwitchingPolicy,
 )
 from armdyn.optimal.task.policy.tuned import rows
-from armdyn.optimal.task.scheme import Scheme
+from armdyn.optimal.task.tableau import Scheme
 
 
 @dataclass(frozen=True, kw_only=True)
