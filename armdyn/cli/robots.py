@@ -1,5 +1,7 @@
 """The command `armdyn robots`: lists the robots that have a name."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import armdyn as ad

@@ -1,5 +1,7 @@
 """Costs of a cycle's conditions: how much sooner it would end without each of them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace

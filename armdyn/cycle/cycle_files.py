@@ -1,5 +1,7 @@
 """Cycle files: a cycle in TOML, by the names that it has in Python. docs/cycles.md says how."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,5 +1,7 @@
 """The fastest cycle found, how far to trust it, and its one motion, which knows what the arm carries when."""
 
+from __future__ import annotations
+
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

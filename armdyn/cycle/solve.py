@@ -1,5 +1,7 @@
 """`solve_cycle`: the order and the branches of the stops that are fastest together, and the motions between them."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Steps of a cycle: values that say what the arm does, one after the other."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Literal

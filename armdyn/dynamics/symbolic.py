@@ -1,5 +1,7 @@
 """Pinocchio's dynamics as CasADi Functions."""
 
+from __future__ import annotations
+
 import hashlib
 from typing import Any
 

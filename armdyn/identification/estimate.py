@@ -1,5 +1,7 @@
 """The identified arm, and what the log says of it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,5 +1,7 @@
 """How much time a given motion leaves on the table: any planner's trajectory beside the minimum-time optimum."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Problem files: a minimum-time problem in TOML, by the names that it has in Python. docs/problem_files.md says how."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace

@@ -4,6 +4,8 @@
 included, and the derivative of the error may have the printed sign.
 """
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Monte Carlo over plants: how often one controller settles on random arms, and how long that takes."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,5 +1,7 @@
 """Study files: untrusted TOML, bounded, without code and without files outside its own folder."""
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,5 +1,7 @@
 """The engine of all studies: cases done by an executor, each with a row as soon as it has ended."""
 
+from __future__ import annotations
+
 import math
 import os
 import time

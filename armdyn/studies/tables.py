@@ -1,5 +1,7 @@
 """Rows of a study as one table: CSV, or Parquet with pyarrow."""
 
+from __future__ import annotations
+
 import csv
 import json
 import os

@@ -1,5 +1,7 @@
 """The command `armdyn bound`: proves a lower bound on the duration."""
 
+from __future__ import annotations
+
 import armdyn as ad
 from armdyn.cli.console import answering, console, facts_table, working
 from armdyn.cli.options.groups import flag

@@ -1,5 +1,7 @@
 """The command `armdyn optimality`: compares any planner's motion with the fastest."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The command `armdyn pid`."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,5 +1,7 @@
 """Options of the robot's controller."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import ClassVar
 

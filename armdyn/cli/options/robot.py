@@ -1,5 +1,7 @@
 """Options of the robot: its name, its moving joints, its payload."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar

@@ -3,6 +3,8 @@
 They may be untrusted. Of a folder only files of known names are read, within bounds, and no link that leads out of it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The command `sweep`: one robot with several payloads, or the cases of a study file."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

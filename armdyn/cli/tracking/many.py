@@ -1,5 +1,7 @@
 """The command `armdyn monte-carlo`: a controller on many random arms."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar

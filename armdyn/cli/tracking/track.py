@@ -1,5 +1,7 @@
 """The command `armdyn track`."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

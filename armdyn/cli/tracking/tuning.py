@@ -1,5 +1,7 @@
 """The command `armdyn tune`: chooses gains on a set of arms."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar

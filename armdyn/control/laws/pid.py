@@ -1,5 +1,7 @@
 """PID control along a reference."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 

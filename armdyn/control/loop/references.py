@@ -1,5 +1,7 @@
 """References at the ticks of a loop; those that need no solver: rest at a pose, and a smooth ramp to another."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 

@@ -1,5 +1,7 @@
 """Linearisation of an arm and of a controller's law at rest at a goal; eigenvalues of a continuous PID loop."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple, Self
 

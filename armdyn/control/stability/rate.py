@@ -1,5 +1,7 @@
 """Stability of a sampled loop at its goal, and the sampling rate that it needs."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """Gains with which a PID loop is stable at its goal: of one joint in closed form, over a plane, by a factor."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Self
 

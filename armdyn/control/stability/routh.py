@@ -1,5 +1,7 @@
 """Routh's table of a real polynomial, in exact arithmetic: how many roots lie in the right half-plane."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,5 +1,7 @@
 """The sampled loop at rest at a goal, as one matrix from tick to tick."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 

@@ -1,5 +1,7 @@
 """A PID loop between two poses: `track` with a reference at rest, in a continuous loop."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

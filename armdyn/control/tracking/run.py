@@ -1,5 +1,7 @@
 """Result of a controller's run along a reference, and the envelope of many runs."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self

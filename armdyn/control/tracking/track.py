@@ -1,5 +1,7 @@
 """Simulation of an arm under a controller along a reference; `Setup` is its law, to be run on any arm."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """Check of a motion against a controller's conditions, by the differences that the controller takes."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 

@@ -1,5 +1,7 @@
 """Controller presets: published limits of robots' controllers, by name or from a TOML file."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace

@@ -1,5 +1,7 @@
 """Faults and gaps of a URDF, with repairs: inertias, package folders, joints to lock, limits; nothing is written."""
 
+from __future__ import annotations
+
 import os
 import re
 from collections.abc import Mapping, Sequence

@@ -1,5 +1,7 @@
 """A robot arm: Pinocchio's model and the limits of its joints."""
 
+from __future__ import annotations
+
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,5 +1,7 @@
 """Loads of a motion's pieces: from an arm that carries something, and back to it; and motions backwards in time."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import replace
 

@@ -1,5 +1,7 @@
 """Readers of robot arms: from a URDF, an MJCF, a library, Pinocchio's model, or numbers."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

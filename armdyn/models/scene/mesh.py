@@ -1,5 +1,7 @@
 """Obstacles of several convex solids: triangle meshes, cut into convex parts, and groups of other obstacles."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass

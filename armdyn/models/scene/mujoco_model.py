@@ -1,5 +1,7 @@
 """MuJoCo's model of an arm as armdyn moves it: the same bodies, locked joints, friction and payload."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import Any
 from xml.etree import ElementTree

@@ -1,5 +1,7 @@
 """Obstacles: the shapes that there are, from JSON and TOML and back, and the checks of a scene of them."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace

@@ -1,5 +1,7 @@
 """Obstacles as sensors measure them: point clouds and height maps, as few boxes of a grid."""
 
+from __future__ import annotations
+
 import io
 import os
 from dataclasses import KW_ONLY, dataclass

@@ -1,5 +1,7 @@
 """Inverse kinematics: joint positions that bring a frame of an arm to a pose."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial

@@ -1,5 +1,7 @@
 """Scenes from files: MoveIt's planning scenes, the URDF of a cell, armdyn's own lists of obstacles."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Obstacles of one convex solid: spheres, capsules, cylinders, boxes and half spaces."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar

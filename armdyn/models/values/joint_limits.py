@@ -1,5 +1,7 @@
 """Limits of joints."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Self

@@ -1,5 +1,7 @@
 """Lower bound on the duration of all motions within the limits."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """`Resolver`: motions from a moving state to a goal that changes, within milliseconds."""
 
+from __future__ import annotations
+
 import time
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields

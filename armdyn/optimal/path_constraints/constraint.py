@@ -4,6 +4,8 @@ The program that is solved asks for it at the points of a mesh (`rows`, `values`
 everywhere (`check`), and what is missing between the points is asked for more strictly (`tightened`).
 """
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self

@@ -1,5 +1,7 @@
 """A minimum-time problem: from one pose to another within limits, as fast as possible."""
 
+from __future__ import annotations
+
 import os
 import warnings
 from collections.abc import Mapping, Sequence

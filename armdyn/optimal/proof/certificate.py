@@ -7,6 +7,8 @@ Applied Optimal Control, section 3.9 for limits on the state). Such a motion is 
 faster. A lower bound on the duration says more, of all motions, where it is near.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self

@@ -1,5 +1,7 @@
 """Derivatives of the minimum time by payload mass, limits and goal, from the multipliers; the limits' shares in it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import casadi as ca

@@ -1,5 +1,7 @@
 """Curves among obstacles: planned ways, the fastest of them on a coarse mesh, refined on a fine one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -1,5 +1,7 @@
 """Region of a frame along the way: a straight approach, or a tool that is kept upright."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Any, Self
 

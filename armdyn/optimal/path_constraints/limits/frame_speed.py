@@ -1,5 +1,7 @@
 """Limits of how fast a frame of the arm moves: ISO 10218-1 asks 0.25 m/s of a tool in manual reduced-speed mode."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Self
 

@@ -1,5 +1,7 @@
 """Limits of the continuous torque: root mean square, which heats a motor, over the motion and the dwell after it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Self
 

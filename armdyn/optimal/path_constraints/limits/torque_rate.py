@@ -1,5 +1,7 @@
 """Limits of how fast the joints' torques change: current controllers, gears and structures bear no jumps."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
