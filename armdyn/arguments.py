@@ -252,8 +252,8 @@ def interval(
     """
     ends = several(value, name)
     if len(ends) != 2:
-        wanted = f"its least and its greatest{f' [{unit}]' if unit else ''}"
-        raise ProblemError(f"{name} is {shown(value)}; expected {wanted}")
+        expected = f"its least and its greatest{f' [{unit}]' if unit else ''}"
+        raise ProblemError(f"{name} is {shown(value)}; expected {expected}")
     low, high = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
     if low > high or (low == high and widths == "positive"):
         raise ProblemError(f"{name} goes from {f'{low:g} to {high:g} {unit}'.rstrip()}; the least comes first")

@@ -44,9 +44,9 @@ class ArmdynError(Exception):
 
     def __str__(self) -> str:
         """The message; of a long one, as with a path of 100,000 characters in it, both ends."""
-        told = str(self.args[0]) if self.args else ""  # no more than that: KeyError would print its repr
-        told = told.encode("utf-8", "backslashreplace").decode()  # half a surrogate pair cannot be written
-        return told if len(told) <= _MESSAGE else f"{told[: _MESSAGE // 2]} … {told[3 - _MESSAGE // 2 :]}"
+        message = str(self.args[0]) if self.args else ""  # no more than that: KeyError would print its repr
+        message = message.encode("utf-8", "backslashreplace").decode()  # half a surrogate pair cannot be written
+        return message if len(message) <= _MESSAGE else f"{message[: _MESSAGE // 2]} … {message[3 - _MESSAGE // 2 :]}"
 
 
 def _made_again(kind: type[ArmdynError], args: tuple[object, ...]) -> ArmdynError:

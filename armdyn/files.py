@@ -223,8 +223,8 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
     except (FileExistsError, NotADirectoryError):
         raise FileError(folder, "cannot be written to (a file is in the way; give a folder)") from None
     except (OSError, ValueError) as error:
-        told = error.strerror if isinstance(error, OSError) else error
-        raise FileError(folder, f"cannot be written to ({told}); give a folder that can") from None
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise FileError(folder, f"cannot be written to ({reason}); give a folder that can") from None
     finally:
         for one in made:
             with suppress(OSError, ValueError):

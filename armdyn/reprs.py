@@ -28,7 +28,7 @@ def brief(cls: Class) -> Class:
 
     The line has the class's name and the fields that are not as by default: numbers to six digits, arrays of up to
     eight numbers, of larger ones the shape, of long tuples the number of members. Where a class has a method
-    `_words`, which gives texts, these take the place of the fields: `<Robot 'panda': 7 joints, tip 'panda_hand_tcp'>`.
+    `_repr_parts`, its texts take the place of the fields: `<Robot 'panda': 7 joints, tip 'panda_hand_tcp'>`.
     """
     cls.__repr__ = line_of  # type: ignore[method-assign, assignment]  # @dataclass wrote one
     return cls
@@ -37,8 +37,8 @@ def brief(cls: Class) -> Class:
 def line_of(value: Any) -> str:
     """The line of a dataclass; see `brief`."""
     kind = type(value).__name__
-    if hasattr(value, "_words"):
-        head, *rest = value._words()
+    if hasattr(value, "_repr_parts"):
+        head, *rest = value._repr_parts()
         return _joined(f"<{kind} {head}{': ' if rest else ''}", rest, ">")
     return _joined(f"{kind}(", _given(value), ")")
 

@@ -81,8 +81,8 @@ for panel, commands in _PANELS.items():
         app.command(cls=Command, rich_help_panel=panel)(with_options(command))
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(show: bool) -> None:
+    if show:
         sys.stdout.write(f"armdyn {__version__}\n")
         raise typer.Exit
 

@@ -176,8 +176,8 @@ def answering(as_json: bool, *, last: bool = True) -> Iterator[Answer]:
 
 def write_json(facts: Mapping[str, object]) -> None:
     """Write facts of the command that is running as the JSON object of its answer."""
-    said = {"schema": SCHEMA, "command": command_name(), **facts}
-    sys.stdout.write(json.dumps(said, allow_nan=False) + "\n")
+    printed = {"schema": SCHEMA, "command": command_name(), **facts}
+    sys.stdout.write(json.dumps(printed, allow_nan=False) + "\n")
 
 
 def _os_message(error: OSError) -> str:

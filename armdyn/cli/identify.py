@@ -149,8 +149,8 @@ def _identify(
         text, count = _robot_file(estimate, likely, folder)
         facts = _facts(estimate) | {"likely": count}
         files = _written(estimate, text, facts, folder)
-    for said in estimate.warnings:
-        warnings.warn(f"{said}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
+    for warning in estimate.warnings:
+        warnings.warn(f"{warning}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
     answer.done("identified", facts, files)
     _show(estimate, files[0])
     return files[0]

@@ -170,13 +170,13 @@ def _called(param: Any) -> str:
 
 def _usual(param: Any) -> str:
     """The default of an option, where there is one to show."""
-    told = param.show_default if isinstance(param.show_default, str) else ""
+    shown = param.show_default if isinstance(param.show_default, str) else ""
     value = param.default
     silent = param.show_default is False or value is None or value is False or value in ((), [], "") or callable(value)
     if param.required:
         return " [dim](required)[/]"
-    if told:
-        return f" [dim](default: {_escaped(told)})[/]"
+    if shown:
+        return f" [dim](default: {_escaped(shown)})[/]"
     flag = getattr(param, "is_flag", False)
     return "" if silent or flag else f" [dim](default: {_escaped(str(value))})[/]"
 

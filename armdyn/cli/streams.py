@@ -11,7 +11,7 @@ BAD_INPUT, DISK_FULL = 2, 5
 
 
 def settle() -> None:
-    """Make standard output and error such that no character and no reader's end is an error.
+    """Make standard output and error robust: no encoding and no closed pipe raises an error.
 
     A character that the terminal's encoding lacks is written as its escape. Output without a
     reader is dropped, and the command goes on: its files are still wanted.

@@ -81,7 +81,7 @@ def _leave() -> None:
             os.write(line, b".")
 
 
-def awaited() -> bool:
+def is_building() -> bool:
     """Whether a library is being built."""
     return bool(_awaited)
 

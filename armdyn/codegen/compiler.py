@@ -34,7 +34,7 @@ class CompilerError(Exception):
 
 
 def built(source: str, compiler: str, folder: Path) -> bytes:
-    """A library of C, compiled in a scratch folder of this one.
+    """Compile C to a shared library in a temporary folder within `folder`; the bytes of the library.
 
     Raises:
         OSError: there is no room, say.
@@ -44,10 +44,10 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
     if compiler in _hung:
         raise CompilerError(_too_long(compiler))
     with tempfile.TemporaryDirectory(prefix=".", dir=folder) as scratch:
-        text, built, said = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
+        text, built, log_file = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
         text.write_text(source)
         command = [compiler, *FLAGS, "-o", str(built), str(text), "-lm"]
-        with said.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
+        with log_file.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
             # Our own text; the compiler is the one on the user's path.
             process = subprocess.Popen(  # noqa: S603
                 ["/bin/sh", "-c", _LIMITED, "sh", *command],
@@ -63,7 +63,7 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
                 with suppress(ProcessLookupError), process:  # which closes its standard input and waits for it
                     os.killpg(process.pid, signal.SIGKILL)  # with it the compiler's own children, and who waits for us
         if code or not built.is_file():
-            words = said.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
+            words = log_file.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
             raise CompilerError(f"the C compiler, {compiler}, failed (exit {code}) {words}".strip())
         return built.read_bytes()
 

@@ -139,7 +139,7 @@ class Cycle:
         self._check_parts()
         _ = self.stops
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Words of `repr`."""
         return [called(self.robot.name), f"{len(self.steps)} steps", "closed" if self.closed else "open"]
 

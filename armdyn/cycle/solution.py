@@ -121,7 +121,7 @@ class CycleSolution:
         """A paragraph: duration, verdict, limits that decide the time, bound."""
         return _paragraph(self)
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Words of `repr`."""
         found = f"{self.duration:.6g} s" if self.legs else "no motion"
         return [called(self.cycle.robot.name), found, self.verdict]
@@ -193,17 +193,17 @@ def _paragraph(solution: CycleSolution) -> str:
     if not solution.legs:
         return f"No motion was found for the cycle of {name}: {solution.message}."
     moves, rests = solution.duration - solution.cycle.dwell, solution.cycle.dwell
-    said = [
+    parts = [
         f"The fastest cycle found for {name} takes {solution.duration:.6f} s: {len(solution.legs)} moves of "
         f"{moves:.6f} s and rests of {rests:.6g} s."
     ]
     if not solution.usable:
-        said.append(f"It is not executable: {solution.message}.")
+        parts.append(f"It is not executable: {solution.message}.")
     elif solution.gap is not None:
-        said.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
+        parts.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
     if most := solution.decides[:_MOST_LIMITS]:
-        said.append(f"Its time is decided by {', '.join(f'{what} ({percent(part)})' for what, part in most)}.")
+        parts.append(f"Its time is decided by {', '.join(f'{what} ({percent(part)})' for what, part in most)}.")
     if solution.lower_bound is not None:
-        said.append(f"No cycle is faster than {solution.lower_bound:.6f} s.")
-    said.append(f"It was solved in {solution.solve_time:.1f} s; {solution.branches} motions were solved on the way.")
-    return " ".join(said)
+        parts.append(f"No cycle is faster than {solution.lower_bound:.6f} s.")
+    parts.append(f"It was solved in {solution.solve_time:.1f} s; {solution.branches} motions were solved on the way.")
+    return " ".join(parts)

@@ -125,8 +125,8 @@ def _solve(
         graph.solutions[edge] = solution
         if solution.lower_bound is not None:
             graph.learn_bound(edge, solution.lower_bound)
-        said = f"{solution.duration:.6f} s" if solution.usable else solution.message
-        report(f"step {leg.step} ({leg.name}), branch {i + 1} to {j + 1}: {said}")
+        outcome = f"{solution.duration:.6f} s" if solution.usable else solution.message
+        report(f"step {leg.step} ({leg.name}), branch {i + 1} to {j + 1}: {outcome}")
         graph.learn(edge, solution.duration if solution.usable else np.inf, exact=True)
         if solution.status is Status.INTERRUPTED:
             stop.interrupt()
@@ -179,10 +179,10 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> flo
 def _why(graph: CycleGraph) -> str:
     """Why there is no tour: the first move that cannot be done says so."""
     moves = graph.cycle.moves
-    said: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
+    reasons: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
     for edge, one in graph.solutions.items():
         if not one.usable:
-            said[edge] = str(CycleError(moves[edge[1]].step, moves[edge[1]].name, one.message))
+            reasons[edge] = str(CycleError(moves[edge[1]].step, moves[edge[1]].name, one.message))
     dead = [arc for arc, lengths in graph.lengths.items() if not np.any(np.isfinite(lengths))]
-    edges = [edge for edge in said if edge[:2] in dead] or list(said)
-    return said[min(edges, key=lambda edge: edge[1])]
+    edges = [edge for edge in reasons if edge[:2] in dead] or list(reasons)
+    return reasons[min(edges, key=lambda edge: edge[1])]

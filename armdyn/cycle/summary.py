@@ -25,17 +25,17 @@ _NOTHING = 5e-7
 
 
 def cycle_summary(
-    solution: CycleSolution, asked: Cycle | None = None, costs: Sequence[CycleCost] = ()
+    solution: CycleSolution, before: Cycle | None = None, costs: Sequence[CycleCost] = ()
 ) -> dict[str, Any]:
     """A solved cycle as JSON values: null where a number is not known; docs/json.md has the keys.
 
     Args:
         solution: of a cycle.
-        asked: the cycle before its jobs were put in order, whose numbers the steps get; None: the solution's.
+        before: the cycle before its jobs were put in order, whose numbers the steps get; None: the solution's.
         costs: of `cycle_costs`.
     """
     cycle = solution.cycle
-    order = _numbers(asked or cycle, cycle)
+    order = _numbers(before or cycle, cycle)
     whole = len(solution.legs) == len(cycle.moves)
     steps = list(_steps(solution, costs, order))
     return {
@@ -56,9 +56,9 @@ def cycle_summary(
     }
 
 
-def _numbers(asked: Cycle, cycle: Cycle) -> list[int]:
+def _numbers(before: Cycle, cycle: Cycle) -> list[int]:
     """Numbers in the asked cycle of the steps of one that is in order."""
-    left = dict(enumerate(asked.steps, start=1))
+    left = dict(enumerate(before.steps, start=1))
     found = []
     for step in cycle.steps:
         found.append(next(k for k, one in left.items() if one is step))
@@ -156,14 +156,14 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
     if near:
         sure, nearest = all(one.sure for one in near), min(near, key=lambda one: one.distance)
         away = 1e3 * nearest.distance
-        said = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
-        yield "clear of obstacles", sure, said + ("" if sure else "; not proven between samples")
+        text = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
+        yield "clear of obstacles", sure, text + ("" if sure else "; not proven between samples")
     if solution.gap is not None and solution.lower_bound is not None:
-        said = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"
+        text = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"
         yield (
             "near the fastest possible",
             True if solution.gap <= NEAR else None,
-            f"{said}: no cycle is faster than {solution.lower_bound:.4f} s",
+            f"{text}: no cycle is faster than {solution.lower_bound:.4f} s",
         )
 
 

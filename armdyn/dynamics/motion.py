@@ -73,13 +73,13 @@ class Feedback:
 
 
 def tracked(
-    robot: Robot, wanted: Trajectory, tau: Array, x: Array, feedback: Feedback, limits: ActuatorLimits, **steps: float
+    robot: Robot, target: Trajectory, tau: Array, x: Array, feedback: Feedback, limits: ActuatorLimits, **steps: float
 ) -> tuple[Array, Array]:
     """States and torques of an arm that is led along a motion.
 
     Args:
         robot: the arm.
-        wanted: states at samples.
+        target: states at samples.
         tau: torques there, to which feedback adds, shape (samples, nv).
         x: state at the first sample, shape (2 nv,).
         feedback: at every sample, from the state at the one before.
@@ -89,11 +89,11 @@ def tracked(
     Returns:
         As of `replayed`, and the torques at all samples, shape (samples, nv).
     """
-    states = np.concatenate([wanted.q, wanted.v], axis=1)
+    states = np.concatenate([target.q, target.v], axis=1)
     slopes, rests = limits.lines
     torque_range = [np.ascontiguousarray(each, dtype=float) for each in (limits.lower, limits.upper, slopes, rests)]
     found: tuple[Array, Array] = bridge_arm(robot).track(
-        _explicit(), wanted.t, tau, wanted.jumps, states, feedback.fade, feedback.bandwidth, feedback.clips,
+        _explicit(), target.t, tau, target.jumps, states, feedback.fade, feedback.bandwidth, feedback.clips,
         torque_range, x, **steps,
     )  # fmt: skip
     return found

@@ -53,14 +53,14 @@ def _check_positions(robot: Robot, log: Log) -> None:
         endless = not np.all(np.isfinite(bounds))
         if (endless and most < 8 * np.pi) or (bounds[0] - _BEYOND <= low and high <= bounds[1] + _BEYOND):
             continue
-        said = f"{log.name}: {joint} is logged from {low:.4g} to {high:.4g}"
+        message = f"{log.name}: {joint} is logged from {low:.4g} to {high:.4g}"
         if not robot.slides[j] and most > 2 * np.pi:
             right = f"np.deg2rad(q), or in a table columns named 'q{j + 1} [deg]'"
-            raise LogError(f"{said}: these are degrees; positions are radians: {right}", joint)
+            raise LogError(f"{message}: these are degrees; positions are radians: {right}", joint)
         unit = "m" if robot.slides[j] else "rad"
         raise LogError(
-            f"{said} {unit}, outside its limits [{bounds[0]:.4g}, {bounds[1]:.4g}] {unit}: the joints are in another "
-            f"order than {', '.join(robot.joint_names)}, or their zeros differ",
+            f"{message} {unit}, outside its limits [{bounds[0]:.4g}, {bounds[1]:.4g}] {unit}: the joints are in "
+            f"another order than {', '.join(robot.joint_names)}, or their zeros differ",
             joint,
         )
 
@@ -118,11 +118,11 @@ def _check_torques(robot: Robot, log: Log, signals: Signals) -> None:
     strongest = int(np.argmax(np.std(expected, axis=0)))
     own = expected[:, strongest]
     scale, joint = float(rest[:, strongest] @ own / (own @ own)), robot.joint_names[strongest]
-    said = f"{log.name}: the torque of {joint} is {scale:.3g} times that of the arm's weight and inertia"
+    message = f"{log.name}: the torque of {joint} is {scale:.3g} times that of the arm's weight and inertia"
     if _correlation(rest[:, strongest], own) < -_UNLIKE:
-        raise LogError(f"{said}: its sign is opposite", joint)
+        raise LogError(f"{message}: its sign is opposite", joint)
     if not _SCALES[0] < scale < _SCALES[1]:
-        raise LogError(f"{said}: these are currents, or torques at the motor, not at the joint [N m]", joint)
+        raise LogError(f"{message}: these are currents, or torques at the motor, not at the joint [N m]", joint)
 
 
 def _correlation(one: Array, other: Array) -> float:

@@ -126,9 +126,9 @@ class Estimate:
     equations: Equations = field(repr=False)
     fit: Fit = field(repr=False)
 
-    def _words(self) -> list[str]:
-        told = f"{self.measured_combinations} of {self.combinations} combinations measured"
-        return [self.robot.name, told, f"condition {self.condition:.3g}"]
+    def _repr_parts(self) -> list[str]:
+        measured = f"{self.measured_combinations} of {self.combinations} combinations measured"
+        return [self.robot.name, measured, f"condition {self.condition:.3g}"]
 
     def torques(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
         """Torques as they would be measured, friction and offset included [N m or N], shape (nv,) or (n, nv).

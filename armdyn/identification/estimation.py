@@ -120,9 +120,9 @@ def _warnings(
     (links,) = _systems(robot, "all", signals, signals, (equations.width,), options.step)
     whole = links.fit(replace(options.fit, weights=(found.weight,)))
     parts = zip(robot.joint_names, whole.noise / found.noise, strict=True)
-    said = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part in parts if part < _EXPLAINED)
-    asked = f"the logs ask for other inertias of the links, with which torque residuals fall in {said}"
-    return (f"{asked}; the {equations.what} alone makes up for them: identify all links",) if said else ()
+    joints = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part in parts if part < _EXPLAINED)
+    warning = f"the logs ask for other inertias of the links, with which torque residuals fall in {joints}"
+    return (f"{warning}; the {equations.what} alone makes up for them: identify all links",) if joints else ()
 
 
 def _judged(robot: Robot, estimate: Estimate, signals: list[Signals], step: float) -> Judged:

@@ -66,8 +66,8 @@ class MotionCheck:
     @property
     def unstable(self) -> str:
         """Remark that other integrators do not reproduce the replay; empty where they do."""
-        said = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
-        return said if self.growth > OPEN_LOOP_GROWTH else ""
+        unstable = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
+        return unstable if self.growth > OPEN_LOOP_GROWTH else ""
 
     def facts(self) -> dict[str, object]:
         """The check as JSON values; null for a replay that diverges."""

@@ -48,15 +48,15 @@ def solve_many(
         ProblemError: problems, options or progress is something else.
     """
     given = several(problems, "problems")
-    asked = [expect(one, MinimumTimeProblem, f"problems[{k}]") for k, one in enumerate(given)]
+    checked = [expect(one, MinimumTimeProblem, f"problems[{k}]") for k, one in enumerate(given)]
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
-    batch = _Batch(asked, replace(options, workers=1), listener(progress))
+    batch = _Batch(checked, replace(options, workers=1), listener(progress))
     with stopping(np.inf) as stop:
         batch.solve(0, stop)
-        with job_pool([partial(_solved, one, batch.options) for one in asked], options.workers) as pool:
+        with job_pool([partial(_solved, one, batch.options) for one in checked], options.workers) as pool:
             if pool.count and not stop:
                 batch.share(pool, stop)
-            for k in range(len(asked)):  # without workers
+            for k in range(len(checked)):  # without workers
                 batch.solve(k, stop)
     return batch.solutions()
 

@@ -66,12 +66,12 @@ class Table:
             error: whose message names an argument, as all of armdyn's do.
             words: other words that a key goes by in messages, to the key.
         """
-        said = str(error)
+        message = str(error)
         found: list[tuple[int, str]] = []
         for word, key in {**{key: key for key in self.values}, **(words or {})}.items():
-            if key in self.values and (match := re.search(rf"(?<!\w){re.escape(word)}(?!\w)", said)):
+            if key in self.values and (match := re.search(rf"(?<!\w){re.escape(word)}(?!\w)", message)):
                 found.append((match.start(), key))
-        return self.error(min(found)[1] if found else "", said)
+        return self.error(min(found)[1] if found else "", message)
 
     @contextmanager
     def telling(self, words: Mapping[str, str] | None = None) -> Iterator[None]:

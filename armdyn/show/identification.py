@@ -48,13 +48,13 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
         Section("numbers", "Measured numbers", _numbers(measured, bars=True), wide=True),
         None if command is None else making_section(command),
     ]
-    level, headline, said = _verdict(estimate)
+    level, headline, text = _verdict(estimate)
     parts = {
         "title": join([f"{estimate.robot.name}: identified"]),
         "lead": join([f"{estimate.robot.nv} joints · {len(measured)} of {len(estimate.parameters)} numbers measured"]),
         "level": level,
         "headline": headline,
-        "said": join([said]),
+        "said": join([text]),
         "tiles": join(tile_html(one) for one in _tiles(estimate)),
         "sections": join(section_html(one) for one in sections if one is not None),
         "style": asset("report.css") + asset("identification.css"),
@@ -65,8 +65,8 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 def _verdict(estimate: Estimate) -> tuple[str, str, str]:
     """Level, headline and sentence."""
     if estimate.warnings:
-        said = estimate.warnings[0]
-        return "fair", "Other inertias than the file's", f"{said[:1].upper()}{said[1:]}."
+        text = estimate.warnings[0]
+        return "fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}."
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)
@@ -201,8 +201,8 @@ def _unseen_section(estimate: Estimate) -> Section:
     ]  # fmt: skip
     body = [listed(facts)]
     if unseen:
-        said = "The logs take away less than 90 % of the uncertainty of these numbers: they stay near the robot's file."
+        note = "The logs take away less than 90 % of the uncertainty of these numbers: they stay near the robot's file."
         table = _numbers(unseen, bars=False)
         title = element("summary", f"Numbers that the logs do not tell ({len(unseen)})")
-        body.append(element("details", title, element("p", said), table))
+        body.append(element("details", title, element("p", note), table))
     return Section("unseen", "What the logs do not tell", join(body))

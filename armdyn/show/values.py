@@ -194,10 +194,10 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
         for i, line in enumerate(lines):
             shade = 1.0 if len(lines) == 1 else 0.35 + 0.65 * i / (len(lines) - 1)
             last = i == len(lines) - 1
-            said = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
+            name = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
             axes.plot(line[:, across], line[:, up], "-o", color=COLORS[0], alpha=shade, markersize=3.5, linewidth=1.8)
-            if said:
-                axes.annotate(said, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
+            if name:
+                axes.annotate(name, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.12)
         axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")

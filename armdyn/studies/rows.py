@@ -214,10 +214,10 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
         if not different:
             return
         if not replace:
-            told = [one for one in different if not one.startswith("places ")] or different  # places are a checksum
-            more = f"; and {len(told) - _SHOWN} more" if len(told) > _SHOWN else ""
+            listed = [one for one in different if not one.startswith("places ")] or different  # places are a checksum
+            more = f"; and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
             raise ResultError(
-                f"{path}: its rows answer another study: {'; '.join(told[:_SHOWN])}{more}. Ask the same, or elsewhere"
+                f"{path}: its rows answer another study: {'; '.join(listed[:_SHOWN])}{more}. Ask the same, or elsewhere"
             )
     with connection:
         connection.execute("BEGIN IMMEDIATE")

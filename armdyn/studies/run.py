@@ -204,7 +204,7 @@ class CaseRun:
         """Do the cases without a row."""
         self.done, self.moved = self.rows.numbers(), self.rows.moved()
         self.waiting = deque(k for k in range(len(self.cases)) if k not in self.done)
-        left, bad, told, time_left = len(self.waiting), 0, -np.inf, TimeLeft()
+        left, bad, reported, time_left = len(self.waiting), 0, -np.inf, TimeLeft()
         self._give({})
         while left and not self.stop:
             rows, motions = list[StudyRow](), dict[int, bytes]()
@@ -227,8 +227,8 @@ class CaseRun:
                 self.done.update(row.k for row in rows)
                 bad, left = bad + sum(not row.good for row in rows), left - len(rows)
                 self._give(motions)  # cases that wait for these rows
-            if not left or time.monotonic() - told > _TOLD:
-                told, count, likely = time.monotonic(), len(self.cases), time_left.left(left)
+            if not left or time.monotonic() - reported > _TOLD:
+                reported, count, likely = time.monotonic(), len(self.cases), time_left.left(left)
                 workers = self.executor.size
                 self.progress(Progress(cases=count, done=count - left, bad=bad, left=likely, workers=workers))
 

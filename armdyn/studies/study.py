@@ -167,8 +167,8 @@ class Study(Cases):
                 if not axis.levels:
                     raise ProblemError(f"{axis.name} has a range without count; a grid needs how many values it takes")
         if not 1 <= self._cases() <= MAX_CASES:
-            told = f"the grid has {self._cases()} cases" if self.method == "grid" else f"count is {self.count}"
-            raise ProblemError(f"{told}; a study has 1 to {MAX_CASES} cases")
+            count = f"the grid has {self._cases()} cases" if self.method == "grid" else f"count is {self.count}"
+            raise ProblemError(f"{count}; a study has 1 to {MAX_CASES} cases")
 
     def __len__(self) -> int:
         return self._cases()

@@ -112,8 +112,8 @@ def _order(file: Path, names: list[str], joints: Sequence[str]) -> list[int]:
 def _stamp(file: Path, k: int, given: object) -> float:
     """The time of a point [s]; ROS 1 calls the same fields secs and nsecs."""
     fields = given if isinstance(given, Mapping) else {}
-    told = (fields.get("sec", fields.get("secs")), fields.get("nanosec", fields.get("nsecs")))
-    parts = [int(part) if isinstance(part, str) and _WHOLE.fullmatch(part) else part for part in told]
+    stamp = (fields.get("sec", fields.get("secs")), fields.get("nanosec", fields.get("nsecs")))
+    parts = [int(part) if isinstance(part, str) and _WHOLE.fullmatch(part) else part for part in stamp]
     if not all(isinstance(part, int) and not isinstance(part, bool) and abs(part) < 2**53 for part in parts):
         raise TrajectoryError(
             f"{file}: time_from_start of points[{k}] is {shown(given)}; it must be sec and nanosec, whole numbers"

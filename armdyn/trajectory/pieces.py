@@ -53,9 +53,9 @@ class Load:
             if name == "inertia" and array.shape == (3,):
                 array = np.append(array, np.zeros(3))
             if array.shape != ((3,) if name == "com" else (6,)) or not np.all(np.abs(array) <= _LARGEST):
-                wanted = "three" if name == "com" else "Ixx, Iyy, Izz and perhaps Ixy, Ixz, Iyz,"
+                expected = "three" if name == "com" else "Ixx, Iyy, Izz and perhaps Ixy, Ixz, Iyz,"
                 raise TrajectoryError(
-                    f"load {name} is {shown(array.tolist())}; it must be {wanted} finite numbers [{unit}]"
+                    f"load {name} is {shown(array.tolist())}; it must be {expected} finite numbers [{unit}]"
                 )
             own(self, name, tuple(array.tolist()))
         if self.mass > _LARGEST:

@@ -181,7 +181,7 @@ class Trajectory:
         """Each piece as a motion in the times of the whole, with its own name and model; their sum is the motion."""
         return joining.split(self)
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         joints = self.v.shape[1]
         return [
             called(self.name) if self.name else "without a name",

@@ -62,12 +62,12 @@ def check(
     armdyn check planned.csv --preset my_arm.toml --json[/]
     """
     with answering(json) as answer:
-        wanted = preset_named(preset, interface)
+        chosen = preset_named(preset, interface)
         arm = None if robot is None else part.read(robot, payload.carried())
         if arm is None and (payload.carried() is not None or part != PartOptions()):
             raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
-        motion, names = _motion(file, wanted, arm)
-        found = wanted.check(motion, names)
+        motion, names = _motion(file, chosen, arm)
+        found = chosen.check(motion, names)
         answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
         answer.facts |= found.facts()
         answer.judge(found.ok)

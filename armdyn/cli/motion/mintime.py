@@ -255,14 +255,14 @@ def _problem(task: ProblemOptions, results: ResultOptions) -> tuple[ad.MinimumTi
 
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:
     """Write a page with the pose for which a problem is refused into the folder of --out; without one, say so."""
-    said = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
+    hint = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
     if results.output.out is not None and not results.no_report:
         from armdyn.show.replay import write_contacts
 
         folder = results.output.folder("mintime", name, ["contacts.html"])
         folder.mkdir(parents=True, exist_ok=True)
-        said = f"{write_contacts(error, folder / 'contacts.html')} shows the pose, with the bodies that touch in red"
-    warnings.warn(said, ad.ArmdynWarning, stacklevel=2)
+        hint = f"{write_contacts(error, folder / 'contacts.html')} shows the pose, with the bodies that touch in red"
+    warnings.warn(hint, ad.ArmdynWarning, stacklevel=2)
 
 
 def _reserve_facts(curve: ReserveCurve | None) -> dict[str, object]:
@@ -286,8 +286,8 @@ def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
     lines = ["      motion    mean   worst  settled [s]"]
     lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settled(row)}" for row in curve.rows]
     last = f"the last of {count} arms settles after {best.worst:.3f} s"
-    told = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
-    return {"for tracking": told, "by reserve": "\n".join(lines)}
+    text = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
+    return {"for tracking": text, "by reserve": "\n".join(lines)}
 
 
 def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> list[Path]:

@@ -29,8 +29,8 @@ def title_words(solution: Solution) -> str:
     if solution.success:
         found = "best so far" if solution.status is Status.TIME_LIMIT else "minimum time"
         return f"{found} {solution.duration:.4f} s, {verdict(solution)}"
-    said = str(solution.status).replace("_", " ")
-    return f"{said}, best so far {solution.duration:.4f} s" if solution.moves else f"{said}, no motion to the goal"
+    status = str(solution.status).replace("_", " ")
+    return f"{status}, best so far {solution.duration:.4f} s" if solution.moves else f"{status}, no motion to the goal"
 
 
 def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
@@ -61,8 +61,8 @@ def _facts(solution: Solution) -> dict[str, str]:
     """A solution in words."""
     from armdyn.optimal.answer.words import assessment, checks
 
-    told = solution.success or not (solution.moves and solution.feasible)  # then the verdict has the message
-    facts = {"status": str(solution.status).replace("_", " ") if told else solution.message}
+    has_status = solution.success or not (solution.moves and solution.feasible)  # then the verdict has the message
+    facts = {"status": str(solution.status).replace("_", " ") if has_status else solution.message}
     if solution.success:
         facts["duration"] = f"{solution.duration:.9f} s"
     facts["verdict"] = assessment(solution)

@@ -93,8 +93,8 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
     angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
     flags = [("quiet", "Say nothing but errors and warnings; the exit code tells, and files are written.", OUTPUT)]
     if angles:
-        told = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
-        flags.insert(0, ("degrees", f"{told} All other options stay as they are.", TASK))
+        note = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
+        flags.insert(0, ("degrees", f"{note} All other options stay as they are.", TASK))
     for name, about, panel in flags:
         yield from _expanded(name, bool, flag(about, rich_help_panel=panel), None)
 
@@ -106,13 +106,13 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
         for each in fields(hint):
             yield from _expanded(each.name, hints[each.name], each, getattr(hint, "panel", panel))
         return
-    told = copy(one.metadata["option"])
-    if isinstance(told, OptionInfo):
-        told.rich_help_panel = told.rich_help_panel or panel
-        if one.default is False and told.default is ...:  # it has no name of its own; typer adds --no-… to that
-            told.param_decls = (f"--{name.replace('_', '-')}",)
+    declared = copy(one.metadata["option"])
+    if isinstance(declared, OptionInfo):
+        declared.rich_help_panel = declared.rich_help_panel or panel
+        if one.default is False and declared.default is ...:  # it has no name of its own; typer adds --no-… to that
+            declared.param_decls = (f"--{name.replace('_', '-')}",)
     default = Parameter.empty if one.default is MISSING else one.default
-    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, told])
+    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, declared])
 
 
 def _flowing(help_text: str) -> str:

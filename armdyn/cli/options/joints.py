@@ -111,12 +111,12 @@ class FastJointOptions:
 def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
     """Reserves for feedback, in words; empty without one."""
     kept = problem.reserves
-    told = [
+    shares = [
         f"{words[0] if len(set(words)) == 1 else ', '.join(words)} of the {limit} limits"
         for parts, limit in ((kept.effort, "torque"), (kept.velocity, "velocity"))
         if any(parts) and (words := [f"{100 * part:.3g} %" for part in parts])
     ]
-    return {"kept for feedback": "; ".join(told)} if told else {}
+    return {"kept for feedback": "; ".join(shares)} if shares else {}
 
 
 def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:

@@ -137,9 +137,9 @@ def _line(row: StudyRow) -> dict[str, Any]:
     }
 
 
-def _status(found: Sequence[StudyRow], wanted: int) -> str:
+def _status(found: Sequence[StudyRow], total: int) -> str:
     """Status of the sweep in a word."""
-    if len(found) < wanted or any(row.status == "interrupted" for row in found):
+    if len(found) < total or any(row.status == "interrupted" for row in found):
         return "interrupted"
     return "done" if all(row.facts["landed"] for row in found) else "not_landed"
 

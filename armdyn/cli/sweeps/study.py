@@ -93,7 +93,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
             study,
             folder / ROWS,
             executor,
-            lambda told: bar.update(told.done, _told(told)),
+            lambda now: bar.update(now.done, _told(now)),
             again=options.again,
             sync=options.sync,
         )
@@ -143,7 +143,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     from armdyn.studies.settings import label
 
     there = sum(run.counts.values())
-    told = {
+    words = {
         "rows": f"{there} of {run.cases}: "
         + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in run.counts.items()),
         "this run": f"{run.done_here} rows in {run.seconds:.1f} s",
@@ -154,10 +154,10 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
         for word, pick in (("least", min), ("most", max)):
             row = pick(numbers, key=lambda one: one[main])
             at = ", ".join(_said(axis.name, row[axis.name]) for axis in study.axes)
-            told[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"
+            words[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"
     for row in [row for row in table if row["status"] not in _ANSWERS][:3]:
-        told[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
-    return told | {"results": str(files[0].parent), "written": ", ".join(file.name for file in files)}
+        words[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
+    return words | {"results": str(files[0].parent), "written": ", ".join(file.name for file in files)}
 
 
 def _outcomes(study: Study) -> tuple[str, str]:
@@ -173,10 +173,10 @@ def _said(name: str, value: float | str) -> str:
     return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
 
-def _told(told: Progress) -> str:
+def _told(now: Progress) -> str:
     """Text next to the bar."""
-    bad = f"{told.bad} not as wanted, " if told.bad else ""
-    return f"{bad}{_left(told.left)}"
+    bad = f"{now.bad} not as wanted, " if now.bad else ""
+    return f"{bad}{_left(now.left)}"
 
 
 def _left(left: tuple[float, float] | None) -> str:

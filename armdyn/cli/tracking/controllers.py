@@ -50,8 +50,8 @@ class ControllerOptions:
                 raise ProblemError(f"--{name} is an option of --controller {of}, not of {self.controller}")
         kind, given = CONTROLLERS[self.controller], getattr(self, own)
         if given is None and kind.required:
-            wanted = ",".join(kind.settings).upper()
-            raise ProblemError(f"--controller {self.controller} needs --{own} {wanted}, such as 30,50,1 for pid")
+            expected = ",".join(kind.settings).upper()
+            raise ProblemError(f"--controller {self.controller} needs --{own} {expected}, such as 30,50,1 for pid")
         return kind.make() if given is None else kind.of(numbers(given, f"--{own}"), f"--{own}")
 
 

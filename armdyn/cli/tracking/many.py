@@ -107,25 +107,25 @@ def monte_carlo(
         folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
         with working(f"many arms like {model.name}") as progress:
-            asked = reference.motion(task, progress)
-            if isinstance(asked, ad.Solution):
-                no_motion(answer, asked)
+            motion = reference.motion(task, progress)
+            if isinstance(motion, ad.Solution):
+                no_motion(answer, motion)
                 return
             folder.mkdir(parents=True, exist_ok=True)
-            found = ad.monte_carlo(model, asked, law, plants, joined, options, folder / ROWS, progress)
+            found = ad.monte_carlo(model, motion, law, plants, joined, options, folder / ROWS, progress)
             if found.interrupted:
                 answer.interrupted()
                 answer.facts["message"] = f"interrupted; {len(found.rows)} rows are in {folder / ROWS}"
                 return
-            summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": asked.duration}
+            summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": motion.duration}
             summary |= found.summary(within)
             progress("drawing the figure")
-            files = _write(folder, found, replace(asked, model_hash=model.model_hash), summary, figure=not no_figure)
+            files = _write(folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not no_figure)
         answer.facts |= {**summary, "files": [str(file) for file in files]}
         success = found.success(within)
         answer.judge(True, as_required=study.at_least is None or success.rate >= study.at_least)
         title = f"{model.name}: {options.count} arms with {controller.controller}"
-        console.print(facts_table(title, _words(found, within, asked) | {"results": str(folder)}))
+        console.print(facts_table(title, _words(found, within, motion) | {"results": str(folder)}))
 
 
 def _write(

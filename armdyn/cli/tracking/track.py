@@ -76,22 +76,22 @@ def track(
         folder = results.folder("track", task.robot.robot, ("trajectory", "reference"))
 
         with working(f"tracking with {arm.name}") as progress:
-            asked = reference.motion(task, progress)
-            if isinstance(asked, ad.Solution):
-                no_motion(answer, asked)
+            motion = reference.motion(task, progress)
+            if isinstance(motion, ad.Solution):
+                no_motion(answer, motion)
                 return
             progress("the loop")
-            run = ad.track(arm, asked, law, real, joined, reference.duration, tolerance=reference.tolerance)
-            summary = {"robot": arm.name, "reference_duration": asked.duration, **run.summary()}
+            run = ad.track(arm, motion, law, real, joined, reference.duration, tolerance=reference.tolerance)
+            summary = {"robot": arm.name, "reference_duration": motion.duration, **run.summary()}
             title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
-            followed = replace(asked, name="reference", model_hash=arm.model_hash)
+            followed = replace(motion, name="reference", model_hash=arm.model_hash)
             # A fifth longer than reference and settling took is worth looking at.
-            end = None if run.settled_time is None else 1.2 * max(run.settled_time, asked.duration)
+            end = None if run.settled_time is None else 1.2 * max(run.settled_time, motion.duration)
             motions = {"trajectory": until(run.trajectory, end), "reference": followed}
             written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
         answer.judge(run.settled)
-        words = friction_words(real) | _words(run, asked) | written.words
+        words = friction_words(real) | _words(run, motion) | written.words
         console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
 
 
@@ -110,7 +110,7 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
     """A run in words."""
     settled = run.settled_time
     later = "" if settled is None else f", {1e3 * (settled - reference.duration):+.1f} ms from the reference's end"
-    told = {
+    words = {
         "reference": f"{reference.duration:.4f} s",
         "status": run.message,
         "settled": "-" if settled is None else f"{settled:.4f} s{later}",
@@ -118,5 +118,5 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
         **run.words(),
     }
     if run.went_wrong is not None:
-        told["went wrong"] = f"at {run.went_wrong:.3f} s"
-    return told
+        words["went wrong"] = f"at {run.went_wrong:.3f} s"
+    return words

@@ -111,7 +111,7 @@ def tune(
         answer.facts |= {**summary, "files": [str(file) for file in files]}
         settled = found.training.settled == found.training.count
         answer.judge(settled, interrupted=found.status == "interrupted")
-        told = {
+        words = {
             "status": found.message.partition(":")[0],
             "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
             "chosen on": str(found.training),
@@ -119,7 +119,7 @@ def tune(
             "controllers run": str(found.evaluations),
             "results": str(folder),
         }
-        console.print(facts_table(f"{model.name}: {family.controller}, tuned", told))
+        console.print(facts_table(f"{model.name}: {family.controller}, tuned", words))
 
 
 def _summary(found: ad.Tuned) -> dict[str, object]:

@@ -70,15 +70,15 @@ class SampledLoop:
         q, v, m, z, p = (rows for rows in np.split(np.eye(n), ends[:-1]))  # each picks its part of x
         with np.errstate(over="ignore", invalid="ignore"):
             q_read, v_read = _readings(loop, q, v, m)
-            wanted = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
-            felt = p[:nv] if loop.delay else wanted
+            command = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
+            felt = p[:nv] if loop.delay else command
             moved, driven = rest.plant.held(h)
             carried = np.vstack(
                 [
                     moved @ np.vstack([q, v]),
                     _remembered(loop, rest, q, q_read, v_read, felt),
                     z - h * q_read[law.used],
-                    *([p[nv:], wanted] if loop.delay else []),
+                    *([p[nv:], command] if loop.delay else []),
                 ]
             )
             closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)

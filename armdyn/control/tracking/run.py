@@ -72,7 +72,7 @@ class Run:
     arrival_rule: ArrivalRule = "last_entry_all_joints"
     max_real_eigenvalue: float | None = None
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
         when = "" if self.settled_time is None else f" after {self.settled_time:.6g} s"
         return [

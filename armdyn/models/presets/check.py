@@ -151,20 +151,20 @@ class ConditionCheck:
         return self.first is None
 
     def __str__(self) -> str:
-        said = (
+        text = (
             f"{self.condition} of {self.joint}: {self.value:.5g} of {self.limit:.5g} {self.unit} at {self.time:.4g} s"
         )
         if self.first is None:
-            return said
-        return f"{said}, first exceeded at {self.first:.4g} s by {self.first_shown} {self.unit}"
+            return text
+        return f"{text}, first exceeded at {self.first:.4g} s by {self.first_shown} {self.unit}"
 
     @property
     def first_shown(self) -> str:
         """`first_value` with five digits, or as many as tell it from the limit; empty: the condition is kept."""
         if self.first_value is None:
             return ""
-        told = (f"{self.first_value:.{digits}g}" for digits in range(5, 10))
-        return next((one for one in told if abs(float(one)) != abs(self.limit)), f"{self.first_value:.10g}")
+        candidates = (f"{self.first_value:.{digits}g}" for digits in range(5, 10))
+        return next((one for one in candidates if abs(float(one)) != abs(self.limit)), f"{self.first_value:.10g}")
 
 
 @brief

@@ -67,7 +67,7 @@ class ControllerPreset:
                 f"preset {self.name!r} has no {shown(self.interface)} interface; it has {', '.join(names)}"
             )
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         return [repr(self.name), f"{len(self.joints)} joints", f"{self.interface} interface at {self.chosen.rate:g} Hz"]
 
     @classmethod

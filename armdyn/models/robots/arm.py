@@ -106,12 +106,12 @@ class Arm:
         if self.payload is not None:
             expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
-        told = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
-        told += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
-        told += ["with friction"] if self.friction.present else []
-        return told + ([f"{len(self.locked)} locked"] if self.locked else [])
+        parts = [called(self.name), f"{self.nv} joint{'s' if self.nv > 1 else ''}", f"tip {called(self.tip)}"]
+        parts += [f"payload {self.payload.mass:g} kg"] if self.payload is not None else []
+        parts += ["with friction"] if self.friction.present else []
+        return parts + ([f"{len(self.locked)} locked"] if self.locked else [])
 
     def _repr_html_(self) -> str:
         """HTML for notebooks: a table and a picture."""

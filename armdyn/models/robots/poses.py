@@ -92,8 +92,8 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
         return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
     poses = named_poses(robot)
     if given not in poses:
-        wanted = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
-        raise ProblemError(f"{what} is {shown(given)}; expected {wanted}{did_you_mean(given, poses)}")
+        expected = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
+        raise ProblemError(f"{what} is {shown(given)}; expected {expected}{did_you_mean(given, poses)}")
     return poses[given].copy()
 
 
@@ -174,11 +174,11 @@ def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
     if root.tag != "robot" or (root.get("name") != robot.model.name and path.stem != Path(robot.source).stem):
         return {}
     states = islice(root.iterfind("group_state"), _MOST_POSES)
-    said = (
+    poses = (
         (state.get("name") or "", {str(each.get("name")): each.get("value", "") for each in state.iterfind("joint")})
         for state in states
     )
-    return _poses(said, robot.joint_names)
+    return _poses(poses, robot.joint_names)
 
 
 def _of_keyframes(robot: Arm) -> dict[str, Array]:
@@ -189,16 +189,16 @@ def _of_keyframes(robot: Arm) -> dict[str, Array]:
     if robot.urdf or not os.path.isfile(robot.source) or not is_mjcf(robot.source):  # noqa: PTH113  # as in `_files`
         return {}
     try:
-        said = read_keyframes(read_mjcf(Path(robot.source)), robot.source, _MOST_POSES)
+        keyframes = read_keyframes(read_mjcf(Path(robot.source)), robot.source, _MOST_POSES)
     except ArmdynError:  # it has been changed since the robot was read
         return {}
-    return _poses(said.items(), robot.joint_names)
+    return _poses(keyframes.items(), robot.joint_names)
 
 
-def _poses(said: Iterable[tuple[str, Mapping[str, str | float]]], joints: tuple[str, ...]) -> dict[str, Array]:
+def _poses(given: Iterable[tuple[str, Mapping[str, str | float]]], joints: tuple[str, ...]) -> dict[str, Array]:
     """Poses of a file with a name that can be typed and a finite position of every joint [rad or m]."""
     poses = {}
-    for name, positions in said:
+    for name, positions in given:
         try:
             q = np.array([to_number(str(positions[joint])) for joint in joints])
         except (KeyError, ValueError):

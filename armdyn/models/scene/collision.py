@@ -187,21 +187,21 @@ class CollisionModel:
         return path, used
 
     def prove(
-        self, motion: Trajectory, bounds: tuple[Array, Array, Array], asked: Array, work: tuple[int, int]
+        self, motion: Trajectory, bounds: tuple[Array, Array, Array], required: Array, work: tuple[int, int]
     ) -> tuple[Clearance, tuple[float, ...]]:
         """Prove that pairs keep their distances along a motion, or find times at which they do not.
 
         Args:
             motion: joints follow cubics between its samples.
             bounds: travel and acceleration as of `MotionBounds`, and the reach of every pair, shape (pairs, nv).
-            asked: distances to be kept [m], shape (pairs,).
+            required: distances to be kept [m], shape (pairs,).
             work: equal parts of the motion that are looked at first, and pairs looked at again at most.
 
         Returns:
             The nearest pair, `sure` if all keep what is asked; times at which a pair is nearer [s], increasing.
         """
         travel, acceleration, reach = bounds
-        rows = (motion.t, motion.q, motion.v, travel, acceleration, asked, reach)
+        rows = (motion.t, motion.q, motion.v, travel, acceleration, required, reach)
         with one_at_a_time:
             sure, missed, pair, time = self._scene.prove(*(np.ascontiguousarray(row) for row in rows), *work)
             nearest = self._clearance(pair, motion(time).q, time)

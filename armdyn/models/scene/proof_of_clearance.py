@@ -139,19 +139,19 @@ class ClearanceProof:
     missed: tuple[float, ...]
 
 
-def prove_clearance(model: CollisionModel, motion: Trajectory, asked: ArrayLike) -> ClearanceProof:
+def prove_clearance(model: CollisionModel, motion: Trajectory, required: ArrayLike) -> ClearanceProof:
     """Prove that every pair keeps its distance along a motion, or find times at which it does not.
 
     Args:
         model: of the scene.
         motion: between its samples joints follow cubics, as `Trajectory` interpolates them.
-        asked: distances to be kept [m], shape (pairs,) or one for all.
+        required: distances to be kept [m], shape (pairs,) or one for all.
     """
     if not model.pairs:
         nowhere = Clearance(np.inf, float(motion.t[0]), "nothing", "nothing", True)
         return ClearanceProof(nowhere, ())
     bounds, reach = MotionBounds(model.robot, motion), relative_reach(model)
-    distances = np.broadcast_to(np.asarray(asked, dtype=float), (len(model.pairs),))
+    distances = np.broadcast_to(np.asarray(required, dtype=float), (len(model.pairs),))
     return ClearanceProof(*model.prove(motion, (bounds.travel, bounds.acceleration, reach), distances, (PIECES, MOST)))
 
 

@@ -84,8 +84,8 @@ def load_scene(
         read = read_scene_text if kind == ".scene" else read_planning_scene
         obstacles, pairs = read(file, frames)
     except ArmdynError as error:
-        said = str(error)
-        raise ProblemError(said if said.startswith(str(file)) else f"{file}: {said}") from None
+        message = str(error)
+        raise ProblemError(message if message.startswith(str(file)) else f"{file}: {message}") from None
     if robot is not None:
         known = {*frames, *(one.name for one in obstacles)}
         pairs = tuple(pair for pair in pairs if known.issuperset(pair))

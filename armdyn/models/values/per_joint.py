@@ -39,12 +39,12 @@ def per_joint(
     Raises:
         ArmdynError: as `error`, which says what, of which joint, where and how much it is, and what would be right.
     """
-    wanted = _wanted(joints, scalar)
-    array = numbers(value, what, wanted, error=error)
+    expected = _wanted(joints, scalar)
+    array = numbers(value, what, expected, error=error)
     if joints is not None and array.ndim == 0 and (scalar or len(joints) == 1):
         array = np.full(len(joints), array)
     if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:
-        raise error(f"{what} has shape {array.shape}; expected {wanted}")
+        raise error(f"{what} has shape {array.shape}; expected {expected}")
     for i, number in enumerate(np.ravel(array)):
         if right := _right_instead(float(number), finite, sign):
             of = f" of joint {joints[i]!r}" if joints is not None else ""

@@ -36,15 +36,15 @@ def homogeneous(placement: Placement, what: str) -> Array:
     """
     if isinstance(placement, pin.SE3):
         return np.array(placement.homogeneous)
-    wanted = "a position (3 numbers), a 4 × 4 matrix or a pinocchio.SE3"
-    array = numbers(placement, what, wanted)
+    expected = "a position (3 numbers), a 4 × 4 matrix or a pinocchio.SE3"
+    array = numbers(placement, what, expected)
     pose = np.eye(4)
     if array.shape == (3,):
         pose[:3, 3] = array
     elif array.shape == (4, 4):
         pose = array.copy()
     else:
-        raise ProblemError(f"{what} has shape {array.shape}; it must be {wanted}")
+        raise ProblemError(f"{what} has shape {array.shape}; it must be {expected}")
     if not np.all(np.isfinite(pose)):
         raise ProblemError(f"{what} is not finite")
     rotation = pose[:3, :3]

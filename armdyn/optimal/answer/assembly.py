@@ -13,7 +13,7 @@ from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.proof.sensitivity import deciding
-from armdyn.optimal.refine.land import with_costates
+from armdyn.optimal.refine.land import with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -161,7 +161,7 @@ def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
     """Add to a landed optimum's certificate the lower bound and, of an extremal, the error of the adjoint equations."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
-    return with_costates(task, replace(optimum, certificate=certificate))
+    return with_adjoint_check(task, replace(optimum, certificate=certificate))
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:

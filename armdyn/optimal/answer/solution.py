@@ -86,7 +86,7 @@ class Solution:
         """A paragraph: duration, verdict, limits that decide the time, bound."""
         return paragraph(self)
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
         found = f"{self.duration:.6g} s" if self.moves else "no motion"
         return [called(self.problem.robot.name), found, verdict(self)]

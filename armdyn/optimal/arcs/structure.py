@@ -75,12 +75,12 @@ def without_idle_touches(phases: Phases) -> list[Arc]:
     """The structure without the touches that the motion would rather not make; none: it wants them all."""
     arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
     for a, k in enumerate(last):
-        wanted = tuple(
+        required = tuple(
             (i, mode)
             for i, mode in arcs[a].touches
             if outward(mode) * phases.knot_multiplier[k, int(mode in VELOCITY), i] < 0
         )
-        arcs[a] = replace(arcs[a], touches=wanted)
+        arcs[a] = replace(arcs[a], touches=required)
     return [] if tuple(arcs) == phases.arcs else merged(arcs)
 
 

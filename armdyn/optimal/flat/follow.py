@@ -27,31 +27,31 @@ _SPARE = 30_000
 """Accelerations for steps between two samples that are made in halves: those of a smooth torque need none."""
 
 
-def follow(task: Task, wanted: Trajectory) -> Trajectory:
+def follow(task: Task, target: Trajectory) -> Trajectory:
     """Track a motion with torques within their limits, and return the motion of the arm.
 
     Args:
         task: its robot and its torque limits.
-        wanted: samples of that motion and the torques that it takes, which are smooth between jumps.
+        target: samples of that motion and the torques that it takes, which are smooth between jumps.
 
     Returns:
         States and torques, which fit each other; it ends early where the arm was lost, with two samples at least.
     """
     problem, numbers = task.problem, task.policy.curves
-    limits, n, count = problem.limits.actuators, problem.robot.nv, wanted.t.size
+    limits, n, count = problem.limits.actuators, problem.robot.nv, target.t.size
     # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
-    tau = wanted.tau if problem.continuous_torque else _lines(wanted)
+    tau = target.tau if problem.continuous_torque else _lines(target)
     fade = np.ones(count - 1)
     if problem.continuous_torque:  # torques that may not jump end with what holds the arm
         fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
-    feedback = Feedback(numbers.bandwidth / wanted.duration, fade, 0 if limits.constant else _CLIPS)
+    feedback = Feedback(numbers.bandwidth / target.duration, fade, 0 if limits.constant else _CLIPS)
     start = np.concatenate([problem.q_start, problem.v_start])
     x, tau = tracked(
-        problem.robot, wanted, limits.clip(tau, wanted.q, wanted.v), start, feedback, limits, rtol=RTOL, spare=_SPARE
+        problem.robot, target, limits.clip(tau, target.q, target.v), start, feedback, limits, rtol=RTOL, spare=_SPARE
     )
     x = x if len(x) > 1 else np.vstack([x, x])
     m = len(x)
-    return replace(wanted, t=wanted.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
+    return replace(target, t=target.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])
 
 
 def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:

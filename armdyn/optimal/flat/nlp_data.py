@@ -99,8 +99,8 @@ def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
     """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
-    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return (*end_torque_rows(problem), *(rows for each in asked for rows in each.rows(problem)))
+    with_rows = (each for each in constraints.path_constraints if _has_rows(problem, each))
+    return (*end_torque_rows(problem), *(rows for each in with_rows for rows in each.rows(problem)))
 
 
 class _Numbers:
@@ -292,8 +292,8 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
 
 def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
     """Numbers and bounds of each of `rows_of`."""
-    asked = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return (*end_torque_values(problem), *(values for each in asked for values in each.values(problem)))
+    with_rows = (each for each in constraints.path_constraints if _has_rows(problem, each))
+    return (*end_torque_values(problem), *(values for each in with_rows for values in each.values(problem)))
 
 
 def _powers(basis: Basis) -> Array:

@@ -171,11 +171,11 @@ def _in_rounds(
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
 
 
-def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], kept: ConstraintReports) -> CurveSpec:
+def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
     """A specification with larger margins of torques and stricter constraints, by what was exceeded."""
     margins = spec.margins or (TorqueMargin(),) * len(over)
     more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
-    return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, kept))
+    return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
 
 
 def _within_limits(
@@ -222,14 +222,14 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         curve, left = solved.curve, over
         if can_be_slowed(task.problem):
             curve, left = _within_limits(task, curve, over, hopeless)
-        kept = reports_on(task, curve, spec.constraints)
-        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), kept))
+        reports = reports_on(task, curve, spec.constraints)
+        found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
         task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
         if task.stop or (good and little):
             break
-        spec = _tighter(task, spec, over, kept)
+        spec = _tighter(task, spec, over, reports)
     return replace(min(found, key=rank), iterations=iterations)
 
 
@@ -272,9 +272,9 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     return curve.trajectory(problem.robot, counts, jumps)
 
 
-def constraints_mended(task: Task, kept: ConstraintReports) -> bool:
+def constraints_mended(task: Task, reports: ConstraintReports) -> bool:
     """Whether the path constraints are kept, or would be by slowing down at little cost."""
-    return mended(task.problem, kept.slowing, task.policy.path_constraints.slower)
+    return mended(task.problem, reports.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:

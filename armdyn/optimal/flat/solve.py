@@ -125,7 +125,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
     """
     problem = task.problem
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
-    asked = spec.constraints.required_distances(problem)
+    required = spec.constraints.required_distances(problem)
     data, program = assemble_curve(task, guess, spec, shape), None
     if other_equations(shape, data.g_bounds[0].size).size:
         program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
@@ -140,7 +140,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
         smooth=_smoothing(task, guess, spec, shape),
         velocity_rows=DerivativeRows.of([basis for basis, _ in points], shape, 1, velocity),
         program=program,
-        clearance=None if asked is None else clearance_rows(asked, guess, task.policy.sequential),
+        clearance=None if required is None else clearance_rows(required, guess, task.policy.sequential),
     )
 
 

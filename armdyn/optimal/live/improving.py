@@ -142,9 +142,9 @@ def improve(
 def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
     """A curve from the start state to the goal, linearised."""
     program = arm.program
-    points = program.ends(points, duration, ends)
+    points = program.with_ends(points, duration, ends)
     rows = None if distances is None else distances.rows(program.curve(points, duration))
-    return program.at(points, duration, ends, arm.torques, rows)
+    return program.linearise(points, duration, ends, arm.torques, rows)
 
 
 def _taken(
@@ -201,8 +201,8 @@ def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen:
     policy, kept = program.policy, 1.0 if near else program.policy.forget
 
     def next_(margin: Array | float, beyond: Array, own: Array) -> Array:
-        wanted = np.where(beyond + policy.spare > 0, policy.strict * (beyond - own) + policy.spare, 0.0)
-        return np.minimum(np.maximum(wanted, kept * margin), policy.most_margin)
+        target = np.where(beyond + policy.spare > 0, policy.strict * (beyond - own) + policy.spare, 0.0)
+        return np.minimum(np.maximum(target, kept * margin), policy.most_margin)
 
     over, under = program.violations(here, TorqueMargin())
     return TorqueMargin(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))

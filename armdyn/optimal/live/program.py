@@ -128,7 +128,7 @@ class StepProgram:
     def _rates(self, order: int, limit: Array) -> DerivativeRows:
         return DerivativeRows.of([self.mesh.basis], self.layout, order, finite(limit))
 
-    def ends(self, points: Array, duration: float, ends: Ends) -> Array:
+    def with_ends(self, points: Array, duration: float, ends: Ends) -> Array:
         """Control points within position limits whose curve begins in the start state and ends at rest at the goal."""
         out = np.clip(points, self.limits.position_lower, self.limits.position_upper)
         out[0], out[1] = ends.q, ends.q + self._lead(ends) * duration
@@ -139,13 +139,13 @@ class StepProgram:
         """The curve of control points."""
         return Curve((CurveLeg(self.mesh.basis, points, duration),))
 
-    def at(
+    def linearise(
         self, points: Array, duration: float, ends: Ends, torques: TorqueRows, clear: ClearanceRows | None
     ) -> Iterate:
         """Linearise a curve.
 
         Args:
-            points: control points, as `ends` makes them.
+            points: control points, as `with_ends` makes them.
             duration: [s].
             ends: of the curve.
             torques: at the places of the mesh.

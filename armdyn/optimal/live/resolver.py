@@ -30,7 +30,7 @@ from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends, StepProgram
 from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
-from armdyn.optimal.problem.checks import check_motors_everywhere
+from armdyn.optimal.problem.checks import check_every_joint_has_motor
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
@@ -167,7 +167,7 @@ class Resolver:
         end: dict[str, Any] = {"goal_pose": goal} if isinstance(goal, GoalPose) else {"q_goal": goal}
         kept: dict[str, Any] = {own.name: getattr(self, own.name) for own in fields(self) if own.init}
         problem = MinimumTimeProblem(**kept, q_start=q, v_start=v, **end)
-        check_motors_everywhere(self.robot, problem.limits, "a Resolver plans curves")
+        check_every_joint_has_motor(self.robot, problem.limits, "a Resolver plans curves")
         return problem
 
     def _prepared(self, problem: MinimumTimeProblem) -> LimitedArm:

@@ -53,8 +53,8 @@ class KeepsClear(PathConstraint):
         model, ends = _model_and_ends(problem)
         if not model.pairs:
             return ConstraintReport(self.name, "no pair of bodies could touch")
-        asked = np.where(ends < problem.clearance, ends - _NEARER, np.minimum(problem.clearance, _AT_ENDS * ends))
-        proof = prove_clearance(model, motion, asked)
+        required = np.where(ends < problem.clearance, ends - _NEARER, np.minimum(problem.clearance, _AT_ENDS * ends))
+        proof = prove_clearance(model, motion, required)
         clearance, need = proof.nearest, f"clearance is {1e3 * problem.clearance:g} mm"
         reasons = (f"{clearance}; {need}",) if proof.missed else ()
         if not (reasons or clearance.sure):
@@ -67,12 +67,12 @@ class KeepsClear(PathConstraint):
         missed = np.column_stack([leg, part])
         return ConstraintReport(self.name, str(clearance), None, reasons, worst, missed, clearance)
 
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Ask for distances at the times at which they were missed, too."""
-        if not kept.missed.size:
+        if not report.missed.size:
             return self
         own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
-        leg, part = kept.missed.T
+        leg, part = report.missed.T
         return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in enumerate(own)))
 
 

@@ -151,13 +151,13 @@ class PathConstraint(PathConstraintSpec, ABC):
         return ()
 
     def report(
-        self, share: float, said: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1
+        self, share: float, words: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1
     ) -> ConstraintReport:
         """Report on the largest value of what is limited.
 
         Args:
             share: it, as a part of its limit.
-            said: the same in a few words, with units.
+            words: the same in a few words, with units.
             reason: why the constraint does not hold, where it does not.
             worst: what is exceeded, joint or frame, and when [s].
             name: of the constraint; empty: its own.
@@ -165,8 +165,8 @@ class PathConstraint(PathConstraintSpec, ABC):
         """
         name = name or self.name
         if share <= 1 + self.policy.rate_tolerance:
-            return ConstraintReport(name, said, share, order=order)
-        return ConstraintReport(name, said, share, (reason,), Violation(*worst, share - 1), order=order)
+            return ConstraintReport(name, words, share, order=order)
+        return ConstraintReport(name, words, share, (reason,), Violation(*worst, share - 1), order=order)
 
     @abstractmethod
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
@@ -178,7 +178,7 @@ class PathConstraint(PathConstraintSpec, ABC):
             passing: when it should be at the via points [s], shape (vias,).
         """
 
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """The constraint, tightened where a motion of the mesh missed it between the points."""
         return self
 

@@ -16,7 +16,7 @@ from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Block, Nlp, build_nlp
-from armdyn.optimal.program.interval import Collocated, IntervalFunctions, IntervalView, differentiated
+from armdyn.optimal.program.interval import CollocationInterval, IntervalFunctions, IntervalView, differentiated
 from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.tableau import Scheme
 
@@ -79,7 +79,7 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
         intervals: their number.
         rows: which; those of one kind follow each other, interval by interval.
     """
-    layout, view = Layout(dynamics.nv, scheme), Collocated(dynamics, scheme)
+    layout, view = Layout(dynamics.nv, scheme), CollocationInterval(dynamics, scheme)
     unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
     blocks, first = [], Parameters.size(dynamics.nv, intervals)
     for each in rows:

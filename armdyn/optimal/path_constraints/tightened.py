@@ -32,23 +32,23 @@ class ConstraintReports:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Violated constraints, in words."""
-        return tuple(reason for kept in self.each for reason in kept.reasons)
+        return tuple(reason for report in self.each for reason in report.reasons)
 
     @property
     def slowing(self) -> float:
         """Factor on the duration with which the same path keeps all of them; 1 if they are kept, inf if none helps."""
-        return max((kept.slowing for kept in self.each), default=1.0)
+        return max((report.slowing for report in self.each), default=1.0)
 
     @property
     def worst(self) -> Violation | None:
         """Largest violation; None if all are kept."""
-        found = [kept.worst for kept in self.each if kept.worst is not None]
+        found = [report.worst for report in self.each if report.worst is not None]
         return max(found, key=lambda worst: worst.value, default=None)
 
     @property
     def clearance(self) -> Clearance | None:
         """Smallest clearance; None without obstacles."""
-        found = [kept.clearance for kept in self.each if kept.clearance is not None]
+        found = [report.clearance for report in self.each if report.clearance is not None]
         return min(found, key=lambda clearance: clearance.distance, default=None)
 
 
@@ -73,7 +73,7 @@ class TightenedConstraints:
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
         """Distances between bodies that one of them asks for; None: none does."""
         found = (constraint.required_distances(problem) for constraint in self.path_constraints)
-        return next((asked for asked in found if asked is not None), None)
+        return next((distances for distances in found if distances is not None), None)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the program besides the equations of motion."""
@@ -92,7 +92,7 @@ class TightenedConstraints:
     def tightened(self, problem: MinimumTimeProblem, reports: ConstraintReports) -> Self:
         """Tighten each path constraint that the motion has violated."""
         pairs = zip(self.path_constraints, reports.each, strict=True)
-        return replace(self, path_constraints=tuple(constraint.tightened(problem, kept) for constraint, kept in pairs))
+        return replace(self, path_constraints=tuple(each.tightened(problem, report) for each, report in pairs))
 
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
         """Correct the aim at via points and goal by the replay's misses."""

@@ -63,17 +63,17 @@ class ViaPoints(PathConstraint):
                 reasons.append(f"it passes {what}")
                 worst.append(Violation(f"via point {i}", which, float(time), error))
         times = ", ".join(f"{t:.4f}" for t in passing)
-        said = f"at {times} s, within {max(max(errors), 0.0):.1e} rad" + (" or m" if problem.via_regions else "")
+        words = f"at {times} s, within {max(max(errors), 0.0):.1e} rad" + (" or m" if problem.via_regions else "")
         most = max(worst, key=lambda one: one.value, default=None)
-        return ConstraintReport(self.name, said, None, tuple(reasons), most, np.array(errors))
+        return ConstraintReport(self.name, words, None, tuple(reasons), most, np.array(errors))
 
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Ask for less of a region's tolerance where the replay passed outside."""
         parts = list(self.parts or np.ones(len(problem.via)))
         for i, region in problem.via_regions.items():
             given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]
-            if kept.missed[i] > self.policy.beside_region and given.size:
-                parts[i] = max(parts[i] - 2 * float(kept.missed[i]) / float(np.min(given)), 0.0)
+            if report.missed[i] > self.policy.beside_region and given.size:
+                parts[i] = max(parts[i] - 2 * float(report.missed[i]) / float(np.min(given)), 0.0)
         return replace(self, parts=tuple(parts))
 
 

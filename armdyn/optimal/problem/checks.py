@@ -67,8 +67,8 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
         )
 
 
-def check_motors_everywhere(robot: Robot, limits: JointLimits, what: str) -> None:
-    """Refuse what curves alone can do with a joint that has no motor."""
+def check_every_joint_has_motor(robot: Robot, limits: JointLimits, what: str) -> None:
+    """Refuse an arm with a joint without a motor for `what`, which only B-spline curves can solve."""
     if np.any(limits.passive):
         name = robot.joint_names[int(np.argmax(limits.passive))]
         raise ProblemError(f"{what}, which takes a motor at every joint; joint {name!r} has none")
@@ -119,8 +119,8 @@ def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clear
         if contacts := model.nearer(q, clearance):
             rest = len(contacts) - 1
             more = f", and {rest} more {'pairs are' if rest > 1 else 'pair is'} too near" if rest else ""
-            said = f"at the {name}, {contacts[0].bodies()}{more}; clearance is {1e3 * clearance:g} mm"
-            raise ContactError(said, model.robot, model.obstacles, q, contacts)
+            message = f"at the {name}, {contacts[0].bodies()}{more}; clearance is {1e3 * clearance:g} mm"
+            raise ContactError(message, model.robot, model.obstacles, q, contacts)
 
 
 def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
@@ -129,11 +129,11 @@ def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float)
     clear = tuple(q for q, near in zip(goals, contacts, strict=True) if not near)
     if not clear:
         k = max(range(len(goals)), key=lambda k: contacts[k][0].distance)
-        said = (
+        message = (
             f"the goal pose cannot be reached clear of everything: in the best of {len(goals)} branches "
             f"{contacts[k][0].bodies()}; clearance is {1e3 * clearance:g} mm"
         )
-        raise ContactError(said, model.robot, model.obstacles, goals[k], contacts[k])
+        raise ContactError(message, model.robot, model.obstacles, goals[k], contacts[k])
     return clear
 
 

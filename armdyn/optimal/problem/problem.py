@@ -27,9 +27,9 @@ from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
     Unheld,
     check_clear,
+    check_every_joint_has_motor,
     check_limits,
     check_motors,
-    check_motors_everywhere,
     check_path_constraints,
     check_poses,
     check_state,
@@ -166,11 +166,11 @@ class MinimumTimeProblem:
         self._resolve_path_constraints()
         warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
 
-    def _words(self) -> list[str]:
+    def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
-        asked = f", {', '.join(self.path_constraint_names)}" if self.path_constraint_names else ""
+        constraints = f", {', '.join(self.path_constraint_names)}" if self.path_constraint_names else ""
         ends = [f"{name} {several_numbers(getattr(self, f'q_{name}'))}" for name in ("start", "goal")]
-        return [called(self.robot.name), *ends] + ([f"with {asked[2:]}"] if asked else [])
+        return [called(self.robot.name), *ends] + ([f"with {constraints[2:]}"] if constraints else [])
 
     def _repr_html_(self) -> str:
         """A table and a picture, for notebooks."""
@@ -184,7 +184,7 @@ class MinimumTimeProblem:
     @property
     def path_constraint_names(self) -> tuple[str, ...]:
         """Names of the path constraints; the mesh and curves keep them, arcs do not."""
-        asked = {
+        active = {
             "obstacles": bool(self.obstacles),
             "self-collision": self.self_collision,
             "via points": bool(self.via),
@@ -195,7 +195,7 @@ class MinimumTimeProblem:
             "velocity limits by position": self.preset is not None and self.preset.taper is not None,
             **{constraint.name: True for constraint in self.path_constraints},
         }
-        return tuple(name for name, wanted in asked.items() if wanted)
+        return tuple(name for name, wanted in active.items() if wanted)
 
     @property
     def crowded(self) -> bool:
@@ -383,7 +383,7 @@ class MinimumTimeProblem:
         via = list[Via]()
         for i, one in enumerate(several(self.via, "via")):
             if isinstance(one, GoalPose):
-                check_motors_everywhere(self.robot, self.limits, f"via[{i}] is a region")
+                check_every_joint_has_motor(self.robot, self.limits, f"via[{i}] is a region")
             else:
                 one = pose_given(self.robot, one, f"via[{i}]")
                 check_state(self.robot, self.limits, one, np.zeros_like(one), f"via[{i}]", self.reserves.velocity)

@@ -17,13 +17,13 @@ def check_pace(problem: MinimumTimeProblem) -> None:
     """
     none = np.full(problem.robot.nv, np.inf)
     net = np.abs(problem.poses[-1] - problem.poses[0])
-    asked = {
+    limits = {
         "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.fixed_poses, axis=0)), axis=0), 1.0),
         # From rest to rest: half of the way speeding up; with a jerk limit, in four ramps of the acceleration.
         "acceleration": (problem.acceleration_limit, net, 4.0),
         "jerk": (problem.jerk_limit, net, 32.0),
     }
-    for order, (name, (limit, way, factor)) in enumerate(asked.items(), start=1):
+    for order, (name, (limit, way, factor)) in enumerate(limits.items(), start=1):
         if order > 1 and not problem.from_rest_to_rest:
             break
         limit = none if limit is None else np.asarray(limit)

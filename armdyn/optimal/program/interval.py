@@ -148,8 +148,8 @@ class IntervalView(Protocol):
 
 
 @dataclass(frozen=True)
-class Collocated:
-    """An interval of collocation.
+class CollocationInterval:
+    """Builds the symbolic equations of one collocation interval.
 
     Attributes:
         dynamics: with a free last body.

@@ -195,6 +195,7 @@ class _Interval:
 
     @classmethod
     def of(cls, n: int, by: Parameters, y: ca.SX) -> Self:
+        """Symbols of an interval from its unknowns y, with the scales `by`."""
         u, T, dh = y[2 * n : 3 * n], y[-1], by.fraction * by.time
         cost = by.fraction * T * (1 + ca.dot(by.weights, u**2) / 2)
         return cls(n, y[: 2 * n], y[3 * n : 5 * n], dh * T, dh, by.speed / by.length, cost, y)

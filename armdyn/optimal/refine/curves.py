@@ -8,7 +8,7 @@ from itertools import chain, islice
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.codegen.background import awaited
+from armdyn.codegen.background import is_building
 from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import CurveInterval
@@ -63,7 +63,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     except LateError:
         unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
         return [], Found((), failed=(unbegun,))
-    if awaited():
+    if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up between planning and the first curve
         return [], Found((), failed=(_no_way(task),))
@@ -261,8 +261,8 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
     """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
     solved, found, end = refined.solved, dict[str, Array](), 0
     place, legs = CurveInterval(task.dynamics, task.scheme.compile), solved.shape.intervals
-    asked = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
-    heated = {rows: each.dwell for each in asked for rows in each.rows(task.problem)}
+    rms_limits = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
+    heated = {rows: each.dwell for each in rms_limits for rows in each.rows(task.problem)}
     for rows in reversed(solved.rows):  # the last equations
         places = 1 if rows.where == "sum" else intervals_of(rows, legs).size
         begin = end - rows.functions(place).defects.numel_out(0) * places

@@ -34,8 +34,8 @@ def land(task: Task, phases: Phases) -> Optimum:
     return Optimum.of(task.problem, replay, phases.arc_of.size, phases, resisted, iterations=phases.iterations)
 
 
-def with_costates(task: Task, optimum: Optimum) -> Optimum:
-    """Check an extremal's adjoint equations, where its certificate lacks that check.
+def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
+    """An extremal with the error of its adjoint equations in its certificate, computed where it is not yet there.
 
     Args:
         task: the problem and its settings.

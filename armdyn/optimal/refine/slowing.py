@@ -56,8 +56,8 @@ def least_slowing(task: Task, optimum: Optimum) -> float:
 def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
     """The optimum's path in so many times its duration, replayed."""
     problem = task.problem
-    wanted = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
-    motion = replace(follow(task, wanted), name=optimum.trajectory.name)
+    slowed = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
+    motion = replace(follow(task, slowed), name=optimum.trajectory.name)
     passing = factor * np.array(optimum.via_times)
     remark = optimum.certificate.remark or f"slowed down by {percent(factor - 1)} to keep its limits: no extremal"
     certificate = replace(certify(problem, motion, None, remark), idle=optimum.certificate.idle)

@@ -18,7 +18,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land, with_costates
+from armdyn.optimal.refine.land import land, with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -62,12 +62,12 @@ def _landed(task: Task, phases: Phases) -> Optimum:
     Torques of the replay are lines between samples. Where motions diverge fast that is another motion soon: finer
     intervals and more samples bring it near.
     """
-    optimum = with_costates(task, land(task, phases))
+    optimum = with_adjoint_check(task, land(task, phases))
     if (optimum.certificate.adjoint_error or 0.0) > ADJOINT_TOLERANCE and not task.stop:
         finely = replace(task, policy=task.policy.changed("arcs", samples=task.policy.smooth.samples))
         finer = _solved(finely, phases.arcs, 2 * phases.arc_of.size, phases, 0.0)
         if isinstance(finer, Phases):
-            again = with_costates(finely, land(finely, finer))
+            again = with_adjoint_check(finely, land(finely, finer))
             return min(again, optimum, key=lambda one: not one.certificate.ok)
     return optimum
 
@@ -105,10 +105,10 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
     """Reports of attempts that led to no optimum, the most telling first."""
-    told = [*resisted, *attempts]
+    reported = [*resisted, *attempts]
     if task.stop:
-        told.insert(0, replace(told[0], status=task.stop.status, message=task.stop.word))
-    return told
+        reported.insert(0, replace(reported[0], status=task.stop.status, message=task.stop.word))
+    return reported
 
 
 def _failed(task: Task, phases: Unresolved) -> Attempt:
@@ -224,12 +224,12 @@ class _Settling:
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
     """Solve the structure that the multipliers imply; None: there is none, or it is no better."""
     arcs = task.policy.arcs
-    wanted = (
+    required = (
         without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
     )
-    if not wanted:
+    if not required:
         return None
-    better = _solved(task, wanted, phases.arc_of.size, phases, stray)
+    better = _solved(task, required, phases.arc_of.size, phases, stray)
     return better if isinstance(better, Phases) and _stray(task.problem, better) < stray else None
 
 

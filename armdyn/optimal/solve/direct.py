@@ -14,7 +14,7 @@ from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp
-from armdyn.optimal.program.interval import Collocated
+from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
 from armdyn.optimal.solve.attempt import Attempt
@@ -64,7 +64,7 @@ def solve_on_mesh(
     x = to_unknowns(guess, layout, shares, scales)
     _fix_legs(problem, layout, legs, constraints.aim, scales, x, (lower, upper))
     x = np.clip(x, lower, upper)
-    sides = row_bounds(rows, values, Collocated(task.dynamics, task.scheme), intervals)
+    sides = row_bounds(rows, values, CollocationInterval(task.dynamics, task.scheme), intervals)
     lbg, ubg = (np.concatenate(both) for both in zip(_equations(nlp, legs), sides, strict=True))
     result = solver.solve(NlpData(x, parameters, (lower, upper), (lbg, ubg)), task.stop)
     x, g = result.x, solver.equations(result.x, parameters)

@@ -105,9 +105,9 @@ def _draw_controller(axes: Axes, rows: Sequence[Mapping[str, Any]], color: str, 
     axes.plot(r, mean, color=color, linewidth=1, alpha=0.6, label=f"{rows[0]['controller']}, mean")
     for row in rows:
         if row["worst"] is None:
-            told, at, off = f"{row['settled']} of {row['arms']}", (100 * row["reserve"], 1), (0, -10 - 11 * place)
+            text, at, off = f"{row['settled']} of {row['arms']}", (100 * row["reserve"], 1), (0, -10 - 11 * place)
             look: dict[str, Any] = {"ha": "center", "va": "top", "color": color, "fontsize": 8}
-            axes.annotate(told, at, off, ("data", "axes fraction"), "offset points", **look)
+            axes.annotate(text, at, off, ("data", "axes fraction"), "offset points", **look)
 
 
 _MOST_COLUMNS = 3

@@ -96,7 +96,7 @@ def plot_map(
     low, high = _colored(numbers)
     clipped = bool(numbers) and max(numbers) > high
     shared = len({(row[x], row[y], row[panel] if panel else None) for row in rows}) < len(rows)
-    told = f"{named(z)}{', least of those at a place' if shared else ''}"
+    text = f"{named(z)}{', least of those at a place' if shared else ''}"
     with rc_context(LOOK):
         figure = Figure(figsize=(1.4 + 4.8 * len(values), 4.4), layout="constrained")
         panels = np.atleast_1d(figure.subplots(1, len(values), sharey=True))
@@ -112,7 +112,7 @@ def plot_map(
                 axes.set_title(literal(f"{panel} {value}"), fontsize=10)
         panels[0].set_ylabel(named(y))
         if drawn is not None:
-            figure.colorbar(drawn, ax=list(panels), label=told, extend="max" if clipped else "neither")
+            figure.colorbar(drawn, ax=list(panels), label=text, extend="max" if clipped else "neither")
         if title:
             figure.suptitle(literal(title), fontsize=12, fontweight="bold")
     return figure

@@ -66,10 +66,10 @@ def _row(step: Facts) -> list[Html]:
 
 def costs_section(facts: Facts) -> Section | None:
     """Section of the time that each condition of a cycle costs; None: not computed."""
-    said = [one.text("said") for one in facts.parts("costs")]
-    if not said:
+    costs = [one.text("said") for one in facts.parts("costs")]
+    if not costs:
         return None
-    return Section("costs", "What each condition costs", element("ul", *(element("li", line) for line in said[:30])))
+    return Section("costs", "What each condition costs", element("ul", *(element("li", line) for line in costs[:30])))
 
 
 _MOST_PARTS = 100

@@ -144,11 +144,11 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
         ]
         for k, one in enumerate(rows)
     ]  # fmt: skip
-    told = (
+    note = (
         "Work is ∫ Σ |τ q̇| dt, what the joints give and take; fastest and strongest: the most that a joint takes "
         "of its limit. A closed loop is at the goal when it has come to stay, by its own rule."
     )
-    parts = [stacked([th(word) for word in words], body), element("p", told, class_="note")]
+    parts = [stacked([th(word) for word in words], body), element("p", note, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)
 
 

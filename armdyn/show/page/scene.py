@@ -122,8 +122,8 @@ def short_names(names: Sequence[str]) -> list[str]:
 
 def playing_speed(durations: Sequence[float]) -> float:
     """Playing time over real time, a round number: motions of very different length meet halfway."""
-    wanted = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
-    return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / wanted)))
+    factor = float(np.sqrt(min(durations) * max(durations))) / WATCHABLE
+    return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / factor)))
 
 
 def _packed(command: Mapping[str, Any]) -> str:

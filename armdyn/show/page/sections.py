@@ -48,9 +48,9 @@ def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section
         element(
             "li",
             element("b", signs[holds], class_=f"sign {words[holds].replace(' ', '-')}", title=words[holds]),
-            element("div", element("strong", name), element("span", told)),
+            element("div", element("strong", name), element("span", value)),
         )
-        for name, holds, told in verdict.checks
+        for name, holds, value in verdict.checks
     ]
     parts = [element("ul", *rows, class_="checks")]
     if verdict.advice:
@@ -110,8 +110,8 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
         for name, *values in zip(joints, *signed, strict=True)
     ]
     gram = by.number("payload_mass") or 0.0
-    told = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
-    return Section("sensitivities", "Sensitivities", join([element("p", told), stacked(head, rows)]))
+    text = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
+    return Section("sensitivities", "Sensitivities", join([element("p", text), stacked(head, rows)]))
 
 
 def optima_section(facts: Facts, duration: float) -> Section | None:
@@ -125,8 +125,8 @@ def optima_section(facts: Facts, duration: float) -> Section | None:
     ]
     if len(others) > 12:
         items.append(element("li", f"and {len(others) - 12} more"))
-    told = "Slower motions that are optimal among their neighbours. No method proves that there is no faster one."
-    return Section("optima", "Other optima met", join([element("p", told), element("ul", *items, class_="chips")]))
+    text = "Slower motions that are optimal among their neighbours. No method proves that there is no faster one."
+    return Section("optima", "Other optima met", join([element("p", text), element("ul", *items, class_="chips")]))
 
 
 def path_constraint_section(facts: Facts) -> Section | None:
@@ -168,10 +168,10 @@ def controller_section(facts: Facts) -> Section | None:
     ]
     if not rows:
         return None
-    told = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
+    text = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
     heads = [th("condition"), th("of its limit"), th("costs", class_="words")]
     return Section(
-        "controller", "What the controller's conditions cost", join([element("p", told), stacked(heads, rows)])
+        "controller", "What the controller's conditions cost", join([element("p", text), stacked(heads, rows)])
     )
 
 
@@ -202,8 +202,8 @@ def model_section(name: str, facts: Facts) -> Section:
             rows.append((part, f"{1e3 * mass:g} g at {at}{f', {kinds}' if kinds else ''}"))
     locked = model.part("locked").values
     if locked:
-        told = [f"{joint} = {as_number(q) or 0.0:.4g}" for joint, q in list(locked.items())[:40]]
-        rows.append(("locked", ", ".join(told)))
+        locks = [f"{joint} = {as_number(q) or 0.0:.4g}" for joint, q in list(locked.items())[:40]]
+        rows.append(("locked", ", ".join(locks)))
     friction = model.part("friction")
     for kind, unit in (("damping", "N m s/rad"), ("coulomb", "N m")):
         values = [x for x in friction.numbers(kind) if x is not None]
@@ -216,10 +216,10 @@ def model_section(name: str, facts: Facts) -> Section:
 def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | None:
     """The command that made it, its options, and the versions at work; see `verdict_section`."""
     parts: list[Html] = []
-    asked = facts.part("asked")
-    if command := asked.text("command"):
+    request = facts.part("asked")
+    if command := request.text("command"):
         parts.append(element("pre", element("code", _typed(command)), tabindex=0))
-    given = asked.part("options").values
+    given = request.part("options").values
     if given:
         parts.append(
             element(

@@ -99,8 +99,8 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
     ):
         if name in facts:
             value = facts.number(name)
-            told = "–" if value is None else f"{scale * value:.4g}{unit}"
-            tiles.append(Tile(label, seconds(value) if unit == " s" else told, note))
+            text = "–" if value is None else f"{scale * value:.4g}{unit}"
+            tiles.append(Tile(label, seconds(value) if unit == " s" else text, note))
     return tiles
 
 
@@ -148,7 +148,7 @@ def _deciding(facts: Facts) -> list[Tile]:
 def _checks(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """The checks of a run; what is no truth value is not known."""
     found = [(one.text("name"), one.values.get("holds"), one.text("said")) for one in facts.parts("checks")]
-    return tuple((name, holds if isinstance(holds, bool) else None, said) for name, holds, said in found)
+    return tuple((name, holds if isinstance(holds, bool) else None, value) for name, holds, value in found)
 
 
 def _of_pid(facts: Facts) -> Verdict:
@@ -166,9 +166,9 @@ def _of_pid(facts: Facts) -> Verdict:
 
 def _of_given(facts: Facts) -> Verdict:
     """Verdict on a motion without a result."""
-    said = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
+    text = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
     keeps = facts.true("feasible")
-    return Verdict("good" if keeps else "bad", f"{'Keeps' if keeps else 'Breaks'} its limits", said, _possible(facts))
+    return Verdict("good" if keeps else "bad", f"{'Keeps' if keeps else 'Breaks'} its limits", text, _possible(facts))
 
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:

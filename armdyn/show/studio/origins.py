@@ -35,10 +35,10 @@ def free_port(host: str, port: int) -> int:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 continue
-            told = error.strerror or str(error)
+            reason = error.strerror or str(error)
             raise ProblemError(
-                f"nothing can be served at {host}, port {tried} ({told}): host is an address of this machine, such as "
-                "127.0.0.1, and port is from 1024 on"
+                f"nothing can be served at {host}, port {tried} ({reason}): host is an address of this machine, such "
+                "as 127.0.0.1, and port is from 1024 on"
             ) from None
         return tried
     raise ProblemError(f"the ports {port} to {tried} of {host} are taken: give another --port")

@@ -272,8 +272,8 @@ class Page:
 
     def _resize(self, which: int, size: float) -> None:
         if (found := self._chosen()) is not None and (sizes := sizes_of(found[1])) is not None:
-            wanted = [size if k == which else one for k, one in enumerate(sizes)]
-            self._session.replace_obstacle(found[0], resized(found[1], wanted))
+            changed = [size if k == which else one for k, one in enumerate(sizes)]
+            self._session.replace_obstacle(found[0], resized(found[1], changed))
 
     def _remove_obstacle(self) -> None:
         if (found := self._chosen()) is not None:

@@ -123,11 +123,11 @@ class Session:
         """Whether the last result is that of the state."""
         return self.solved == self.state
 
-    def change(self, *said: str, **changes: Any) -> None:
+    def change(self, *warnings: str, **changes: Any) -> None:
         """Change parts of the state.
 
         Args:
-            said: warnings of the change itself.
+            warnings: of the change itself.
             changes: fields of `StudioState`; positions are clipped to those of the sliders.
 
         Raises:
@@ -138,11 +138,11 @@ class Session:
             if end in changes:
                 changes[end] = tuple(np.clip(changes[end], lower, upper).tolist())
         state = replace(self.state, **changes)
-        if state == self.state and said == self._said:
+        if state == self.state and warnings == self._said:
             return
         if state.payload != self.state.payload:
             self.robot = carrying(self.setup.problem.robot, state.payload)
-        self.state, self._said = state, said
+        self.state, self._said = state, warnings
         self._pose()
         if not (self.refused or self.current):
             self._solver.request(self.state)
@@ -165,13 +165,13 @@ class Session:
         goal = GoalPose(robot.tip, to.homogeneous if robot.nv >= 6 else to.translation)
         q, error = approached(robot, goal, np.array(getattr(self.state, end)), self.setup.problem.limits)
         far, turned = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-        said: tuple[str, ...] = ()
+        warnings: tuple[str, ...] = ()
         if max(far, turned) > _OUT_OF_REACH:
             rest = f" and {np.rad2deg(turned):.2g}°" if turned > _OUT_OF_REACH else ""
-            said = (
+            warnings = (
                 f"the {end} is out of reach: the tip stays {1e3 * far:.2g} mm{rest} away from where it was dragged",
             )
-        self.change(*said, **{end: q})
+        self.change(*warnings, **{end: q})
 
     def replace_obstacle(self, index: int, obstacle: Obstacle | None) -> None:
         """Put another obstacle in the place of one; None: remove it."""
@@ -237,15 +237,15 @@ class Session:
             self.failed = result or "the computation ended unexpectedly: change something to try again"
 
     def _pose(self) -> None:
-        self.problem, self.refused, self.touching, told = None, "", frozenset(), tuple[str, ...]()
+        self.problem, self.refused, self.touching, warnings = None, "", frozenset(), tuple[str, ...]()
         try:
-            self.problem, told = posed(self.setup.problem, self.robot, self.state, self.setup.presets)
+            self.problem, warnings = posed(self.setup.problem, self.robot, self.state, self.setup.presets)
         except ContactError as error:
             self.refused = str(error)
             self.touching = frozenset(end for end in END_NAMES if np.array_equal(error.q, getattr(self.state, end)))
         except ArmdynError as error:
             self.refused = str(error)
-        self.warnings = (*self._said, *told)
+        self.warnings = (*self._said, *warnings)
 
     def _keep(self, *, now: bool = False) -> None:
         """Save the state if it changed, and it is time; where it cannot be saved, the session says so and goes on."""

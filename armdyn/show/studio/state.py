@@ -179,8 +179,8 @@ def posed(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         made = replace(problem, **changes)
-    said = [str(one.message) for one in caught if issubclass(one.category, ArmdynWarning)]
-    return made, tuple(dict.fromkeys(said))
+    messages = [str(one.message) for one in caught if issubclass(one.category, ArmdynWarning)]
+    return made, tuple(dict.fromkeys(messages))
 
 
 def placement_of(obstacle: Obstacle) -> pin.SE3 | None:

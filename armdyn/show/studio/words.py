@@ -51,8 +51,8 @@ def facts_of(solution: Solution) -> list[str]:
 
 def warnings_of(session: Session) -> list[str]:
     """All that is wrong with the state or its motion, a sentence each."""
-    said = [session.refused, *session.warnings, session.failed if session.current else "", session.unsaved]
-    return [f"{one[0].upper()}{one[1:]}." for one in said if one]
+    lines = [session.refused, *session.warnings, session.failed if session.current else "", session.unsaved]
+    return [f"{one[0].upper()}{one[1:]}." for one in lines if one]
 
 
 def note_html(words: str) -> str:

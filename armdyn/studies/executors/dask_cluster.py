@@ -59,8 +59,8 @@ class BatchSize:
             left: cases that wait.
             workers: among whom they are shared out.
         """
-        wanted = target(workers)
-        in_time = math.floor(wanted / self._mean) if self._mean > wanted / MOST else MOST
+        number = target(workers)
+        in_time = math.floor(number / self._mean) if self._mean > number / MOST else MOST
         share = math.ceil(left / (_PARTS * workers))
         return min(left, max(1, min(in_time, self._most, share)))
 
@@ -235,8 +235,8 @@ class DaskCluster:
             if len(cases) > 1:
                 self._suspects.extend(cases)
                 return []
-            told = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or its results not fetched
-            return [Ended(k=cases[0].k, result=CaseResult(status="error", message=told))]
+            message = f"{type(error).__name__}: {error}"[:1000]  # it could not be sent, or its results not fetched
+            return [Ended(k=cases[0].k, result=CaseResult(status="error", message=message))]
         self._broken = 0
         self._batch.add(len(done), sum(one.seconds for one in done))
         found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
@@ -275,8 +275,8 @@ def _check(client: Client, address: str) -> None:
     own, versions = version("armdyn"), client.run(partial(version, "armdyn"), on_error="return")
     for worker, other in versions.items():
         if other != own:
-            told = f"armdyn {other}" if isinstance(other, str) else f"no armdyn ({other})"
-            raise ClusterError(f"worker {worker} has {told}; this is armdyn {own}: install the same there")
+            found = f"armdyn {other}" if isinstance(other, str) else f"no armdyn ({other})"
+            raise ClusterError(f"worker {worker} has {found}; this is armdyn {own}: install the same there")
 
 
 def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[Ended], str]:

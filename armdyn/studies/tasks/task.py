@@ -82,9 +82,9 @@ def result_of(
             result = CaseResult(status="refused", message=str(error))
         except Exception as error:  # a row says so; the other cases go on
             result = CaseResult(status=ERROR, message=f"{type(error).__name__}: {error}"[:1000])
-    told = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, ArmdynWarning))
-    if told:
-        result = replace(result, facts={**result.facts, "warning": "; ".join(told)[:1000]})
+    messages = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, ArmdynWarning))
+    if messages:
+        result = replace(result, facts={**result.facts, "warning": "; ".join(messages)[:1000]})
     return replace(storable(result), value=None), time.perf_counter() - began
 
 

@@ -75,9 +75,9 @@ class Ros2:
             {"time_from_start": _stamp(round(one.start * 1e9)), "name": one.name, "event": one.event,
              "load": one.load and asdict(one.load)} for one in samples.pieces
         ]  # fmt: skip
-        points, told = (",\n".join(map(_written, rows)) for rows in (message["points"], events))
+        points, event_lines = (",\n".join(map(_written, rows)) for rows in (message["points"], events))
         head = f'{{"header": {_written(message["header"])},\n"joint_names": {_written(message["joint_names"])}'
-        return f'{head},\n"points": [\n{points}' + (f'\n],\n"events": [\n{told}' if events else "") + "\n]}\n"
+        return f'{head},\n"points": [\n{points}' + (f'\n],\n"events": [\n{event_lines}' if events else "") + "\n]}\n"
 
 
 def joint_trajectory(samples: Samples) -> dict[str, Any]:

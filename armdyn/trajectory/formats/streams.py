@@ -81,8 +81,8 @@ class Stream:
             changes = load is not None and load != before and (load.mass > 0 or before is not None)
             if changes or piece.event:
                 row = row if row or piece.event else -1
-                told = self._about_flange(load) if load is not None and changes else None
-                found.append(PieceStart(row, piece.event, piece.name, told))
+                note = self._about_flange(load) if load is not None and changes else None
+                found.append(PieceStart(row, piece.event, piece.name, note))
             before = load or before
         return found
 

@@ -93,10 +93,10 @@ class UrScript(Stream):
     def _functions(self, events: Sequence[PieceStart]) -> list[str]:
         """Script of the functions that events call."""
         over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
-        told = program("urscript_event") if any(event.kind for event in events) else ""
+        text = program("urscript_event") if any(event.kind for event in events) else ""
         if any(event.load is not None for event in events):
-            told += program("urscript_load").replace("TRANSITION", f", {_number(over)}" if over else "")
-        return told.splitlines()
+            text += program("urscript_load").replace("TRANSITION", f", {_number(over)}" if over else "")
+        return text.splitlines()
 
     def text(self, samples: Samples) -> str:
         """The program: payload, way to the start, stream, stop.

@@ -9,7 +9,7 @@ from armdyn.optimal.path_constraints.legs import legs_of
 from armdyn.optimal.path_constraints.rows import with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.program.assembly import build_nlp
-from armdyn.optimal.program.interval import Collocated
+from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
@@ -49,7 +49,7 @@ def test_derivatives(method, form):
     nlp = build_nlp(dynamics, scheme, N)
     more = with_rows(dynamics, scheme, N, rows)
     x, p, f, g = (more.functions[name] for name in "xpfg")
-    lower, upper = row_bounds(rows, values, Collocated(dynamics, scheme), N)
+    lower, upper = row_bounds(rows, values, CollocationInterval(dynamics, scheme), N)
     assert lower.size == upper.size == g.numel() - N * nlp.defects and np.all(lower <= upper)
     lam, sigma = ca.MX.sym("lam", g.numel()), ca.MX.sym("sigma")
     expected = ca.Function(

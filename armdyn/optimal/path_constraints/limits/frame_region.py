@@ -17,7 +17,7 @@ from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.goal_region import region_rows, region_values
 from armdyn.optimal.path_constraints.limits.rates import PartialLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
-from armdyn.optimal.problem.checks import check_motors_everywhere
+from armdyn.optimal.problem.checks import check_every_joint_has_motor
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
@@ -82,11 +82,11 @@ class FrameRegion(PartialLimit):
         return self
 
     def fits(self, problem: MinimumTimeProblem) -> None:
-        """Refuse a leg that there is not, and poses outside the region between which it is to be kept."""
+        """Refuse a leg that the motion lacks, and start, goal and via points outside the region."""
         legs = len(problem.poses) - 1
         if self.leg is not None and self.leg >= legs:
             raise ProblemError(f"FrameRegion has leg {self.leg}; the motion has {legs}, numbered from 0")
-        check_motors_everywhere(problem.robot, problem.limits, "path_constraints has a FrameRegion")
+        check_every_joint_has_motor(problem.robot, problem.limits, "path_constraints has a FrameRegion")
         first, last = (0, legs) if self.leg is None else (self.leg, self.leg + 1)
         for k in range(first, last + 1):
             if k - 1 in problem.via_regions:
@@ -118,20 +118,20 @@ class FrameRegion(PartialLimit):
         share, direction = float(used[k, i]), np.array(DIRECTIONS)[limited][i]
         most, unit = self.region.deviations[limited][i], "m" if not direction.startswith("r") else "rad"
         name = f"region of {self.region.frame!r}" + ("" if self.leg is None else f" on leg {self.leg}")
-        said = f"{share * most:.3g} of {most:.3g} {unit} at most, in {direction} at t = {times[k]:.4g} s"
+        words = f"{share * most:.3g} of {most:.3g} {unit} at most, in {direction} at t = {times[k]:.4g} s"
         reasons = []
         if angle > _TURN[self.region.axis is not None]:
             reasons.append(f"frame {self.region.frame!r} turns by {angle:.3g} rad, too far for a proof between samples")
         if share > 1 + self.policy.rate_tolerance:
-            reasons.append(f"frame {self.region.frame!r} leaves its region: {said}")
+            reasons.append(f"frame {self.region.frame!r} leaves its region: {words}")
         worst = Violation("frame region", self.region.frame, float(times[k]), share - 1) if reasons else None
-        return ConstraintReport(name, said, share, tuple(reasons), worst)
+        return ConstraintReport(name, words, share, tuple(reasons), worst)
 
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Ask for less of the tolerances by what was used beyond them, and a little more."""
-        if not kept.reasons:
+        if not report.reasons:
             return self
-        part = (1 - self.policy.region_spare) * self.part / max(float(kept.share or 1), 1.0)
+        part = (1 - self.policy.region_spare) * self.part / max(float(report.share or 1), 1.0)
         return replace(self, part=max(part, self.policy.least_region))
 
 

@@ -86,10 +86,10 @@ class FrameSpeedLimit(PartialLimit):
         at = motion(t)
         speeds = _speeds(problem.robot, str(self.frame), at.q.reshape(-1, n), at.v.reshape(-1, n))
         when, share = float(t[np.argmax(speeds)]), float(np.max(speeds)) / self.limit
-        said = f"{np.max(speeds):.5g} m/s at most, at t = {when:.4g} s"
-        reason = f"frame {self.frame!r} moves at {said}; the limit is {self.limit:g} m/s"
+        words = f"{np.max(speeds):.5g} m/s at most, at t = {when:.4g} s"
+        reason = f"frame {self.frame!r} moves at {words}; the limit is {self.limit:g} m/s"
         worst = "frame speed limit", str(self.frame), when
-        return self.report(share, f"{said}, of {self.limit:g} m/s", reason, worst, f"speed of {self.frame!r}")
+        return self.report(share, f"{words}, of {self.limit:g} m/s", reason, worst, f"speed of {self.frame!r}")
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
         return float(np.max(_speeds(problem.robot, str(self.frame), path.q, path.dq))) / self.limit

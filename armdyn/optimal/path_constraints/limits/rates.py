@@ -64,12 +64,12 @@ class PartialLimit(PathConstraint):
 
     part: float = field(default=1.0, kw_only=True)
 
-    def tightened(self, problem: MinimumTimeProblem, kept: ConstraintReport) -> Self:
+    def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Lower the limit by the replay's excess; raise it again where the replay stays below."""
-        spare = self.policy.rate_spare if kept.reasons else 0.0
-        part = (1 - spare) * self.part / max(float(kept.share or 1), 1e-6)
+        spare = self.policy.rate_spare if report.reasons else 0.0
+        part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
         fitting = float(np.clip(part, self.policy.least_part, 1))
-        return replace(self, part=fitting) if kept.reasons or fitting > self.part else self
+        return replace(self, part=fitting) if report.reasons or fitting > self.part else self
 
     def on_finer_mesh(self) -> Self:
         """The whole limit again: the excess between the points of a mesh twice as fine is a fraction."""
@@ -110,6 +110,6 @@ class DerivativeLimit(PartialLimit):
         k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
         share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
         unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
-        said = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
+        words = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
         reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, said, reason, (f"{what} limit", joint, when), order=self.order)
+        return self.report(share, words, reason, (f"{what} limit", joint, when), order=self.order)

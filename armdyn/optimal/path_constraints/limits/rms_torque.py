@@ -93,9 +93,9 @@ class RmsTorque(PartialLimit):
         used = np.sqrt(heat / (motion.duration + self.dwell))
         i = int(np.argmax(used))
         share, joint, most = float(used[i]), problem.robot.joint_names[i], float(np.asarray(self.limit)[i])
-        said = f"{share * most:.5g} of {most:.5g} {'N' if problem.robot.slides[i] else 'N m'} at most, by {joint!r}"
+        words = f"{share * most:.5g} of {most:.5g} {'N' if problem.robot.slides[i] else 'N m'} at most, by {joint!r}"
         reason = f"the root mean square of the torque of joint {joint!r} exceeds its limit by {100 * (share - 1):.2g} %"
-        return self.report(share, said, reason, ("continuous-torque limit", joint, float(motion.t[-1])))
+        return self.report(share, words, reason, ("continuous-torque limit", joint, float(motion.t[-1])))
 
     def _held(self, problem: MinimumTimeProblem) -> Array:
         """Squares of the holding torques at the goal, over those of the limits, shape (nv,)."""

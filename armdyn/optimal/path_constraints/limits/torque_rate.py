@@ -110,10 +110,10 @@ class TorqueRateLimit(PathConstraint):
                 )
                 reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
         unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
-        said = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
+        words = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
         most_violated = max(worst, key=lambda violation: violation.value, default=None)
         jumps = any(one.constraint == "jump of the torque" for one in worst)
-        return ConstraintReport(self.name, said, share, tuple(reasons), most_violated, order=0 if jumps else 1)
+        return ConstraintReport(self.name, words, share, tuple(reasons), most_violated, order=0 if jumps else 1)
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
         """Holding torques in a state [N m or N], and how far from them each torque may be: 0, or inf if it is free."""

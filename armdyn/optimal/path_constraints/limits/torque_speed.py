@@ -42,9 +42,9 @@ class TorqueSpeedLimit(PartialLimit):
         used = np.max(np.abs(motion.tau[:, None] + slopes * motion.v[:, None]) / rest, axis=1)
         k, i = np.unravel_index(np.argmax(used), used.shape)
         share, joint, when = float(used[k, i]), problem.robot.joint_names[i], float(motion.t[k])
-        said = f"{100 * share:.4g} % of its line used at most, by {joint!r} at t = {when:.4g} s"
+        words = f"{100 * share:.4g} % of its line used at most, by {joint!r} at t = {when:.4g} s"
         reason = f"joint {joint!r} exceeds its torque-speed curve by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, said, reason, ("torque-speed curve", joint, when))
+        return self.report(share, words, reason, ("torque-speed curve", joint, when))
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:

@@ -45,10 +45,10 @@ class VelocityTaperLimit(PartialLimit):
         shares = np.abs(at.v) / np.maximum(np.where(at.v < 0, -lower, upper), REST_VELOCITY)
         k, i = np.unravel_index(np.argmax(shares), shares.shape)
         share, joint, when = float(shares[k, i]), problem.robot.joint_names[i], float(t[k])
-        said = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
+        words = f"{abs(at.v[k, i]):.5g} rad/s at {at.q[k, i]:.4g} rad, by {joint!r} at t = {when:.4g} s"
         beyond = f"exceeds its velocity limit at {at.q[k, i]:.4g} rad by {100 * (share - 1):.2g} %"
         reason = f"joint {joint!r} {beyond} at t = {when:.4g} s"
-        return self.report(share, said, reason, ("velocity limit by position", joint, when))
+        return self.report(share, words, reason, ("velocity limit by position", joint, when))
 
 
 def _taper(problem: MinimumTimeProblem) -> VelocityTaper:

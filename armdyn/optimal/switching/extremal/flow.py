@@ -94,7 +94,7 @@ class Flow:
 
 
 def _called(function: ca.Function, *rows: Array) -> list[Array]:
-    """Result of a Function of dense matrices, transposed, without needless copies."""
+    """Evaluate a CasADi Function of dense matrices on its buffers; every result is transposed."""
     buffer, evaluate = function.buffer()
     given = [np.ascontiguousarray(each, float) for each in rows]
     found = [np.empty(function.size_out(i)[::-1]) for i in range(function.n_out())]

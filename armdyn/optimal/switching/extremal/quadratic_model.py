@@ -118,7 +118,7 @@ class LinearizedRollout:
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:
-        """P at the steps' starts and ends, each of shape (steps, 2 nv), of the multipliers."""
+        """Costates at the starts and ends of the steps, from the multipliers; each of shape (steps, 2 nv)."""
         rollout, size = self.rollout, self.rollout.start.shape[1]
         p = self.multipliers[:size] / rollout.unit
         jumps = np.zeros((rollout.structure.size, size))
