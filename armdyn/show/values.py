@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -25,6 +24,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import percent
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
+from armdyn.show.page.scene import joint_poses
 from armdyn.show.plots import plot_trajectories, svg_text
 from armdyn.show.report import write_report
 from armdyn.show.results import source_name
@@ -207,10 +207,8 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
 
 def _skeleton(robot: Robot, q: Array) -> Array:
     """Base, joints and tip in the world [m], shape (nv + 2, 3)."""
-    data, tip = robot.model.createData(), robot.frame(robot.tip)
-    pin.forwardKinematics(robot.model, data, robot.configuration(np.asarray(q, dtype=float)))
-    end = data.oMi[tip.parentJoint].act(tip.placement.translation)
-    return np.array([np.zeros(3), *(place.translation for place in data.oMi[1:]), end])
+    poses, tips = joint_poses(robot, np.atleast_2d(q))
+    return np.vstack([np.zeros(3), poses[0, :, :3], tips])
 
 
 def _thinned(motion: Trajectory) -> Trajectory:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, one_of
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import held, linearised
+from armdyn.control.laws.linear import linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.control.loop.law import Controller, Law, expect_controller
 from armdyn.control.loop.loop import Loop, expect_loop
@@ -29,32 +29,13 @@ class BeyondNumbersError(ProblemError):
     """A loop exceeds the range of floating-point numbers: its gains, friction or period are too large."""
 
 
-@dataclass(frozen=True, eq=False)
-class LinearPlant:
-    """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau.
-
-    Attributes:
-        A: shape (2 nv, 2 nv): gravity's slope and that of the joints' friction; Coriolis torques are quadratic in v.
-        B: shape (2 nv, nv), D⁻¹ [1/(kg m²)] in its lower half.
-    """
+class LinearPlant(NamedTuple):
+    """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau, as `linearised` gives it."""
 
     A: Array
+    """Shape (2 nv, 2 nv): gravity's slope and that of the joints' friction; Coriolis torques are quadratic in v."""
     B: Array
-
-    @classmethod
-    def of(cls, robot: Robot, goal: Array, holding: Array) -> Self:
-        """Linearise an arm at rest, by Pinocchio's analytic derivatives of the articulated-body algorithm.
-
-        Args:
-            robot: the arm.
-            goal: where it rests [rad or m], shape (nv,).
-            holding: torque that acts there [N m or N], shape (nv,).
-        """
-        return cls(*linearised(robot, goal, np.zeros(robot.nv), holding))
-
-    def held(self, period: float) -> tuple[Array, Array]:
-        """Exact discretisation of (q, v) under zero-order hold: matrices of shapes (2 nv, 2 nv) and (2 nv, nv)."""
-        return held(self.A, self.B, period)
+    """Shape (2 nv, nv), D⁻¹ [1/(kg m²)] in its lower half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +136,8 @@ class Rest:
         holding = inverse_dynamics(arm)(goal, rest, rest)
         law = expect_controller(controller).law(robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
         return cls(
-            LinearPlant.of(arm, goal, holding),
-            LinearPlant.of(robot, goal, holding),
+            LinearPlant(*linearised(arm, goal, rest, holding)),
+            LinearPlant(*linearised(robot, goal, rest, holding)),
             LawDerivatives.of(law, goal, holding, loop.delay),
         )
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
+from armdyn.control.laws.linear import held
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest
@@ -72,7 +73,7 @@ class SampledLoop:
             q_read, v_read = _readings(loop, q, v, m)
             command = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
             felt = p[:nv] if loop.delay else command
-            moved, driven = rest.plant.held(h)
+            moved, driven = held(*rest.plant, h)
             carried = np.vstack(
                 [
                     moved @ np.vstack([q, v]),

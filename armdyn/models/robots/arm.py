@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
+from armdyn.locks import cached_property
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.options import RobotOptions
@@ -154,9 +155,9 @@ class Arm:
         """The joints without a motor, whose torque limits are zero."""
         return tuple(name for name, idle in zip(self.joint_names, self.limits.passive, strict=True) if idle)
 
-    @property
+    @cached_property
     def model_hash(self) -> str:
-        """SHA-256 of its equations of motion, payload and friction included; see `models.robots.identity`."""
+        """SHA-256 of its equations of motion, payload and friction included; see the function `model_hash`."""
         return model_hash(self.model, self.friction)
 
     def with_limits(self, effort_limit: ArrayLike | None, velocity_limit: ArrayLike | None) -> Self:

@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pinocchio as pin
 
 from armdyn.arguments import expect
 from armdyn.errors import SpecError
@@ -38,14 +39,8 @@ def urdf_file_name(spec: ArmSpec, payload: Payload | None = None) -> str:
 
 
 def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
-    pose = np.eye(4)
-    c, s = np.cos(pitch), np.sin(pitch)
-    pose[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-    if roll:
-        c, s = np.cos(roll), np.sin(roll)
-        pose[:3, :3] = pose[:3, :3] @ [[1, 0, 0], [0, c, -s], [0, s, c]]
-    pose[:3, 3] = x, 0.0, z
-    return np.round(pose, 12) + 0.0  # no 6e-17 and no -0.0 in the file
+    pose = pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, 0.0), np.array([x, 0.0, z]))
+    return np.asarray(np.round(pose.homogeneous, 12) + 0.0)  # no 6e-17 and no -0.0 in the file
 
 
 def positive_tensor(payload: Payload) -> np.ndarray:

@@ -207,9 +207,7 @@ def reach_of(robot: Robot) -> float:
 
 def is_planar(robot: Robot) -> bool:
     """Whether it moves in the world's x-z plane: every joint turns about y."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
-    speeds = pin.computeJointJacobians(robot.model, data, pin.neutral(robot.model))
+    speeds = pin.computeJointJacobians(robot.model, robot.model.createData(), pin.neutral(robot.model))
     return bool(np.all(np.abs(speeds[[1, 3, 5]]) < 1e-9))
 
 
