@@ -177,7 +177,7 @@ def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
 def writing_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """A scratch file that takes the place of a file when it is written; see `write_whole`."""
     path = Path(path_of(path, "path"))
-    with _telling_unwritten(path):
+    with _naming_unwritten_file(path):
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         scratch = Path(name)
         try:
@@ -211,7 +211,7 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
     folder = Path(folder)
     made = [one for one in (folder, *folder.parents) if not os.path.lexists(one)]
     try:
-        with _telling_full(folder):
+        with _naming_file_without_room(folder):
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe.", buffering=0) as file:
                 file.write(b"?")
@@ -233,7 +233,7 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
 
 
 @contextmanager
-def _telling_unwritten(path: Path) -> Iterator[None]:
+def _naming_unwritten_file(path: Path) -> Iterator[None]:
     """Turns the system's errors while a file is written into those that say which file it is.
 
     Raises:
@@ -241,7 +241,7 @@ def _telling_unwritten(path: Path) -> Iterator[None]:
         FileError: it cannot be written.
     """
     try:
-        with _telling_full(path):
+        with _naming_file_without_room(path):
             yield
     except ArmdynError:
         raise
@@ -250,7 +250,7 @@ def _telling_unwritten(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _telling_full(path: Path) -> Iterator[None]:
+def _naming_file_without_room(path: Path) -> Iterator[None]:
     """Turns an error that says that the disk is full into one that says which file it was for."""
     try:
         yield

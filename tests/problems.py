@@ -112,7 +112,7 @@ def luus_problem():
 
 def miss(problem, motion):
     """How far beside the goal a motion ends, in [rad or m] or per second: the largest."""
-    return np.abs(problem.beside_goal(motion)).max()
+    return np.abs(problem.goal_error_of(motion)).max()
 
 
 def both_sides(ends):

@@ -329,7 +329,7 @@ def methods(folder: Path) -> dict[Callable[..., object], Right]:
         MOTION.resample(100.0).to_mjcf: {"motors": True},
         PROBLEM.to_toml: {"folder": folder},
         PROBLEM.variant: {"reserve": 0.1, "q_start": START},
-        PROBLEM.beside_goal: {"motion": MOTION},
+        PROBLEM.goal_error_of: {"motion": MOTION},
         ad.PidGains(1, 1, 1).per_joint: {"nv": 2},
         PID.law: {"robot": RR, "ticks": ticks, "loop": LOOP},
         ad.Lqr().law: {"robot": RR, "ticks": ticks, "loop": LOOP},

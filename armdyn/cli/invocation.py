@@ -118,7 +118,7 @@ def invocation() -> dict[str, object]:
 
 
 def _typed(name: str, hint: Any, value: object) -> list[str]:
-    """A parameter as it is typed."""
+    """Words of the command line that give a parameter its value."""
     values = list(value) if isinstance(value, (list, tuple)) else [value]
     if _is_argument(hint):
         return [_word(one) for one in values]
@@ -129,7 +129,7 @@ def _typed(name: str, hint: Any, value: object) -> list[str]:
 
 
 def _flag(name: str, hint: Any) -> str:
-    """A parameter's option as it is declared, such as "--arm" or "--motors/--no-motors"; empty: it is an argument."""
+    """Declaration of a parameter's option, such as "--arm" or "--motors/--no-motors"; empty for an argument."""
     if _is_argument(hint):
         return ""
     info = next((info for info in _annotations(hint) if isinstance(info, OptionInfo)), None)

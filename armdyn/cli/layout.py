@@ -81,7 +81,7 @@ class CommandGroup(TyperGroup):
             commands[command.rich_help_panel or "Commands"].append(_row(name, Text.from_markup(about), _COMMANDS))
         page = _head(self, ctx, self.help or "")
         page += [_panel(name, rows) for name, rows in commands.items()]
-        page += [_panel("Options", [_told(param) for param in self.get_params(ctx)])]
+        page += [_panel("Options", [_option_row(param) for param in self.get_params(ctx)])]
         page += [Padding(Text.from_markup(self.epilog or ""), (1, 1))]
         console.rich.print(*page, sep="\n")
 
@@ -105,7 +105,7 @@ def _page(command: Command, ctx: Any) -> list[RenderableType]:
     if examples:
         page += [_panel("Examples", [Text.from_markup(examples.replace("[/]", "").strip())])]
     for name, params in _panels(command.get_params(ctx)):
-        page.append(_panel(name, [_told(param) for param in params]))
+        page.append(_panel(name, [_option_row(param) for param in params]))
     return page
 
 
@@ -133,7 +133,7 @@ def place(panel: str) -> int:
     return len(_FIRST) + 1 + _LAST.index(panel) if panel in _LAST else len(_FIRST)
 
 
-def _told(param: Any) -> RenderableType:
+def _option_row(param: Any) -> RenderableType:
     """An option's entry in the help: name, value, description."""
     from rich.console import Group as Rows
     from rich.padding import Padding

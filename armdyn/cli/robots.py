@@ -42,7 +42,7 @@ def robots(
     """
     with answering(json) as answer:
         if name is not None:
-            _tell_poses(PartOptions().read(name), answer)
+            _print_poses(PartOptions().read(name), answer)
             return
         from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
@@ -62,7 +62,7 @@ def robots(
         )
 
 
-def _tell_poses(robot: ad.Robot, answer: Answer) -> None:
+def _print_poses(robot: ad.Robot, answer: Answer) -> None:
     """The poses of one robot."""
     poses = robot.poses
     listed = {name: q.tolist() for name, q in poses.items()}

@@ -126,7 +126,7 @@ def studio(
             from armdyn.show.studio.page import serve
 
             interrupts.at("the studio")
-            serve(session, host, free, partial(_say, output.json, folder, host, port, kept is not None))
+            serve(session, host, free, partial(_print_address, output.json, folder, host, port, kept is not None))
 
 
 def _expect_viser() -> None:
@@ -145,7 +145,7 @@ def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
         return None
 
 
-def _say(as_json: bool, folder: Path, host: str, wanted: int, again: bool, port: int) -> None:
+def _print_address(as_json: bool, folder: Path, host: str, wanted: int, again: bool, port: int) -> None:
     """Say where the page is."""
     from armdyn.show.studio.origins import is_loopback
     from armdyn.show.studio.session import STATE_FILE

@@ -43,7 +43,7 @@ def left() -> float:
     return 0.0 if _stopped.get()() else _deadline.get() - time.perf_counter()
 
 
-def ask() -> None:
+def check() -> None:
     """Raise `LateError` if the deadline has passed.
 
     Raises:

@@ -124,7 +124,7 @@ class Cycle:
                 raise ProblemError(f"steps[{i}] is {shown(step)}; it must be a Move, Grasp, Release or Wait")
         if not any(isinstance(step, Move) for step in given):
             raise ProblemError("steps have no Move: a cycle has one Move at least")
-        with told(0, "start"):
+        with naming_step(0, "start"):
             place = start if isinstance(start, GoalPose) else pose_given(robot, start, "start")
         values = {
             "robot": robot,
@@ -207,7 +207,7 @@ class Cycle:
         arms, bare = [self.robot], None
         for k, step in enumerate(self.steps, start=1):
             if isinstance(step, Grasp):
-                with told(k, self.name_of(k)):
+                with naming_step(k, self.name_of(k)):
                     arms.append(self.robot.with_payload(step.part))
             elif isinstance(step, Release):
                 bare = bare or (self.robot.with_payload(None) if self.robot.payload else self.robot)
@@ -250,7 +250,7 @@ class Cycle:
 
     def _target(self, leg: Leg) -> Array | GoalPose:
         to = leg.move.to
-        with told(leg.step, leg.name):
+        with naming_step(leg.step, leg.name):
             return to if isinstance(to, GoalPose) else pose_given(self.robot, to, "to")
 
     def _check_parts(self) -> None:
@@ -275,7 +275,7 @@ class Cycle:
 
 
 @contextmanager
-def told(step: int, name: str) -> Iterator[None]:
+def naming_step(step: int, name: str) -> Iterator[None]:
     """Within it, errors say the step's number and name."""
     try:
         yield

@@ -52,8 +52,8 @@ class CycleFile:
     table: Table
 
     @contextmanager
-    def telling(self) -> Iterator[None]:
-        """Raise errors of the block about a step with the step's line.
+    def locating_errors(self) -> Iterator[None]:
+        """Context that adds the step's line in the file to errors about a step.
 
         Raises:
             ProblemError: the complaint, with its line.
@@ -88,7 +88,7 @@ def read_cycle_file(path: str | os.PathLike[str]) -> CycleFile:
     file.only(TABLES)
     given = file.table("options")
     given.only(OPTIONS)
-    with given.telling():
+    with given.locating_errors():
         options = MinimumTimeOptions(**given.values)
     return CycleFile(cycle_from(file, robot_from(file.table("robot"))), options, file)
 
@@ -103,7 +103,7 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
     table.only(("start", "closed", "order", "scene", *CONDITIONS))
     parts = {name: _part(file.table("parts"), name) for name in file.table("parts").values}
     steps = [_step(each, robot, parts) for each in file.tables("steps")]
-    with table.telling({"start of the cycle": "start"}):
+    with table.locating_errors({"start of the cycle": "start"}):
         if "start" not in table.values:
             raise ProblemError("[cycle] has no start: joint positions, a pose's name, or a goal pose")
         given = conditions_from(table, robot)
@@ -125,7 +125,7 @@ def _with_line(file: Table, error: CycleError) -> ProblemError:
 def _part(table: Table, name: str) -> Payload:
     part = table.table(name)
     part.only(PAYLOAD_KEYS)
-    with part.telling({"payload": name}):
+    with part.locating_errors({"payload": name}):
         return payload_from({"name": name, **part.values}, Path(table.path).parent)
 
 
@@ -136,7 +136,7 @@ def _step(table: Table, robot: Robot, parts: dict[str, Payload]) -> Step:
         raise table.error("", f"a step has one of {', '.join(_KINDS)}; this one has {' and '.join(kinds) or 'none'}")
     (kind,) = kinds
     table.only(_KEYS[kind])
-    with table.telling():
+    with table.locating_errors():
         if kind == "move":
             return _move(table, robot)
         rest = {key: value for key, value in table.values.items() if key != kind}
@@ -182,5 +182,5 @@ def _straight(table: Table, key: str) -> Straight | None:
     inner.only(_STRAIGHT)
     if "length" not in value:
         raise table.error(key, f"{key} has no length [m]")
-    with inner.telling():
+    with inner.locating_errors():
         return Straight(**value)

@@ -194,7 +194,7 @@ def _moves_of_jobs(cycle: Cycle) -> list[list[int]]:
 
 
 def _back(cycle: Cycle) -> int | None:
-    """Number of the move back to the start, which is of no job; None: there is none."""
+    """Number of the move back to the start, which belongs to no job; None without such a move."""
     last = len(cycle.moves) - 1
     return None if any(last in moves for moves in _moves_of_jobs(cycle)) else last
 

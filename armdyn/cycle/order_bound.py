@@ -39,7 +39,7 @@ def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:
         arcs = [edge[:2] for edge in tour.edges if edge[:2] in left]
         if not effort or tour.length >= enough or not arcs:
             return min(graph.bound(lengths), enough)
-        effort.say(tour.length)
+        effort.report_bound(tour.length)
         edges = {arc: lattices[arc].next_edges(enough, effort.stop) for arc in arcs}
         found = iter(effort.spent_on([edge for own in edges.values() for edge in own]))
         for arc, own in edges.items():

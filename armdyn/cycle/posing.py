@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from armdyn.arrays import Array
-from armdyn.cycle.cycle import Cycle, Leg, told
+from armdyn.cycle.cycle import Cycle, Leg, naming_step
 from armdyn.cycle.steps import Straight
 from armdyn.cycle.stops import limits_of
 from armdyn.errors import CycleError, ProblemError
@@ -54,14 +54,14 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
     obstacles = [*given.pop("obstacles", ()), *move.obstacles]
     for name in ("allowed_contacts", "end_contacts"):
         given[name] = _present(given.get(name, ()), cycle, robot, obstacles)
-    with told(leg.step, leg.name):
+    with naming_step(leg.step, leg.name):
         return MinimumTimeProblem(
             robot, q_start=q_start, q_goal=q_goal, via=via, obstacles=obstacles, path_constraints=constraints, **given
         )
 
 
 def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
-    """Refuse way points and straight segments out of reach, and blends that hold an end of their move.
+    """Refuse way points and straight segments out of reach, and blends that leave no room to an end of their move.
 
     In a free order a move may begin at several stops, so that only the search knows.
 
@@ -109,7 +109,7 @@ def _check_way(cycle: Cycle, leg: Leg, ends: tuple[Array, Array]) -> None:
 
 
 def _on_line(robot: Robot, straight: Straight, to: object, q: Array) -> tuple[GoalPose, GoalPose]:
-    """The region at the other end of a straight segment that ends at q, and that of the line between."""
+    """Region at the far end of a straight segment that ends at q, and region of the line between both ends."""
     frame = straight.frame or (to.frame if isinstance(to, GoalPose) else robot.tip)
     at, letter = frame_placement(robot, frame, q), straight.axis[-1]
     axis = "xyz".index(letter)

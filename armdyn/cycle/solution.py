@@ -55,7 +55,7 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
 
 
 def _rests(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
-    """The rests at a stop as pieces, of so many seconds at least, then the event that has no rest, perhaps empty."""
+    """Rests at a stop, each with its event and at least `least` seconds long; last the event without a rest, or ""."""
     event = ""
     for k in stop.rests:
         step, arm = cycle.steps[k - 1], cycle.arms[k]

@@ -6,7 +6,7 @@ from itertools import islice, product
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.cycle.cycle import Cycle, RestPlace, told
+from armdyn.cycle.cycle import Cycle, RestPlace, naming_step
 from armdyn.errors import CycleError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
@@ -44,7 +44,7 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
         if isinstance(stop.target, GoalPose):
             positions = next((own for pose, own in known if pose == stop.target), None)
             if positions is None:
-                with told(stop.step, stop.name):
+                with naming_step(stop.step, stop.name):
                     at = near if isinstance(first, GoalPose) else first
                     positions = tuple(poses_reaching(cycle.robot, stop.target, at, limits))
                 known.append((stop.target, positions))

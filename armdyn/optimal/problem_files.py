@@ -103,7 +103,7 @@ def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:
     file.only(TABLES)
     options = file.table("options")
     options.only(OPTIONS)
-    with options.telling():
+    with options.locating_errors():
         MinimumTimeOptions(**options.values)
     return ProblemFile(file.table("robot"), file.table("problem"), options.values)
 
@@ -115,7 +115,7 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
         ProblemError: a key is unknown or wrong; the message says in which line.
     """
     table.only((*PROBLEM, "scene"))
-    with table.telling(_WORDS):
+    with table.locating_errors(_WORDS):
         return MinimumTimeProblem(robot, **_arguments(table, robot))
 
 

@@ -74,7 +74,7 @@ class Table:
         return self.error(min(found)[1] if found else "", message)
 
     @contextmanager
-    def telling(self, words: Mapping[str, str] | None = None) -> Iterator[None]:
+    def locating_errors(self, words: Mapping[str, str] | None = None) -> Iterator[None]:
         """Raise errors of the block with the line of the key that they name: see `about`.
 
         Raises:

@@ -159,7 +159,7 @@ class MonteCarlo:
 
         def put(i: int) -> None:
             q = self.question.run(numbers[i]).trajectory.q
-            whole = kept[kept < len(q)].size  # a run that broke off is at no distance that can be told
+            whole = kept[kept < len(q)].size  # a run that broke off is at no known distance
             errors[i, :whole] = np.abs(q[kept[:whole]] - reference[:whole])
 
         with ThreadPoolExecutor(options.workers) as pool:
@@ -228,13 +228,13 @@ def monte_carlo(
     progress = listener(progress)
     study = PlantStudy(robot, reference, controller, plants, loop, options)
 
-    def told(now: Progress) -> None:
+    def report(now: Progress) -> None:
         left = "" if now.left is None else f", {now.left[1]:.0f} s left"
         progress(f"{now.done} of {now.cases} arms{left}")
 
     with row_store(file, study.description, "normal") as rows, stopping(np.inf) as stop:
         with in_process(study, options.workers) as executor:
-            CaseRun(study, rows, executor, stop, told).go()
+            CaseRun(study, rows, executor, stop, report).go()
         found = list[PlantRow]()
         for row in rows.rows():
             if row.k >= options.count:

@@ -181,7 +181,7 @@ class PlantStudy(OwnTask):
 
 
 def identity(robot: Robot) -> dict[str, object]:
-    """The robot as JSON tells it from others."""
+    """What distinguishes the robot in a study's file: name, model hash, torque limits, as JSON values."""
     effort = np.concatenate([robot.limits.effort_lower, robot.limits.effort_upper])
     falling = torque_speed_entry(robot.limits.actuators)
     facts = {"name": robot.name, "model": robot.model_hash, "effort": [f"{x:g}" for x in effort]}

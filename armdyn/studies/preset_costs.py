@@ -27,7 +27,7 @@ LEAST = 10.0
 
 @dataclass(frozen=True)
 class ConditionCost:
-    """Cost of one necessary condition, all others kept.
+    """Time that one necessary condition costs, all others kept.
 
     Attributes:
         condition: name of the condition, such as "jerk".

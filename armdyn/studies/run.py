@@ -259,7 +259,7 @@ class CaseRun:
         Args:
             fresh: motions that are not stored yet.
         """
-        while (count := self.executor.wanted(len(self.waiting))) and (chosen := self._take(count)):
+        while (count := self.executor.batch_size(len(self.waiting))) and (chosen := self._take(count)):
             motions, cases = dict(fresh), list[StudyCase]()
             for k in chosen:
                 near = self._near(k)

@@ -111,5 +111,5 @@ def test_what_only_the_solve_finds_is_told_with_its_line(tmp_path, old, new, sai
     path = tmp_path / "cell.toml"
     path.write_text(BOLT.replace(old, new, 1))
     read = read_cycle_file(path)
-    with pytest.raises(ProblemError, match=said), read.telling():
+    with pytest.raises(ProblemError, match=said), read.locating_errors():
         ad.solve_cycle(read.cycle, read.options)

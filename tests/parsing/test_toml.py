@@ -53,7 +53,7 @@ def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):
     assert str(table.about(told)) == str(told)  # it has a line already
     assert "line 1: nobody" in str(table.about(ProblemError("nobody knows")))
     assert "line 5: obstacles is" in str(table.about(ProblemError("obstacles is")))
-    with pytest.raises(ProblemError, match="line 2: file: q_start is bad"), table.telling():
+    with pytest.raises(ProblemError, match="line 2: file: q_start is bad"), table.locating_errors():
         raise FileError("file", "q_start is bad")
 
 

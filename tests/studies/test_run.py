@@ -189,7 +189,7 @@ class Requeued:
     def __init__(self):
         self.waiting, self.requeued = [], False
 
-    def wanted(self, left):
+    def batch_size(self, left):
         return min(left, 1 - len(self.waiting))
 
     def give(self, cases):

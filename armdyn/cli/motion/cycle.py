@@ -121,7 +121,7 @@ def _solve(
     for kind in (FORMATS[each] for each in formats):
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
-    with working(f"cycle of {robot.name}") as progress, read.telling():
+    with working(f"cycle of {robot.name}") as progress, read.locating_errors():
         solution = solve_cycle(read.cycle, options, progress)
         stopped = solution.status is Status.INTERRUPTED
         found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()

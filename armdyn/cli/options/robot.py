@@ -119,7 +119,7 @@ class PartOptions:
 
         table = read_toml(self.tool)
         table.only(TOOL_KEYS)
-        with table.telling({}):
+        with table.locating_errors({}):
             return tool_from(table.values, Path(table.path).parent)
 
     def ends(self) -> tuple[str, str] | None:

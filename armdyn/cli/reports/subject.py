@@ -132,7 +132,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
 
 
 def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
-    """The limits that a result says; None if it does not."""
+    """Joint limits that a result contains; None if it contains none."""
     curves, given, columns = model.part("torque_speed").values, model.part("limits"), dict[str, Any]()
     for name in ("position_lower", "position_upper", "velocity", "effort_lower", "effort_upper"):
         values, none = given.numbers(name), -np.inf if name.endswith("lower") else np.inf
@@ -204,7 +204,7 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
         return subject, [*moves, ShownMotion(results[0].reference.name or "reference", results[0].reference, Facts())]
-    _tell_other_tasks(moves)
+    _warn_of_other_tasks(moves)
     return subject, moves
 
 
@@ -252,7 +252,7 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
     ]
 
 
-def _tell_other_tasks(moves: Sequence[ShownMotion]) -> None:
+def _warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
     """Warn of motions whose time is not to be measured by the first's: they begin, or end, elsewhere."""
     first = moves[0].motion
     for move in moves[1:]:

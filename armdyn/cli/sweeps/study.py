@@ -93,7 +93,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
             study,
             folder / ROWS,
             executor,
-            lambda now: bar.update(now.done, _told(now)),
+            lambda now: bar.update(now.done, _progress_text(now)),
             again=options.again,
             sync=options.sync,
         )
@@ -153,7 +153,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     if numbers:
         for word, pick in (("least", min), ("most", max)):
             row = pick(numbers, key=lambda one: one[main])
-            at = ", ".join(_said(axis.name, row[axis.name]) for axis in study.axes)
+            at = ", ".join(_setting_text(axis.name, row[axis.name]) for axis in study.axes)
             words[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"
     for row in [row for row in table if row["status"] not in _ANSWERS][:3]:
         words[f"case {row['k']}"] = f"{row['status'].replace('_', ' ')}: {row['message']}"
@@ -167,13 +167,13 @@ def _outcomes(study: Study) -> tuple[str, str]:
     return TASKS[str(study.task.description()["task"])].outcomes
 
 
-def _said(name: str, value: float | str) -> str:
+def _setting_text(name: str, value: float | str) -> str:
     from armdyn.studies.settings import unit_of
 
     return f"{name} {value}" if isinstance(value, str) else f"{name} {value:g} {unit_of(name)}".rstrip()
 
 
-def _told(now: Progress) -> str:
+def _progress_text(now: Progress) -> str:
     """Text next to the bar."""
     bad = f"{now.bad} not as wanted, " if now.bad else ""
     return f"{bad}{_left(now.left)}"

@@ -104,7 +104,7 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
     q, v, a, tau = (held(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
     seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
-    return Reference(q, seen, _felt(a, loop), _felt(tau, loop))
+    return Reference(q, seen, _acting(a, loop), _acting(tau, loop))
 
 
 def held(rows: Array, more: int) -> Array:
@@ -131,7 +131,7 @@ def _filtered(q: Array, start: Array, loop: Loop) -> Array:
     return np.asarray(solve_banded((1, 0), bands, right))
 
 
-def _felt(means: Array, loop: Loop) -> Array:
+def _acting(means: Array, loop: Loop) -> Array:
     """Shift means over each tick to the tick on which the torque decided at a row acts.
 
     A continuous loop takes rows between ticks on a line: a row is then the mean about the time of the row.

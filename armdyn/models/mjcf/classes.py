@@ -74,7 +74,7 @@ class Values:
         return text
 
     def bounds(self, key: str, flag: str, automatic: bool) -> tuple[float, float] | None:
-        """A range that is in force; None if there is none.
+        """Range of an attribute; None if it is absent or switched off.
 
         Args:
             key: the range's attribute.
@@ -91,7 +91,7 @@ class Values:
         return lower, upper
 
     def copy(self, to: Element, key: str, least: int, most: int | None = None) -> list[float]:
-        """Give another element the same numbers, if there are some."""
+        """Copy the numbers of an attribute to another element, if this one has them."""
         values = self.numbers(key, least, most)
         if values:
             to.set(key, " ".join(map(repr, values)))

@@ -39,7 +39,7 @@ def per_joint(
     Raises:
         ArmdynError: as `error`, which says what, of which joint, where and how much it is, and what would be right.
     """
-    expected = _wanted(joints, scalar)
+    expected = _expected(joints, scalar)
     array = numbers(value, what, expected, error=error)
     if joints is not None and array.ndim == 0 and (scalar or len(joints) == 1):
         array = np.full(len(joints), array)
@@ -53,7 +53,7 @@ def per_joint(
     return array
 
 
-def _wanted(joints: Sequence[str] | None, scalar: bool) -> str:
+def _expected(joints: Sequence[str] | None, scalar: bool) -> str:
     """The expected count, in words."""
     if joints is None:
         return "one number, or one per joint"

@@ -42,7 +42,7 @@ TOWARDS = {
 
 
 def stretches(places: Index) -> list[Index]:
-    """Rising numbers in stretches of neighbours; none: there are no numbers."""
+    """Split increasing integers into runs of consecutive ones; empty if there are none."""
     return np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if places.size else []
 
 

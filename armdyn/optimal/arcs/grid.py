@@ -37,7 +37,7 @@ class Density:
         return parts
 
     def with_half_of(self, other: "Density") -> "Density":
-        """Half of the intervals by this, half by the other, over the same time."""
+        """Density that places half of the intervals by this one and half by the other, over the same time."""
         t = np.union1d(self.t, other.t)
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 

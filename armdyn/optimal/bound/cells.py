@@ -122,7 +122,7 @@ class Cells:
 
     @property
     def room(self) -> float:
-        """Time of the elastic cells in the longest motion [s]; not positive: there is no such motion."""
+        """Time that the longest motion leaves for the elastic cells [s]; no motion exists if it is not positive."""
         return float((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper)
 
     @property

@@ -77,7 +77,7 @@ def _of_one_turn(position: Interval, velocity: Array, slides: Flags, longest: fl
 
 
 def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:
-    """Whether so many boxes of consecutive places have few enough pairs to be held against velocity limits."""
+    """Whether boxes of consecutive places, so many at each, have few enough pairs to check against velocity limits."""
     return all(a * b <= legs[0].policy.most_pairs for a, b in pairwise(counts))
 
 

@@ -77,7 +77,7 @@ class Effort:
     def __bool__(self) -> bool:
         return self.left > 0 and not self.stop()
 
-    def say(self, bound: float) -> None:
+    def report_bound(self, bound: float) -> None:
         """Report the bound so far [s] of the motions that are worked on."""
         self.report(f"proven: not below {self.others + bound:.4f} s; {max(self.left, 0):.0f} linear programs are left")
 
@@ -89,7 +89,7 @@ class Effort:
 
     @contextmanager
     def shared(self, count: int) -> Iterator[Effort]:
-        """Within it there is one of so many equal parts of what is left."""
+        """Context in which one of `count` equal parts of the effort left may be spent."""
         kept = self.left * (1 - 1 / count)
         self.left -= kept
         yield self

@@ -163,7 +163,7 @@ class GoalSet:
         return [(one, turns) for one, turns in found if np.any(self.within.times(one, none) < self.within.duration)]
 
     def enclosed(self, boxes: Interval, small: float, stop: StopCondition) -> Interval:
-        """Boxes that hold all of the set that others hold, but for whole turns.
+        """Boxes that enclose the part of the goal set within given boxes, up to whole turns of joints.
 
         Args:
             boxes: that hold it, shape (boxes, nv).
@@ -217,7 +217,7 @@ class GoalSet:
         return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
-        """Equations that hold everywhere in the region, by what they may be violated there."""
+        """Closure equations whose remainder includes the goal's tolerances, so that they hold in all of its region."""
         if self.goal.exact:
             return forms
         most = self.goal.deviations

@@ -148,7 +148,7 @@ class Lattice:
     def improve(self, enough: float, effort: Effort) -> Route | None:
         """Improve bounds of the shortest paths until they are long enough [s], as far as the effort goes."""
         while (path := self.path()) is not None and path.duration < enough and effort:
-            effort.say(path.duration)
+            effort.report_bound(path.duration)
             if not (edges := self.next_edges(enough, effort.stop)):
                 break
             self.learn(edges, effort.spent_on(edges))

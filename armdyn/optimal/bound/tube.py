@@ -104,7 +104,7 @@ def _slices(
 
 
 def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | None:
-    """Joint positions near others with the frame on the line, so far along its free axis [m]; None: there are none."""
+    """Joint positions near q with the frame at a distance along the line's free axis [m]; None if none are found."""
     at = line.goal.pose * pin.SE3(np.eye(3), along * np.eye(3)[expect(line.free, int, "line")])
     return slid(leg.dynamics.robot, GoalPose(line.goal.frame, at.homogeneous), q, np.zeros(len(q)), leg.torque)
 

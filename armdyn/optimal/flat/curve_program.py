@@ -77,7 +77,7 @@ class CurveProgram:
         return self.velocity_rows.at(x, (low, high))
 
     def other_sides(self, x: Array, load: sp.csr_matrix) -> Sides | None:
-        """The other equations, their torques following the unknowns; None: there are none.
+        """Linearise the other equations, with torques eliminated; None if there are none.
 
         Args:
             x: unknowns, the torques among them.
@@ -94,7 +94,7 @@ class CurveProgram:
 
     @cached_property
     def _powers(self) -> tuple[Array, Index]:
-        """By which power of its leg's duration each of the others falls, 0: by none; where that duration stands."""
+        """Power of the leg's duration by which each other equation scales (0: none), and the index of that duration."""
         count = self.numbers.g_bounds[0].size
         power, duration = np.zeros(count), np.full(count, self.cost.durations[0])
         for leg in self.shape.legs:
@@ -105,6 +105,6 @@ class CurveProgram:
 
 
 def other_equations(shape: CurveLayout, count: int) -> Index:
-    """Indices of the equations other than those of torques and velocities, of so many in all."""
+    """Indices of the equations that limit neither torques nor velocities, of `count` equations."""
     own = [rows for leg in shape.legs for rows in (shape.torque_rows(leg).ravel(), shape.rates(leg, 1).ravel())]
     return np.setdiff1d(np.arange(count), np.concatenate(own))

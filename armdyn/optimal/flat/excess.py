@@ -126,7 +126,7 @@ class Tightening:
         self._last = np.empty(0), tuple[TorqueMargin, ...]()
 
     def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
-        """Bounds of the torques at the points, as parts of half their ranges; None: they may stay as they are."""
+        """Tightened bounds of the torques at the points, in half ranges; None if they need no change."""
         curve = self._shape.curve(self._guess, x)
         over = excesses_of(self.task, curve)
         self._last = x, over
@@ -152,7 +152,7 @@ class Tightening:
         return least + margin.lower, most - margin.upper
 
     def _idle(self, spare: Array, beyond: Array | float) -> Array:
-        """Distance of a torque from its bound where torques beside it exceed theirs: such margins change nothing."""
+        """Slack of a torque whose neighbours exceed their bounds: a margin smaller than that would change nothing."""
         idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.beside)
         return np.where(idle, spare, 0.0)
 

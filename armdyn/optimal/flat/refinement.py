@@ -119,7 +119,7 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
 
 
 def settled(task: Task, rough: RefinedCurve) -> RefinedCurve:
-    """A rough curve within its limits: refined further, or slowed down where there is no time for that.
+    """Refine a rough curve until it keeps its limits; slow it down if no time is left for that.
 
     Args:
         task: the problem.

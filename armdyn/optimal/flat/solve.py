@@ -167,7 +167,7 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
 
 
 def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...]) -> bool:
-    """Whether velocity limits shape the motion, and limits of torques, velocities and positions are all there is."""
+    """Whether sequential steps solve the problem: only torque, velocity and position limits, and velocity matters."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
     return plain and task.policy.curves.cruises and not problem.pays_effort
 

@@ -73,7 +73,7 @@ class Shooting:
 
 
 def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Array, Array]:
-    """Integrated ends of the intervals, less the next states, and what they depend on, all in units of `size`.
+    """Gaps between the intervals' integrated ends and the next states, and their derivatives, in units of `size`.
 
     Args:
         robot: that moves.
@@ -135,7 +135,7 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
         found = gaps(problem.robot, tried, shooting.steps)
         if not all(np.all(np.isfinite(each)) for each in found):
             break
-        found[0][:-1], found[0][-1] = 0.0, problem.beside_goal(replay) / tried.size
+        found[0][:-1], found[0][-1] = 0.0, problem.goal_error_of(replay) / tried.size
         motion, free = _closed(tried, found, free, task, shooting)
         replayed, closer = _replayed(task, motion)
         if closer > miss / 2:
@@ -148,7 +148,7 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
     """The replay of a motion, and by how much it misses the goal [rad or m, and per second]; inf: it broke off."""
     replay = replay_of(task, motion.trajectory(task.problem.robot.joint_names))
     whole = replay.t[-1] == motion.t[-1]
-    return replay, float(np.max(np.abs(task.problem.beside_goal(replay)))) if whole else np.inf
+    return replay, float(np.max(np.abs(task.problem.goal_error_of(replay)))) if whole else np.inf
 
 
 def _closed(

@@ -41,7 +41,7 @@ class Distances:
         return clearance_rows(self.constraint.required_distances(self.problem), curve, self.policy)
 
     def kept(self, motion: Trajectory) -> bool:
-        """Whether a motion provably keeps all distances; where it does not they are asked for in the next rows."""
+        """Whether a motion provably keeps all distances; if not, the constraint is tightened for the next step."""
         self.report = self.constraint.check(self.problem, motion, np.empty(0))
         self.constraint = self.constraint.tightened(self.problem, self.report)
         return not self.report.reasons

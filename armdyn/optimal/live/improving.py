@@ -178,7 +178,7 @@ def _taken(
 def _slowed(
     arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargin, distances: Distances | None
 ) -> Improved | None:
-    """A motion from rest, along the same path as slowly as its limits ask; None: no pace keeps them."""
+    """Slow a motion from rest down along its path until it keeps its limits; None if no pace does."""
     program = arm.program
     factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
     factor = max(factor, 1 + seen.other) * (1 + program.policy.slack)

@@ -68,7 +68,7 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Pace:
-    """How far a step may go, and what it costs to miss torque limits.
+    """Step size, and the price of exceeding torque limits.
 
     Attributes:
         reach: part of the greatest step.
@@ -235,5 +235,5 @@ class StepProgram:
         return lower / self.half + margins.lower, upper / self.half - margins.upper
 
     def _priced(self, at: Iterate) -> list[tuple[float, Sides]]:
-        """Control points of derivatives, with the prices [s] of what is beyond their limits."""
+        """Rows of each derivative's control points, with the price of exceeding their limits [s]."""
         return [(self.policy.rate * at.duration ** (k + 1), sides) for k, sides in enumerate(at.rates)]

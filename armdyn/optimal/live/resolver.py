@@ -235,7 +235,7 @@ def _solution(
     """The solution of a motion that keeps all limits."""
     status, motion = outcome
     exceeded = worst_violation(problem.limits, motion, problem.robot.joint_names, dense=2)
-    beside = np.abs(problem.beside_goal(motion))
+    beside = np.abs(problem.goal_error_of(motion))
     certificate = Certificate(
         float(np.max(beside[: problem.robot.nv])), float(np.max(beside[problem.robot.nv :])),
         exceeded.value if exceeded else 0.0, exceeded=exceeded, remark=_REMARK, replay="curve",

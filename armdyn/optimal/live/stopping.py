@@ -74,7 +74,7 @@ class LastMotion:
         return replace(left, t=left.t - t, name="rest of the last motion")
 
     def margins_from(self, passed: float, mesh: Places) -> TorqueMargin | None:
-        """The margins of what is left after a time [s], at the places of a new curve."""
+        """Torque margins of the motion from a time on [s], interpolated to the places of a new curve."""
         if self.margins is None or self.places is None:
             return None
         whole = self.motion.duration
@@ -89,7 +89,7 @@ class LastMotion:
 def fallback(
     arm: LimitedArm, ends: Ends, inertia: Array, last: LastMotion | None, distances: Distances | None
 ) -> tuple[Status, Trajectory] | None:
-    """A motion to rest that keeps all limits, and what it is; None: none that was tried does.
+    """A motion to rest that keeps all limits, and its status; None if none of those tried does.
 
     Args:
         arm: with its limits.

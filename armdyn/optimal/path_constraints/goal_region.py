@@ -38,7 +38,7 @@ class GoalRegion(PathConstraint):
         return (region_values(problem.robot, self.goal),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: np.ndarray) -> ConstraintReport:
-        """Nothing: the end found is brought onto the region and becomes the goal of what is solved and checked."""
+        """Report without a check: the end found becomes the goal, which is checked by itself."""
         return ConstraintReport(self.name, "the end is chosen within the region")
 
 

@@ -51,7 +51,7 @@ class ViaPoints(PathConstraint):
         reasons, worst, errors = list[str](), list[Violation](), []
         for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
             if isinstance(via, GoalPose):
-                error, time, which = _beside(problem, motion, via, float(time))
+                error, time, which = _nearest_deviation(problem, motion, via, float(time))
                 enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
                 what = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
@@ -77,7 +77,7 @@ class ViaPoints(PathConstraint):
         return replace(self, parts=tuple(parts))
 
 
-def _beside(
+def _nearest_deviation(
     problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float
 ) -> tuple[float, float, str]:
     """Distance of a motion from a region at its nearest [m or rad], its time [s], and its direction.

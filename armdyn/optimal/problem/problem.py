@@ -191,7 +191,7 @@ class MinimumTimeProblem:
             "acceleration limits": self.acceleration_limit is not None,
             "jerk limits": self.jerk_limit is not None,
             "torque-speed curves": not self.limits.actuators.constant,
-            "torque-rate limits": self._asks("torque_rate"),
+            "torque-rate limits": self._preset_limits("torque_rate"),
             "velocity limits by position": self.preset is not None and self.preset.taper is not None,
             **{constraint.name: True for constraint in self.path_constraints},
         }
@@ -219,10 +219,10 @@ class MinimumTimeProblem:
     @property
     def continuous_torque(self) -> bool:
         """Jumps of the torque are forbidden."""
-        rated = self.jerk_limit is not None or self._asks("torque_rate")
+        rated = self.jerk_limit is not None or self._preset_limits("torque_rate")
         return rated or any(constraint.continuous_torque for constraint in self.path_constraints)
 
-    def _asks(self, limit: str) -> bool:
+    def _preset_limits(self, limit: str) -> bool:
         return self.preset is not None and self.preset.limit(limit) is not None
 
     @property
@@ -288,7 +288,7 @@ class MinimumTimeProblem:
             )
         return text
 
-    def beside_goal(self, motion: Trajectory) -> Array:
+    def goal_error_of(self, motion: Trajectory) -> Array:
         """Error of a motion's last state (q, v) from the goal's, shape (2 nv,)."""
         expect(motion, Trajectory, "motion")
         return np.concatenate([motion.q[-1], motion.v[-1]]) - self.x_goal

@@ -47,7 +47,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         ProblemError: a key is unknown or wrong; the message says in which line.
     """
     table.only(KEYS)
-    with table.telling(_WORDS):
+    with table.locating_errors(_WORDS):
         given, folder = table.values, Path(table.path).parent
         carried = dict(_inner(table, "payload", PAYLOAD_KEYS)) if "payload" in given else {}
         if mass is not None:

@@ -37,14 +37,14 @@ class Guesses:
 
     @classmethod
     def sampled(cls, motions: Sequence[Trajectory], samples: int) -> Self:
-        """Motions at so many equal parts of their durations."""
+        """Sample motions at evenly spaced times, the same number for each."""
         t = [np.linspace(0, 1, samples) * motion.duration for motion in motions]
         at = [motion(motion.t[0] + times) for motion, times in zip(motions, t, strict=True)]
         return cls(np.stack(t), *(np.stack(parts) for parts in zip(*at, strict=True)))
 
     @classmethod
     def joined(cls, several: Sequence["Guesses"]) -> Self:
-        """One after the other; all have as many samples."""
+        """Concatenate guesses that have the same number of samples."""
         parts = zip(*((one.t, one.q, one.v, one.tau) for one in several), strict=True)
         return cls(*(np.concatenate(part) for part in parts))
 

@@ -288,7 +288,7 @@ class Parameters:
         return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, _BODY)])
 
     def packed(self) -> Array:
-        """One after the other; the fractions of all intervals, shape (N,), make it a program's."""
+        """Concatenate the parameters; with the fractions of all intervals, shape (N,), they are a program's."""
         fractions = np.atleast_1d(self.fraction)
         return np.array([*fractions, self.time, self.length, self.speed, *self.weights, *self.effort, *self.last_body])
 

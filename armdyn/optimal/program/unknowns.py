@@ -152,7 +152,7 @@ def to_trajectory(
 
 
 def _in_order(parts: list[Array], end: Array, beyond: int) -> Array:
-    """Samples of every interval one after the other, and the last knot's; so many of the last interval are none."""
+    """Concatenate the intervals' samples and the last knot's, without the last `beyond` samples."""
     rows = np.concatenate(parts, axis=1)
     rows = rows.reshape(-1, *rows.shape[2:])
     return np.concatenate([rows[: len(rows) - beyond], end[None]])

@@ -279,7 +279,7 @@ class _StationarityProgram:
         return found
 
     def _measured(self, stretches: _Stretches, at_ends: Array, multipliers: Array) -> MeshCostates:
-        """The costates from those at the stretches' ends, and what is missed at the worse end of every interval."""
+        """Costates of all knots from those at the stretches' ends, and the violation at each interval's worse end."""
         (K, n), motion = self.share.shape, self.motion
         scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
         of_interval = np.searchsorted(stretches.ends, np.arange(K), side="right") - 1

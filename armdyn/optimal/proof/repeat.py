@@ -53,7 +53,7 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     robot, n = problem.robot, problem.robot.nv
     segments = Segments.of(robot, motion)
     judged = replace(certificate, growth=segments.growth, segment_error=segments.largest + ACCURACY)
-    beside = problem.beside_goal(motion)
+    beside = problem.goal_error_of(motion)
     if segments.growth <= OPEN_LOOP_GROWTH:
         missed = np.abs(beside + segments.end()) + segments.growth * ACCURACY
         return replace(
@@ -68,7 +68,7 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     exceeded = worst_violation(problem.limits, followed.motion, robot.joint_names)
     if exceeded is None or exceeded.value <= certificate.limit_violation:
         exceeded = certificate.exceeded
-    missed = np.abs(problem.beside_goal(followed.motion)) + ACCURACY
+    missed = np.abs(problem.goal_error_of(followed.motion)) + ACCURACY
     return replace(
         judged,
         goal_error=float(np.max(missed[:n])),

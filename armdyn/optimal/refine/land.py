@@ -66,7 +66,7 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
             extremal = more
             continue
         replay = replay_of(task, dense(phases.torques, samples))
-        missed = float(np.max(np.abs(problem.beside_goal(replay)[:n])))
+        missed = float(np.max(np.abs(problem.goal_error_of(replay)[:n])))
         if replay.t[-1] != phases.duration or task.stop or missed > least / 2 > policy.refinement.landed:
             break
         least = missed
@@ -102,7 +102,7 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
     for _ in range(numbers.aims):
-        if np.max(np.abs(problem.beside_goal(replay)[:n])) <= numbers.landed or task.stop:
+        if np.max(np.abs(problem.goal_error_of(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)
         offset = aim.at_goal(n)

@@ -53,7 +53,7 @@ class ResolvedMotions:
         self.left -= self._numbers.step * steps
 
     def beats(self, mesh: Attempt) -> bool:
-        """Whether a certified motion is so much faster than a mesh's that resolving that one is worth no work."""
+        """Whether the best certified motion is so much faster than a mesh's that the mesh need not be resolved."""
         return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
 
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
@@ -110,7 +110,7 @@ class _Meshes:
         return found if found.usable else rough
 
     def again(self, attempt: Attempt, rough: Flags, faster: float, beyond: float) -> Attempt | None:
-        """The solution on a mesh of which some intervals are divided; None: there is none, or no work is left.
+        """Solve again on a mesh with some intervals divided; None if that fails, or no work is left.
 
         Args:
             attempt: the solution before.
@@ -211,7 +211,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
 
 
 def _in_parts(knots: Array, counts: Index) -> Array:
-    """Knots of a mesh with its intervals in so many equal parts each."""
+    """Knots of a mesh after each interval is divided into `counts` equal parts."""
     own = np.repeat(np.arange(counts.size), counts)
     part = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])

@@ -56,7 +56,7 @@ def resolve(
 
 
 def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions | None) -> Iterator[list[Optimum]]:
-    """Motions near a mesh's solution, as they are found: extremals, the motion of a resolved mesh, that of the mesh.
+    """Motions near a mesh's solution, in turn: extremals, the resolved mesh's motion, the mesh's own motion.
 
     Extremals of a structure that has not settled come with those that it settles to: one of them may be certified, too,
     and be faster by what the certificate does not see.
@@ -116,7 +116,7 @@ def _at_speed(task: Task, motion: Trajectory) -> bool:
 
 
 def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
-    """Sort key: optima that land within their limits, slowed down a little or not, by duration, others by their error.
+    """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error.
 
     Args:
         task: what is solved.
@@ -190,7 +190,7 @@ class _Resolved:
         return replace(self, tried=sorted(tried, key=lambda one: one[0]), reached=refined.reached)
 
     def again(self, budget: Budget) -> "_Resolved":
-        """The first structures with all that is left; last the last one of the others goes on where it ended."""
+        """Try the first structures with the budget that is left, then continue the last other one where it ended."""
         found, reached = self, self.reached if self.sharp else None
         for structure in [*self.first, *([] if reached is None else [reached])]:
             if not (found.settled or budget):

@@ -45,7 +45,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
 
 
 def least_slowing(task: Task, optimum: Optimum) -> float:
-    """Factor on the duration with which it would keep all that is asked; 1 if it does, inf if no factor is known."""
+    """Factor on the duration with which the motion would keep all limits; 1 if it does, inf if none is known."""
     limits, motion = task.problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
         return np.inf
@@ -54,7 +54,7 @@ def least_slowing(task: Task, optimum: Optimum) -> float:
 
 
 def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
-    """The optimum's path in so many times its duration, replayed."""
+    """Slow an optimum down along its path by a factor, and replay it."""
     problem = task.problem
     slowed = replace(paced(path, factor), tau=paced_torques(problem.robot, path, path.tau, factor))
     motion = replace(follow(task, slowed), name=optimum.trajectory.name)

@@ -104,7 +104,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
-    """Reports of attempts that led to no optimum, the most telling first."""
+    """Reports of attempts that led to no optimum, the most locating_errors first."""
     reported = [*resisted, *attempts]
     if task.stop:
         reported.insert(0, replace(reported[0], status=task.stop.status, message=task.stop.word))
@@ -151,7 +151,7 @@ class _Lead:
 
 
 class _Settling:
-    """Improves the lead that promises most, by one solve, until there is nothing to improve and none promises more.
+    """Best-first refinement of leads: the most promising one is solved again until none promises more.
 
     Coarse meshes promise more than there is, and only what promises most is worth a finer one.
 

@@ -191,7 +191,7 @@ def _too_coarse(
 def _astray(task: Task, attempt: Attempt) -> bool:
     """Whether the arm ends somewhere else when the mesh's torques are replayed."""
     problem, motion = task.problem, attempt.trajectory
-    missed = np.abs(problem.beside_goal(replay_of(task, motion))[: problem.robot.nv])
+    missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.astray * np.max(np.ptp(motion.q, axis=0))
 
 

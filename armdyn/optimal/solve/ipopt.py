@@ -18,14 +18,14 @@ from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.solver_settings import SolverSettings
 
 
-class _Deaf:
-    """A stream that does not hear one thread."""
+class _Muted:
+    """A stream that drops what one thread writes."""
 
     def __init__(self, stream: TextIO):
         self._stream, self._thread = stream, threading.get_ident()
 
-    def hear(self) -> None:
-        """From now on hear that thread, too: somebody may have kept the stream."""
+    def unmute(self) -> None:
+        """Stop dropping that thread's output: somebody may have kept the stream."""
         self._thread = -1
 
     def write(self, text: str) -> int:
@@ -47,13 +47,13 @@ def silence(verbose: bool) -> Iterator[None]:
         yield
         return
     heard = sys.stdout, sys.stderr
-    deaf = _Deaf(sys.stdout), _Deaf(sys.stderr)
+    deaf = _Muted(sys.stdout), _Muted(sys.stderr)
     sys.stdout, sys.stderr = deaf
     try:
         yield
     finally:
         for stream in deaf:
-            stream.hear()
+            stream.unmute()
         if sys.stdout is deaf[0]:
             sys.stdout = heard[0]
         if sys.stderr is deaf[1]:
@@ -70,8 +70,8 @@ class Monitor(ca.Callback):
         self.construct("monitor", {})
 
     @contextmanager
-    def asking(self, stop: Stop) -> Iterator[None]:
-        """Within it, and no longer, a `Stop` is asked."""
+    def watching(self, stop: Stop) -> Iterator[None]:
+        """Context in which the iterations check a `Stop`."""
         self._stop = stop
         try:
             yield
@@ -150,7 +150,7 @@ class Ipopt(Generic[P]):
         """See `Solver.solve`; all calls of IPOPT go through here."""
         (lbx, ubx), (lbg, ubg) = data.x_bounds, data.g_bounds
         more = {} if near is None else {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
-        with one_at_a_time, self._monitor.asking(stop), silence(self._verbose):
+        with one_at_a_time, self._monitor.watching(stop), silence(self._verbose):
             result = self._solver(x0=data.x, p=data.p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg, **more)
             stats: dict[str, Any] = self._solver.stats()
         x, lam_x, lam_g = (np.array(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))

@@ -29,7 +29,7 @@ def solver_for(task: Task, settings: SolverSettings, build: Callable[..., P], *a
 
 
 def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
-    """Call a builder with the task's scheme: by the deadline, compiled only where there is time for that.
+    """Build with the task's scheme before its deadline; without compiling if time does not allow it.
 
     Args:
         task: whose scheme and deadline they are.

@@ -41,7 +41,7 @@ class SpeedContact:
     tangent: tuple[bool, bool]
 
     def bound_in(self, structure: SwitchingStructure, motion: Trajectory, near: float) -> SwitchingStructure:
-        """The structure with the other torque bound to the contact.
+        """Bind the other joint's torque to the contact, so that it holds this joint on its velocity limit.
 
         Both joints change at one time at either end. Where no torque jumps the velocity stays as it is besides.
 

@@ -108,7 +108,7 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
 
 
 def with_other_press(structure: SwitchingStructure, wrong: list[WrongSign]) -> SwitchingStructure | None:
-    """The structure with joints in contact on their other torque limit where that is asked for; None: it is nowhere.
+    """Put joints in contact on their other torque limit where signs are wrong; None if no contact changes.
 
     Args:
         structure: an extremal's.

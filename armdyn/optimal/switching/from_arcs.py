@@ -20,7 +20,7 @@ from armdyn.trajectory import Trajectory
 def structures_of(
     shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
 ) -> Iterator[SwitchingStructure]:
-    """Structures to begin with: all torques full, and long stretches off all limits as singular arcs, if there are any.
+    """First structures: all arcs bang arcs; then, if any, long stretches off all limits as singular arcs.
 
     First of all, those that hold another joint on its velocity limit as what they are.
 
@@ -42,7 +42,7 @@ def structures_of(
 
 
 def _at_speed(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory) -> Iterator[SwitchingStructure]:
-    """The structure with torques that hold other joints on velocity limits; none: there are no such."""
+    """Structure in which torques hold other joints on their velocity limits; none without such contacts."""
     numbers = shooting.policy
     cut, contacts = speed_contacts(shooting, arcs, motion)
     if not contacts:

@@ -142,7 +142,7 @@ def _tried(
 
 
 class _Others:
-    """Structures to be tried where nothing comes of one.
+    """Stack of alternative switching structures, tried when one leads to nothing.
 
     Attributes:
         left: the structures, the next one last, each with what is refused once it is tried.
@@ -167,7 +167,7 @@ class _Others:
         return structure
 
     def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
-        """Structures with contacts mended; where they came out as they were, those that were the others then."""
+        """Structures with corrected contacts; if known and no shorter, the alternatives of the last correction."""
         key, duration = found.structure.key, found.structure.duration
         known = self._seen.get(key, np.inf)
         self._seen[key] = min(duration, known)

@@ -90,11 +90,11 @@ class Page:
         self.view = SceneView(server.scene, session)
         self._look()
         self._add_widgets()
-        self._hear_gizmos()
+        self._watch_gizmos()
         self.tick(0.0)
 
     def run(self) -> None:
-        """Do what was noted and draw, frame by frame."""
+        """Handle events and draw, frame by frame."""
         before = time.monotonic()
         while True:
             time.sleep(_FRAME)
@@ -125,7 +125,7 @@ class Page:
         self._play_button.on_click(self._note("play", self._toggle))
         gui.add_command("Play or pause", hotkey="P").on_trigger(self._note("play", self._toggle))
         self._clock = gui.add_slider("time [s]", 0.0, 1.0, 1e-3, 0.0)
-        self._hear(self._clock, self._seek)
+        self._on_update(self._clock, self._seek)
         speeds = ("1", "1/2", "1/5", "1/10", "1/50", "1/200")
         self._speed = gui.add_dropdown("speed", speeds, initial_value="1/5", hint="of real time")
         tabs = gui.add_tab_group()
@@ -152,7 +152,7 @@ class Page:
         poses = {name: pose for name, pose in robot.poses.items() if np.all(np.isfinite(pose))}
         if poses:
             chosen = gui.add_dropdown("pose", (_NONE, *poses), hint="Named poses of the robot")
-            self._hear(chosen, lambda name: session.change(**{end: poses.get(name, getattr(session.state, end))}))
+            self._on_update(chosen, lambda name: session.change(**{end: poses.get(name, getattr(session.state, end))}))
         lower, upper = slider_limits(session.setup.problem)
         sliders = []
         for i, name in enumerate(short_names(robot.joint_names)):
@@ -161,7 +161,7 @@ class Page:
             at = _fitting(q[i], *range_of_joint)
             one = gui.add_slider(f"{name} [{unit}]", *range_of_joint, _STEP, at, hint=robot.joint_names[i])
             sliders.append(one)
-            self._hear(one, partial(self._turn, end, i))
+            self._on_update(one, partial(self._turn, end, i))
         return sliders
 
     def _add_obstacle_widgets(self) -> None:
@@ -169,12 +169,12 @@ class Page:
         self._kind = gui.add_dropdown("shape", tuple(SIZES))
         gui.add_button("Add obstacle").on_click(self._note("add", self._add_obstacle))
         self._choice = gui.add_dropdown("selected", (_NONE,))
-        self._hear(self._choice, self._select)
+        self._on_update(self._choice, self._select)
         self._position = gui.add_vector3("position [m]", (0.0, 0.0, 0.0), step=0.01)
-        self._hear(self._position, self._shift)
+        self._on_update(self._position, self._shift)
         self._sizes = [gui.add_number("size [m]", 0.1, min=1e-3, step=0.01) for _ in range(3)]
         for k, one in enumerate(self._sizes):
-            self._hear(one, partial(self._resize, k))
+            self._on_update(one, partial(self._resize, k))
         self._remove = gui.add_button("Remove obstacle")
         self._remove.on_click(self._note("remove", self._remove_obstacle))
 
@@ -197,7 +197,7 @@ class Page:
             "self-collision", state.self_collision, hint="Links keep clear of each other, too"
         )
         for name, handle in self._limits.items():
-            self._hear(handle, partial(self._change_limit, name))
+            self._on_update(handle, partial(self._change_limit, name))
 
     def _note(self, key: str, action: Callable[[], object]) -> Callable[[Any], Any]:
         """A callback that notes an action for the next frame; of one key the last note counts."""
@@ -207,7 +207,7 @@ class Page:
 
         return noted
 
-    def _hear(self, handle: Any, action: Callable[[Any], object]) -> None:
+    def _on_update(self, handle: Any, action: Callable[[Any], object]) -> None:
         """Do something with the value that a browser gives to a widget, in the next frame."""
 
         async def noted(event: Any) -> None:
@@ -221,12 +221,12 @@ class Page:
         if _key(handle) not in self._notes:
             handle.value = value
 
-    def _hear_gizmos(self) -> None:
+    def _watch_gizmos(self) -> None:
         for end in END_NAMES:
-            self._hear_gizmo(end, self.view.gizmos[end], partial(self._drag_end, end))
-        self._hear_gizmo("mover", self.view.mover, self._drag_obstacle)
+            self._watch_gizmo(end, self.view.gizmos[end], partial(self._drag_end, end))
+        self._watch_gizmo("mover", self.view.mover, self._drag_obstacle)
 
-    def _hear_gizmo(self, key: str, gizmo: Any, action: Callable[[], None]) -> None:
+    def _watch_gizmo(self, key: str, gizmo: Any, action: Callable[[], None]) -> None:
         async def dragged(event: Any) -> None:
             self._held[key] = 0.0 if event.phase == "end" else time.monotonic()
             self._notes[f"gizmo {key}"] = action
@@ -399,7 +399,7 @@ class Page:
 
 
 def _fitting(position: float, lower: float, upper: float) -> float:
-    """A joint's position [rad or m], rounded as the field beside its slider has room for."""
+    """Round a joint's position [rad or m] to the digits of the field next to its slider, within its limits."""
     return float(np.clip(round(float(position), 3), lower, upper))
 
 

@@ -35,7 +35,7 @@ class Reply(Generic[Request, Result]):
 
 
 class NewestFirst(Generic[Request, Result]):
-    """A function in a process of its own, asked for one request after the other, of which only the newest counts.
+    """Runs a function in a process of its own, for the newest of all waiting requests.
 
     A context: the process is forked when it is entered, before threads of others are there, and ends with it.
     """

@@ -220,7 +220,7 @@ def sizes_of(obstacle: Obstacle) -> tuple[float, ...] | None:
 
 
 def resized(obstacle: Obstacle, sizes: Sequence[float]) -> Obstacle:
-    """An obstacle of which `sizes_of` are others.
+    """An obstacle with other sizes, as `sizes_of` gives them.
 
     Raises:
         ArmdynError: one is not positive.

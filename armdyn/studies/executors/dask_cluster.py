@@ -47,7 +47,7 @@ class BatchSize:
         self._mean, self._most = 0.0, 1
 
     def add(self, cases: int, seconds: float) -> None:
-        """A batch of so many cases has taken so long [s]."""
+        """Record how long a batch took [s], for the size of the next ones."""
         mean = seconds / cases
         self._mean = (1 - _NEW) * self._mean + _NEW * mean if self._mean else mean
         self._most = max(self._most, min(2 * cases, MOST))
@@ -128,7 +128,7 @@ class DaskCluster:
         """Number of threads of all workers."""
         return self._size
 
-    def wanted(self, left: int) -> int:
+    def batch_size(self, left: int) -> int:
         """Number of cases to be given now as a batch; 0 while the cluster has enough batches."""
         if self._alone or len(self._under_way) >= _AHEAD * self._size:
             return 0

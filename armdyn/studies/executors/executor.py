@@ -61,10 +61,10 @@ class Executor(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of cases that are done at once."""
+        """Number of cases that run concurrently."""
 
-    def wanted(self, left: int) -> int:
-        """Number of cases to be given now, in one `give`; 0: there is enough to do.
+    def batch_size(self, left: int) -> int:
+        """Number of cases to send to a worker now; 0 if all workers are busy.
 
         Args:
             left: number of cases that wait.

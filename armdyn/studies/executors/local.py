@@ -28,7 +28,7 @@ class LocalProcesses:
         """Number of processes."""
         return self._workers.count
 
-    def wanted(self, left: int) -> int:
+    def batch_size(self, left: int) -> int:
         """Number of cases to be given now: 1 while a process is idle."""
         return min(self._workers.idle, left, 1)
 
@@ -72,7 +72,7 @@ class InProcess:
     def __init__(self, task: StudyTask):
         self._task, self._waiting = task, deque[StudyCase]()
 
-    def wanted(self, left: int) -> int:
+    def batch_size(self, left: int) -> int:
         """Number of cases to be given now: 1 unless a case is waiting."""
         return min(left, 1 - len(self._waiting))
 
@@ -93,7 +93,7 @@ class Threads:
         self._task, self._pool = task, pool
         self._under_way, self._done = 0, queue.SimpleQueue[Future[Ended]]()
 
-    def wanted(self, left: int) -> int:
+    def batch_size(self, left: int) -> int:
         """Number of cases to be given now: 1 while few cases wait."""
         return min(left, 1, _AHEAD * self.size - self._under_way)
 

@@ -78,10 +78,10 @@ class ClosedLoopTask:
         """
         table.only(cls.own)
         given: dict[str, Any] = dict(table.values)
-        with table.telling():
+        with table.locating_errors():
             task = cls(problems=problems, **given)
         for name, where in names.items():
-            with where.telling():
+            with where.locating_errors():
                 task.check([name])
         return task
 

@@ -56,7 +56,7 @@ class CycleTask:
         robot = robot_from(own.table("robot"))
         cycle_from(own, robot)
         given = {key: value for key, value in table.values.items() if key != "file"}
-        with table.telling():
+        with table.locating_errors():
             options = MinimumTimeOptions(**{**own.table("options").values, **given})
         tables = {key: value for key, value in own.values.items() if key != "options"}
         return cls(file=str(path), tables=tables | {"robot": robot_table(robot)}, options=options)

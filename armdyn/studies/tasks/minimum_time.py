@@ -56,7 +56,7 @@ class MinimumTimeTask:
         """The task that a table [search] describes."""
         table.only(("search", "starts", "seed", "time_limit", "neighbours"))
         given: dict[str, Any] = {name: value for name, value in table.values.items() if name != "neighbours"}
-        with table.telling():
+        with table.locating_errors():
             options = MinimumTimeOptions(**given)
         neighbours: Any = table.text("neighbours", "add", NEIGHBOURS)
         return cls(problems=problems, options=options, neighbours=neighbours)

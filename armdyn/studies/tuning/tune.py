@@ -233,7 +233,7 @@ class GainSearch(OwnTask):
                     costs[row.k - first] = self._cost(row)
             return costs
 
-        def told(x: Array, convergence: float) -> bool:
+        def report_generation(x: Array, convergence: float) -> bool:
             if self.best is not None:
                 self.history.append(self.best[0].cost(options.overshoot))
                 progress(f"generation {len(self.history)} of {options.generations}: {self.best[0]}")
@@ -242,7 +242,7 @@ class GainSearch(OwnTask):
         found = differential_evolution(
             lambda x: _NEVER, bounds, maxiter=options.generations, popsize=options.members, tol=_SPREAD, polish=False,
             seed=np.random.default_rng(options.seed), init="sobol", updating="deferred", workers=generation,
-            callback=told,
+            callback=report_generation,
         )  # fmt: skip
         if stop:
             return "interrupted" if stop.interrupted else "time_limit"

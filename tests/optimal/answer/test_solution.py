@@ -28,7 +28,7 @@ def test_its_parts_say_the_same():
 def test_errors_of_the_replay_are_the_certificates():
     solution = solved("rr")
     replay = ad.replay_torques(solution.problem.robot, solution.trajectory)
-    missed, floor = np.abs(solution.problem.beside_goal(replay)), solution.certificate.growth * ACCURACY
+    missed, floor = np.abs(solution.problem.goal_error_of(replay)), solution.certificate.growth * ACCURACY
     assert solution.replay_error == solution.certificate.goal_error
     assert solution.replay_velocity_error == solution.certificate.goal_velocity_error
     # No better than this replay, and no worse than two integrators' and what their accuracy grows to.

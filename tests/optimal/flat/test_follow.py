@@ -44,7 +44,8 @@ def test_states_and_torques_fit_and_land(kind, jumps):
     # Feedback is a sample late, and fades in the last interval where torques may not jump. That interval is 1/12 of the
     # motion here, 3e-4 where velocities are limited: there they, too, are within 1e-6.
     assert (
-        np.max(np.abs(nlp_data.beside_goal(motion)[:2])) < 1e-6 and np.max(np.abs(nlp_data.beside_goal(motion))) < 2e-5
+        np.max(np.abs(nlp_data.goal_error_of(motion)[:2])) < 1e-6
+        and np.max(np.abs(nlp_data.goal_error_of(motion))) < 2e-5
     )
     for k, leg in enumerate(curve.legs):  # and it is near the curve all the way
         start = 0.9 * k
@@ -69,7 +70,7 @@ def test_a_motion_in_flight_begins_in_flight():
     motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 6.0)))
     np.testing.assert_array_equal(motion.v[0], [0.3])
     # The curve begins at rest: feedback, 160 times as fast as the motion, brings the cart onto it.
-    assert np.max(np.abs(nlp_data.beside_goal(motion))) < 1e-6
+    assert np.max(np.abs(nlp_data.goal_error_of(motion))) < 1e-6
 
 
 def test_torques_that_may_not_jump_end_with_what_holds_the_arm():
@@ -88,9 +89,9 @@ def test_lines_have_the_impulses_of_the_torque():
         few = replace(
             job, policy=job.policy.changed("curves", samples=samples, most_samples=samples, steps=1, bandwidth=0.0)
         )
-        misses.append(np.max(np.abs(nlp_data.beside_goal(follow(few, sampled(few, curve))))))
+        misses.append(np.max(np.abs(nlp_data.goal_error_of(follow(few, sampled(few, curve))))))
         plain = curve.trajectory(nlp_data.robot, [samples])
-        naive = np.max(np.abs(nlp_data.beside_goal(replay_torques(nlp_data.robot, plain))))
+        naive = np.max(np.abs(nlp_data.goal_error_of(replay_torques(nlp_data.robot, plain))))
         assert misses[-1] < naive / 5 or naive < 1e-9
     assert misses[1] < misses[0] / 6 or misses[0] < 1e-9  # the ends' lines are of the third order
 

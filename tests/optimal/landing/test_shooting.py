@@ -27,10 +27,10 @@ def found():
 def test_the_replay_of_a_landed_mesh_ends_on_the_goal_within_the_torque_limits():
     task, attempt = found()
     before = replay_of(task, attempt.trajectory)
-    assert np.max(np.abs(PROBLEM.beside_goal(before))) > 1e-5
+    assert np.max(np.abs(PROBLEM.goal_error_of(before))) > 1e-5
     motion = landed(task, attempt)
     replay = replay_of(task, motion.trajectory(PROBLEM.robot.joint_names))
-    assert np.max(np.abs(PROBLEM.beside_goal(replay))) < 1e-7  # two integrators, steps of a 25th of the motion
+    assert np.max(np.abs(PROBLEM.goal_error_of(replay))) < 1e-7  # two integrators, steps of a 25th of the motion
     assert np.all(PROBLEM.limits.actuators.allows(motion.tau, motion.x[:-1, :2], motion.x[:-1, 2:]))
     assert abs(replay.duration / attempt.trajectory.duration - 1) < 1e-2
 

@@ -44,7 +44,7 @@ class Interval:
 
     @classmethod
     def at(cls, value: ArrayLike) -> Interval:
-        """Floats as they are."""
+        """Intervals of zero width at given numbers."""
         exact = np.asarray(value, dtype=float)
         return cls(exact, exact)
 
@@ -155,7 +155,7 @@ class Interval:
         return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
 
     def led_by(self, ways: Interval) -> Interval:
-        """Boxes along the first axis, as far as ways, one less, lead from the first through all others to each.
+        """Tighten each box along the first axis by all boxes before it, plus the displacements from those to it.
 
         Of the upper ends of a box and of all before it, each with the sum of the ways since, the least counts.
         """

@@ -79,8 +79,8 @@ class TorqueRateLimit(PathConstraint):
         n = problem.robot.nv
         return (
             StageRows(_rates, numbers=n),
-            StageRows(_beside, (0.0,), numbers=n, where="first"),
-            StageRows(_beside, (1.0,), numbers=n, where="last"),
+            StageRows(_from_torque, (0.0,), numbers=n, where="first"),
+            StageRows(_from_torque, (1.0,), numbers=n, where="last"),
         )
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
@@ -135,7 +135,7 @@ def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
     return rates
 
 
-def _beside(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
+def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
     """Difference of the torque from another one at a fraction of the interval, over its scale."""
     beside: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
     return beside

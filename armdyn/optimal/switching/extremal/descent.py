@@ -187,7 +187,7 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
 
 
 def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
-    """The same structure in twice the steps; None: it has the most, or nothing comes of it.
+    """Solve the same structure with twice the steps; None if it has the most already, or no extremal is found.
 
     Args:
         extremal: whose steps are too long.

@@ -52,7 +52,7 @@ class ShootingProblem:
         return self.steps // self.policy.rollout.per_arc
 
     def finer(self, near: "Rollout | None" = None) -> Self | None:
-        """With twice the steps, laid for a motion that is near; None: with the most already."""
+        """Shooting problem with twice the steps, placed for a motion nearby; None if it has the most already."""
         if self.steps >= self.policy.rollout.finest * STEPS:
             return None
         layers = self.layers if near is None else self._layers_of(near.motion)

@@ -155,7 +155,7 @@ def _at_speed(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
 def edited(
     rollout: Rollout, structure: SwitchingStructure, gone: Iterable[int], more: Iterable[tuple[float, Change]]
 ) -> SwitchingStructure:
-    """A structure without some of its changes, by their numbers, and with others at their times [s].
+    """Remove and insert changes of a switching structure.
 
     Args:
         rollout: whose states the others begin with.

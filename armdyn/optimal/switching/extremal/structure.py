@@ -77,7 +77,7 @@ class SwitchingStructure:
 
     @property
     def width(self) -> int:
-        """How many unknowns there are: m + 1, and those of the singular controls."""
+        """Number of unknowns: m + 1, and those of the singular controls."""
         return self.size + 1 + sum(control.size for control in self.controls.values())
 
     @property

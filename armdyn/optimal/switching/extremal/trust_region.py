@@ -85,7 +85,7 @@ class QuadraticForm:
 
 
 def held_back(gradient: Array, rows: Array) -> tuple[Array, float]:
-    """Multipliers of planes on which a point lies that hold it back, shape (planes,), and how steep it is beside them.
+    """Multipliers of the planes that stop a descent, shape (planes,), and the norm of the projected gradient.
 
     Args:
         gradient: shape (k,).
