@@ -1,4 +1,4 @@
-"""Deadline of building programs: set by the solve, checked between the long steps of building."""
+"""Deadline of building programs: set by the solve, checked before and while C is compiled."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -11,10 +11,6 @@ _stopped: ContextVar[Callable[[], bool]] = ContextVar("stopped", default=lambda:
 
 class NoTimeError(Exception):
     """There is no time to compile: build without. It never leaves a solve."""
-
-
-class LateError(Exception):
-    """The time is up in the midst of building. It never leaves a solve."""
 
 
 @contextmanager
@@ -41,13 +37,3 @@ def part_of_time(part: float) -> Iterator[None]:
 def left() -> float:
     """Time left [s]; 0 once stopped, infinite without a deadline."""
     return 0.0 if _stopped.get()() else _deadline.get() - time.perf_counter()
-
-
-def check() -> None:
-    """Raise `LateError` if the deadline has passed.
-
-    Raises:
-        LateError: there is none.
-    """
-    if left() <= 0:
-        raise LateError

@@ -67,9 +67,6 @@ def solve_curve(
         spec: what is asked of the curve.
         near: what came out where nearly the same was asked: it is started from with its multipliers.
         tighten: of `SequenceSettings`, where the program is solved by steps.
-
-    Raises:
-        LateError: the time is up before the program is built.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
@@ -119,9 +116,6 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
         task: what is to be solved, and how.
         guess: where it starts.
         spec: what is asked of the curve.
-
-    Raises:
-        LateError: the time is up before functions of path constraints are built.
     """
     problem = task.problem
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)

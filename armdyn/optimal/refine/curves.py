@@ -9,7 +9,6 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.codegen.background import is_building
-from armdyn.codegen.deadline import LateError
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import CurveInterval
 from armdyn.optimal.flat.follow import follow
@@ -54,15 +53,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     """
     numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
     starts = task.policy.search.guesses(task.options, numbers.starts)
-    try:
-        found, planned = (
-            _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts), _calms(task)), True)
-        )
-        if not (crowded or task.stop) and all(_trouble(task, one) for one in found):
-            found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
-    except LateError:
-        unbegun = Attempt.unbegun(task.stop, spline(task.problem, []), task.policy.curves.intervals)
-        return [], Found((), failed=(unbegun,))
+    found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts), _calms(task)), True)
+    if not (crowded or task.stop) and all(_trouble(task, one) for one in found):
+        found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up between planning and the first curve

@@ -1,13 +1,11 @@
 """Several joint positions that reach one goal: which is reached fastest."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.codegen.deadline import LateError
 from armdyn.models.scene.reaching import GoalPose, free_directions, slid
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import CurveSpec
@@ -118,10 +116,9 @@ def _tried(task: Task) -> _Screened:
         attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
     guess = straight_curve(task, task.policy.curves.coarse)
-    with suppress(LateError):
-        solved = solve_curve(task, guess, CurveSpec.of(task))
-        if solved.converged:
-            return _Screened(task.problem, solved.curve.duration, solved.curve)
+    solved = solve_curve(task, guess, CurveSpec.of(task))
+    if solved.converged:
+        return _Screened(task.problem, solved.curve.duration, solved.curve)
     return _Screened(task.problem, curve=guess)
 
 
@@ -139,12 +136,11 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
     regions = (*spec.constraints.path_constraints, GoalRegion(pose))
     spec = replace(spec, constraints=replace(spec.constraints, path_constraints=regions))
     guess = one.curve.on([leg.basis for leg in straight_curve(task.about(problem), intervals).legs])
-    with suppress(LateError):
-        solved = solve_curve(task.about(problem), guess, spec)
-        nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]
-        exact = slid(problem.robot, pose, end, nothing, problem.limits) if solved.converged else None
-        if exact is not None and solved.curve.duration < one.duration:
-            return _Screened(problem.variant(q_goal=exact), solved.curve.duration, solved.curve, chosen=True)
+    solved = solve_curve(task.about(problem), guess, spec)
+    nothing, end = np.zeros(problem.robot.nv), solved.curve.legs[-1].points[-1]
+    exact = slid(problem.robot, pose, end, nothing, problem.limits) if solved.converged else None
+    if exact is not None and solved.curve.duration < one.duration:
+        return _Screened(problem.variant(q_goal=exact), solved.curve.duration, solved.curve, chosen=True)
     return one
 
 

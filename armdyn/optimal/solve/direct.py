@@ -1,12 +1,10 @@
 """Minimum time by direct collocation."""
 
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.codegen.deadline import LateError
 from armdyn.optimal.path_constraints.legs import Legs, legs_of
 from armdyn.optimal.path_constraints.rows import StageRows, with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
@@ -46,10 +44,7 @@ def solve_on_mesh(
     problem = task.problem
     constraints = TightenedConstraints.of(task) if constraints is None else constraints
     rows = constraints.rows(problem)
-    try:
-        solver = _solver(task, intervals, settings, rows)
-    except LateError:
-        return Attempt.unbegun(task.stop, guess, intervals)
+    solver = _solver(task, intervals, settings, rows)
     nlp, scales = solver.program, Scales.of(problem, guess)
     layout, legs = nlp.layout, legs_of(problem, guess, intervals)
     fractions = np.concatenate([np.diff(mesh(size)) for size in legs.intervals])
@@ -118,9 +113,7 @@ def _fix_legs(
 
 def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
     """Build the functions that `solve_on_mesh` needs, if there is time and they are not built."""
-    if task.stop:
-        return
-    with suppress(LateError):
+    if not task.stop:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from armdyn.codegen.deadline import LateError, NoTimeError, until
+from armdyn.codegen.deadline import NoTimeError, until
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt
@@ -34,22 +34,15 @@ def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
     Args:
         task: whose scheme and deadline they are.
         build: calls `solver_for`, say.
-
-    Raises:
-        LateError: the time is up before that of what takes seconds to build is ready.
     """
     stop = task.stop
     with until(stop.deadline, lambda: stop.interrupted):
-        try:
-            if not stop.hurried:
-                try:
-                    return build(task.scheme)
-                except NoTimeError:
-                    stop.hurried = True
-            return build(replace(task.scheme, compile=False))
-        except LateError:
-            stop.cut()
-            raise
+        if not stop.hurried:
+            try:
+                return build(task.scheme)
+            except NoTimeError:
+                stop.hurried = True
+        return build(replace(task.scheme, compile=False))
 
 
 @built_once(maxsize=_KEPT)
