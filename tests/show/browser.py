@@ -12,6 +12,12 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+PLAYWRIGHTS = ("HttpsUpgrades", "MediaRouter", "OptimizationHints", "PaintHolding", "ThirdPartyStoragePartitioning")
+"""Features that playwright turns off; a browser reads the last list alone."""
+
+ADDRESS_BAR = ("WebUIOmniboxPopup", "WebUIOmniboxAimPopup")
+"""Two pages of the browser's own, loaded with each window: 0.8 of a second of a processor."""
+
 FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -23,6 +29,7 @@ FLAGS = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    f"--disable-features={','.join((*PLAYWRIGHTS, *ADDRESS_BAR))}",
 ]
 
 UNDRAWN = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) {
