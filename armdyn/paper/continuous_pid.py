@@ -71,6 +71,7 @@ class ContinuousLoop:
     error_rate: float = -1.0
     dynamics: EquationsOfMotion | None = None
 
+    @cached_property
     def coefficients(self) -> tuple[Array, Array, Array]:
         """a, b and c of u = a e + b ∫e dt - c v, each of shape (nv,)."""
         kp, ki, kd = self.gains.per_joint(self.robot.nv)
@@ -88,8 +89,8 @@ class ContinuousLoop:
 
     def torque(self, x: Array) -> Array:
         """Torque of the controller [N m], shape (nv,)."""
-        integral, q, v = np.split(x, 3)
-        kp, ki, damping = self.coefficients()
+        integral, q, v = x.reshape(3, -1)
+        kp, ki, damping = self.coefficients
         return np.asarray(self.inertia(q) @ (kp * (np.asarray(self.goal) - q) + ki * integral - damping * v))
 
     def acceleration(self) -> Callable[[Array, Array, Array], Array]:
@@ -118,7 +119,7 @@ class ContinuousLoop:
                 )
                 columns.append((8 * near - far) / (12 * _STEP))
             arm = ArmAtGoal(np.eye(nv), np.column_stack(columns), np.zeros((nv, nv)))
-        return float(eigenvalues(closed_loop_matrix(arm, *self.coefficients()))[0].real)
+        return float(eigenvalues(closed_loop_matrix(arm, *self.coefficients))[0].real)
 
 
 def simulate(
@@ -186,7 +187,7 @@ def _integrate(loop: ContinuousLoop, x0: Array, duration: float) -> _Followed:
     nv = goal.size
 
     def rate(t: float, x: Array) -> Array:
-        _, q, v = np.split(x, 3)
+        _, q, v = x.reshape(3, -1)
         return np.concatenate([goal - q, v, acceleration(q, v, loop.torque(x))])
 
     solver = LSODA(rate, 0.0, x0, duration, rtol=_RTOL, atol=_ATOL)

@@ -14,4 +14,4 @@ def test_the_papers_gains_are_equations_32_to_34():
 def test_the_printed_sign_is_the_other_one():
     robot = paper_arm("r")
     brake, push = (ContinuousLoop(robot, [0.0], error_rate=ERROR_RATES[sign]) for sign in ("corrected", "printed"))
-    assert brake.coefficients()[2] == 10 and push.coefficients()[2] == -10
+    assert brake.coefficients[2] == 10 and push.coefficients[2] == -10
