@@ -128,17 +128,29 @@ def until_saved(file, wanted):
     pytest.fail(f"{file.name} has not the goal {wanted}")
 
 
+def set_goal(page, wanted):
+    for joint, value in enumerate(wanted, start=1):
+        fields(page, f"joint{joint}").fill(str(value))
+    until_goal(page, wanted)
+
+
+@pytest.fixture(scope="module")
+def url(tmp_path_factory):
+    """Of a studio that several tests look at, each with a goal of its own: to start one takes two seconds."""
+    with served(tmp_path_factory.mktemp("studio")) as (_, said):
+        yield said["url"]
+
+
 def plain_duration(q_goal, **arguments):
     robot = paper_arm("rr", 0.0)
     problem = ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=q_goal, **arguments)
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick")).duration
 
 
-def test_a_motion_appears_and_follows_the_keyboard(chromium, tmp_path):
-    with served(tmp_path) as (_, said), browser(chromium) as opened:
-        page = opened(said["url"])
-        assert duration(page) == pytest.approx(plain_duration(POSES["rr"][1]), abs=1e-4)  # as many digits are shown
-        until_goal(page, POSES["rr"][1])
+def test_a_motion_follows_the_keyboard(chromium, url):
+    with browser(chromium) as opened:
+        page = opened(url)
+        set_goal(page, POSES["rr"][1])
         page.get_by_role("slider").nth(1).focus()
         for _ in range(5):
             page.keyboard.press("ArrowRight")
@@ -151,11 +163,12 @@ def test_a_motion_appears_and_follows_the_keyboard(chromium, tmp_path):
         assert page.get_by_role("tab", name="Start").get_attribute("aria-selected") == "true"
 
 
-def test_the_gizmo_is_dragged_by_the_mouse(chromium, tmp_path):
+def test_the_gizmo_is_dragged_by_the_mouse(chromium, url):
     robot = paper_arm("rr", 0.0)
     reach = reach_of(robot)
-    with served(tmp_path, "--q-goal", "0.2,0.9") as (_, said), browser(chromium) as opened:
-        page = opened(said["url"])
+    with browser(chromium) as opened:
+        page = opened(url)
+        set_goal(page, [0.2, 0.9])
         page.wait_for_timeout(2000)  # until its scene stands
         tip = frame_placement(robot, robot.tip, np.array([0.2, 0.9]))
         along = tip.rotation[:, 2]
@@ -169,10 +182,10 @@ def test_the_gizmo_is_dragged_by_the_mouse(chromium, tmp_path):
         np.testing.assert_allclose(moved, -0.1 * reach * along, atol=0.02 * reach)
 
 
-def test_two_browsers_show_the_same_one_of_them_a_phone(chromium, tmp_path):
-    with served(tmp_path) as (_, said), browser(chromium) as opened:
-        desktop, phone = opened(said["url"]), opened(said["url"], PHONE)
-        until_goal(desktop, POSES["rr"][1])
+def test_two_browsers_show_the_same_one_of_them_a_phone(chromium, url):
+    with browser(chromium) as opened:
+        desktop, phone = opened(url), opened(url, PHONE)
+        set_goal(desktop, POSES["rr"][1])
         until_goal(phone, POSES["rr"][1])
         slider = phone.get_by_role("slider").nth(2)
         slider.focus()
@@ -240,10 +253,12 @@ def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(chromium, 
         np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
 
 
-def test_killed_and_restarted_it_takes_up_its_last_state(chromium, tmp_path):
+def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, tmp_path):
     with served(tmp_path) as (process, said), browser(chromium) as opened:
         assert said["restored"] is False
         page = opened(said["url"])
+        assert duration(page) == pytest.approx(plain_duration(POSES["rr"][1]), abs=1e-4)  # as many digits are shown
+        until_goal(page, POSES["rr"][1])
         fields(page, "joint1").fill("0.7")
         until_goal(page, [0.7, POSES["rr"][1][1]])
         until_saved(tmp_path / "studio.json", [0.7, POSES["rr"][1][1]])  # which is twice a second
