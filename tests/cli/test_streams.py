@@ -20,7 +20,7 @@ def shell(line, **environment):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["--help", "robots", "urdf rr", "doctor panda --json"])
+@pytest.mark.parametrize("command", ["--help", "presets", "urdf rr", "doctor panda --json"])
 def test_a_reader_that_has_gone_is_no_error(command):
     done = shell(f"armdyn {command} | true; echo ${{PIPESTATUS[0]}}")
     assert (done.stdout, done.stderr) == ("0\n", "")
@@ -41,7 +41,7 @@ def test_closed_standard_error_disturbs_nobody():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
-@pytest.mark.parametrize("command", ["urdf rr", "robots"])
+@pytest.mark.parametrize("command", ["urdf rr", "presets"])
 def test_full_standard_output_is_said_once(command):
     done = shell(f"armdyn {command} > /dev/full")
     assert done.returncode == 5

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -36,18 +36,27 @@ def read_arm(
         UnsupportedJointError: a joint that moves is of no known kind, or mimics another that moves.
         SpecError: a lock or the arm does not fit it.
     """
-    root = parse_urdf(text, source)
-    mimics = _mimics(root, source)
-    try:
-        model = pin.buildModelFromXML(dynamics_urdf(root))
-    except (RuntimeError, ValueError) as error:
-        raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
+    root, mimics, model = _whole(text, source)
     locked = locked_joints(model, source, lock or {}, arm, mimics)
     free = {i for i, name in enumerate(model.names) if i and name not in locked}
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
     check_inertias(root, source, moving)
     marks = [mark.get("repaired", "") for mark in root.findall(MARK)]
     return replace(arm_of(model, source, locked, arm), repaired=", ".join(filter(None, marks)))
+
+
+@lru_cache(maxsize=16)
+def _whole(text: str, source: str) -> tuple[Element, dict[str, Mimic], pin.Model]:
+    """The URDF, the joints that follow others, and Pinocchio's model of the whole robot; all are only looked at.
+
+    A robot is read again for every payload.
+    """
+    root = parse_urdf(text, source)
+    mimics = _mimics(root, source)
+    try:
+        return root, mimics, pin.buildModelFromXML(dynamics_urdf(root))
+    except (RuntimeError, ValueError) as error:
+        raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
 
 
 def _mimics(root: Element, source: str) -> dict[str, Mimic]:
