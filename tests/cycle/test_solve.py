@@ -32,9 +32,10 @@ def test_the_cycle_of_rr_is_the_best_of_its_four_ways():
     assert len(here) == len(there) == 2
 
     start = np.array([0.1, 0.2])
+    begins, ends = ([fastest(robots[0], start, a) for a in here], [fastest(robots[2], b, start) for b in there])
     ways = [
-        fastest(robots[0], start, a) + fastest(robots[1], a, b) + fastest(robots[2], b, start)
-        for a, b in product(here, there)
+        begin + fastest(robots[1], a, b) + end
+        for (begin, a), (end, b) in product(zip(begins, here, strict=True), zip(ends, there, strict=True))
     ]
     assert solved.duration == pytest.approx(min(ways) + 0.3, abs=1e-6)
     assert max(ways) > min(ways) + 0.01  # the choice matters

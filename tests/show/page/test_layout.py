@@ -59,34 +59,45 @@ def reports(tmp_path_factory):
     return robot, folder
 
 
-@pytest.mark.parametrize("name", ["one", "two"])
-def test_on_a_phone_nothing_is_covered_cut_or_broken(chromium, reports, name):
+@pytest.fixture(scope="module", params=["one", "two"])
+def opened(request, chromium, reports):
+    """Robot, name of a report, and its page, which tests give their size, with its errors."""
     robot, folder = reports
-    with open_page(chromium, folder / f"{name}.html", **PHONE) as (page, _, errors):
-        for y in (0, 200, 400, 700, 1200):
-            page.evaluate(f"scrollTo(0, {y})")
-            assert page.evaluate(COVERED) == 0
-        assert page.evaluate(CUT) == []
-        assert (
-            page.evaluate(BROKEN, [*robot.joint_names, *(one.removesuffix("_joint") for one in robot.joint_names)])
-            == []
-        )
-        assert not errors
+    with open_page(chromium, folder / f"{request.param}.html", **PHONE) as (page, _, errors):
+        yield robot, request.param, page, errors
+
+
+def resize(page, size):
+    """Give the page a size, its beginning in sight, and time to draw itself anew."""
+    page.set_viewport_size(size)
+    page.evaluate("scrollTo(0, 0)")
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def test_on_a_phone_nothing_is_covered_cut_or_broken(opened):
+    robot, _, page, errors = opened
+    resize(page, PHONE)
+    for y in (0, 200, 400, 700, 1200):
+        page.evaluate(f"scrollTo(0, {y})")
+        assert page.evaluate(COVERED) == 0
+    assert page.evaluate(CUT) == []
+    assert page.evaluate(BROKEN, [*robot.joint_names, *(one.removesuffix("_joint") for one in robot.joint_names)]) == []
+    assert not errors
 
 
 @pytest.mark.parametrize("size", [WIDE, {"width": 1280, "height": 800}])
-@pytest.mark.parametrize("name", ["one", "two"])
-def test_on_a_wide_page_there_is_no_blank_below_the_arm(chromium, reports, name, size):
-    with open_page(chromium, reports[1] / f"{name}.html", **size) as (page, _, _):
-        left, right = (page.locator(one).bounding_box() for one in (".left", ".right"))
-        assert left["y"] + left["height"] == pytest.approx(right["y"] + right["height"], abs=1)
-        last = page.locator(".now .row:visible").last.bounding_box()
-        assert left["y"] + left["height"] - last["y"] - last["height"] < 20
-        assert page.evaluate(COVERED) == 0
-        player = page.locator("#player").bounding_box()
-        assert player["y"] + player["height"] <= size["height"]  # seen at once
-        if name == "two" and size == WIDE:
-            one_quantity_has_one_number_of_digits(page)
+def test_on_a_wide_page_there_is_no_blank_below_the_arm(opened, size):
+    _, name, page, _ = opened
+    resize(page, size)
+    left, right = (page.locator(one).bounding_box() for one in (".left", ".right"))
+    assert left["y"] + left["height"] == pytest.approx(right["y"] + right["height"], abs=1)
+    last = page.locator(".now .row:visible").last.bounding_box()
+    assert left["y"] + left["height"] - last["y"] - last["height"] < 20
+    assert page.evaluate(COVERED) == 0
+    player = page.locator("#player").bounding_box()
+    assert player["y"] + player["height"] <= size["height"]  # seen at once
+    if name == "two" and size == WIDE:
+        one_quantity_has_one_number_of_digits(page)
 
 
 def one_quantity_has_one_number_of_digits(page):
