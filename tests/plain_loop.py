@@ -4,6 +4,7 @@ It follows the docstrings of `Loop`, `Law` and `Ticks`, and shares no code with 
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -143,6 +144,7 @@ def paper_plants(arm):
     return six_plants(lambda mass: paper_arm(arm, mass), 0.1006, 0.003, 0.06)
 
 
+@cache
 def paper_reference(arm, reserve):
     """The fastest motion of Example 2 or 3 with 100.6 g that leaves a part of the torque to the controller."""
     from problems import paper_problem

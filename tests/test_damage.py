@@ -5,7 +5,7 @@ import pytest
 from damage import damaged_json, damaged_trajectories, fuzz_json, fuzz_trajectories
 
 
-@pytest.mark.parametrize("fuzz", [fuzz_trajectories, fuzz_json])
+@pytest.mark.parametrize("fuzz", [pytest.param(fuzz_trajectories, marks=pytest.mark.slow), fuzz_json])
 def test_damaged_files_are_read_or_refused_by_name(fuzz):
     ends = fuzz(100, 0)
     assert ends.total() == 100 and len(ends) > 10

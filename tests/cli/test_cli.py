@@ -210,16 +210,17 @@ def test_bad_input_is_exit_2_of_the_process(tmp_path):
     assert told["success"] is False and "no robot named 'nosuch'" in told["message"]
 
 
+@pytest.mark.slow
 def test_relative_cache_is_exit_2(monkeypatch, tmp_path):
     monkeypatch.setenv("ARMDYN_CACHE", "cache")
-    done = run_here("mintime", "r", "--no-figure", "--no-report", "--out", tmp_path)
+    done = run("mintime", "r", "--no-figure", "--no-report", "--out", tmp_path)
     assert (done.returncode, done.stderr) == (2, "armdyn: ARMDYN_CACHE='cache': must be an absolute path\n")
 
 
 def test_bad_usage_is_exit_2():
     assert run_here("mintime").returncode == 2
     assert run_here("mintime", "rr", "--no-such-option").returncode == 2
-    assert run("nosuch").returncode == 2
+    assert run_here("nosuch").returncode == 2
 
 
 def test_not_converged_is_exit_3(tmp_path):

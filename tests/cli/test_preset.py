@@ -25,6 +25,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_verdict_and_the_costs(here):
     done = run_here("mintime", "r", "--preset", "own.toml", *QUICK)
     words = " ".join(done.stdout.split())

@@ -48,7 +48,9 @@ TASK = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84")
         ("track", "--ramp", 0.5, "--plant-payload", 0.12, "--no-report", "--no-figure"),
         ("pid", "--duration", 1, "--no-report", "--no-figure"),
         ("monte-carlo", "--ramp", 0.5, "--count", 3, "--payload-range", "0.9,1.1", "--no-figure"),
-        ("tune", "--controller", "lqr", "--generations", 1, "--members", 2, "--held-out", 1),
+        pytest.param(
+            ("tune", "--controller", "lqr", "--generations", 1, "--members", 2, "--held-out", 1), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write_problem, command):

@@ -113,6 +113,7 @@ def test_plan_path_of_a_problem():
     assert all(problem.collision_model().is_free(q) for q in dense(path))
 
 
+@pytest.mark.slow
 def test_where_there_is_no_path_it_says_so():
     # A floor and a ceiling of balls between which the first link cannot leave.
     ends = [(0.2 * np.cos(a), 0, -0.2 * np.sin(a)) for a in (0.5, -0.5)]

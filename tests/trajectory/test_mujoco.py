@@ -34,7 +34,9 @@ def played(model):
     return data
 
 
-@pytest.mark.parametrize(("arm", "coarse"), [("r", 1e-4), ("rr", 5e-4), ("rrr", 3e-3)])
+@pytest.mark.parametrize(
+    ("arm", "coarse"), [("r", 1e-4), ("rr", 5e-4), pytest.param("rrr", 3e-3, marks=pytest.mark.slow)]
+)
 def test_it_plays_onto_the_goal(arm, coarse):
     """Open loop: what is missed is that of torques held for a tick, and falls with the tick's square."""
     problem, motion = solved(arm).problem, solved(arm).trajectory

@@ -199,7 +199,7 @@ def test_many_links_are_refused_quickly(deep, tmp_path):
         assert time.process_time() - started < 2.0  # 0.03 s on an idle machine
 
 
-@pytest.mark.parametrize("deep", [True, False])
+@pytest.mark.parametrize("deep", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, read):
     assert read(tree(MAX_LINKS, deep, 7)).nv == 142
 

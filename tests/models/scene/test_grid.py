@@ -73,7 +73,7 @@ def beyond(points, parts):
     ("mesh", "most", "larger"),
     [
         (shelf(), 6, 1.02),  # three boards, two sides and the back, which overlap by a micrometre
-        (shelf().subdivide().subdivide(), 6, 1.02),
+        pytest.param(shelf().subdivide().subdivide(), 6, 1.02, marks=pytest.mark.slow),
         (tray(), 5, 1.02),
         (tray(0.8), 15, 1.5),
         (trimesh.creation.annulus(0.1, 0.12, 0.5), 20, 1.2),

@@ -105,7 +105,11 @@ def test_files_that_are_refused(tmp_path):
         (lambda: PointCloud([[0, 0, 0], [1e4, 0, 0]], 1e-3), "too far for a size"),
         (lambda: PointCloud([[0, 0, 0], [90, 90, 90]], 1e-2), "span .* cubes: crop"),
         (lambda: PointCloud([[0, 0, 0]], 0), "size of obstacle"),
-        (lambda: PointCloud(np.random.default_rng(0).uniform(size=(9000, 3)), 0.01), "take 0.04 m"),
+        pytest.param(
+            lambda: PointCloud(np.random.default_rng(0).uniform(size=(9000, 3)), 0.01),
+            "take 0.04 m",
+            marks=pytest.mark.slow,
+        ),
         (lambda: HeightMap([[0, 0]], 0.1), "no column"),
         (lambda: HeightMap([0, 1], 0.1), "of shape"),
         (lambda: HeightMap([[np.nan]], 0.1), "greatest height"),

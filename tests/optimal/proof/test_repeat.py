@@ -76,6 +76,7 @@ def test_two_integrators_agree_open_loop_on_the_papers_arm():
         assert np.max(np.abs(x[:2] - solution.problem.q_goal)) <= 10 * certificate.goal_error
 
 
+@pytest.mark.slow
 def test_an_unstable_motion_is_judged_by_its_segments_and_under_feedback():
     solution = kinova()
     robot, motion, certificate = solution.problem.robot, solution.trajectory, solution.certificate

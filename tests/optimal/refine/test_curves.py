@@ -396,7 +396,9 @@ def test_what_is_interrupted_later_is_usable():
     assert optima[0].landed(1e-6) and optima[0].within_limits
 
 
-@pytest.mark.parametrize("asked", [{"time_limit": 1e-3}, {"max_iterations": 3}], ids=["late", "few"])
+@pytest.mark.parametrize(
+    "asked", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
+)
 def test_what_did_not_converge_says_so(asked):
     solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**asked))
     assert not solution.certificate.ok

@@ -123,6 +123,7 @@ def settled_from(problem, text):
     return refine_extremal(own, free, Stop())
 
 
+@pytest.mark.slow
 def test_a_singular_control_that_meets_a_limit_on_its_way_settles():
     # Planes that were only ever added stopped the descent where the singular control came to its upper limit.
     problem = random_problem(0, position_limit=(-np.inf, np.inf))

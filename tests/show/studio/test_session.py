@@ -97,6 +97,7 @@ def test_a_planar_arm_follows_a_position(tmp_path):
     np.testing.assert_allclose(session.pose_of("goal").translation - to.translation, [-0.05, 0, 0.02], atol=1e-8)
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_said_in_words(tmp_path):
     setup = setup_of(position_limit=(-2.0, 2.0))
     with session_of(setup, tmp_path) as session:
