@@ -47,7 +47,7 @@ def stretches(places: Index) -> list[Index]:
 
 
 def outward(mode: Mode) -> float:
-    """The sign of the limit that a mode holds a state on."""
+    """Sign of the limit of a mode: 1 for an upper, -1 for a lower one."""
     return 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
 
 
@@ -68,13 +68,13 @@ class Arc:
 
     @property
     def singular(self) -> bool:
-        """Some joint is on no limit."""
+        """Whether some joint is on no limit."""
         return Mode.FREE in self.modes
 
 
 @dataclass(frozen=True)
 class Event:
-    """A joint changes its mode, or touches a limit."""
+    """Change of a joint's mode, or a touch of a limit."""
 
     time: float
     joint: int
@@ -130,7 +130,7 @@ def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
 
 
 def merged(arcs: Sequence[Arc]) -> list[Arc]:
-    """Neighbours of the same modes become one arc."""
+    """Merge neighbouring arcs of the same modes."""
     out: list[Arc] = []
     for arc in arcs:
         if out and out[-1].modes == arc.modes and not out[-1].touches:

@@ -90,7 +90,7 @@ def _state_mode(fast: bool, v: float, contact: bool, above: bool) -> Mode:
 
 
 def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
-    """Between contacts with one limit a free torque is that contact: it costs nothing to bounce a little."""
+    """Merge two contacts with one limit and the free torque between them: a small bounce costs nothing."""
     out, runs = list(modes), _runs(modes)
     for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
         if mode is Mode.FREE and before is after and before in POSITION:
@@ -105,7 +105,7 @@ def _runs(modes: Sequence[Mode]) -> list[Run]:
 
 
 def _without_brief(modes: Sequence[Mode], mesh: Array, brief: float) -> list[Mode]:
-    """Contacts that are so brief are touches, and their torque is switching."""
+    """Turn brief contacts into touches, with a switching torque."""
     out = list(modes)
     for mode, start, stop in _runs(modes):
         if mode in POSITION or mode in VELOCITY:
@@ -124,7 +124,7 @@ def _first_mode(runs: Sequence[Run], level: Array, switching: bool) -> Mode:
 
 
 def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switching: Sequence[bool]) -> list[Event]:
-    """The switches of one joint, each where the mean torque of the intervals around it puts it."""
+    """Switching times of one joint, by the mean torque of the intervals around each."""
     events: list[Event] = []
     sign = {Mode.UPPER: 1.0, Mode.LOWER: -1.0}
     mode = _first_mode(runs, level, switching[0])

@@ -39,7 +39,7 @@ class ArcNlpData(NlpData):
 
     @property
     def spare(self) -> int:
-        """Unknowns that are free, less the equations; negative: more conditions than the structure can meet."""
+        """Number of free unknowns less that of equations; negative if the structure has too many conditions."""
         return int(np.sum(np.less(*self.x_bounds)) - np.sum(np.equal(*self.g_bounds)))
 
 
@@ -53,7 +53,7 @@ def assemble_arcs(
     offset: Array | float = 0.0,
     density: Density | None = None,
 ) -> ArcNlpData:
-    """The numbers of a structure.
+    """Data of the nonlinear program of a structure.
 
     Args:
         task: the problem and its settings.
@@ -95,7 +95,7 @@ def assemble_arcs(
 
 
 def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tuple[Array, Array]:
-    """All equations hold but those between the durations of arcs, and those that say 0 = 0."""
+    """Bounds of the equations: zero, except between the durations of arcs and for equations 0 = 0."""
     least = np.zeros((arc_of.size, layout.equations.size))
     least[np.flatnonzero(np.diff(arc_of)), layout.equations.time] = -np.inf  # every arc has a duration of its own
     for i in range(layout.nv):
@@ -115,7 +115,7 @@ class _Narrowed:
     upper: Array
 
     def loosen(self, arcs: Sequence[Arc], intervals: int) -> None:
-        """Without the limits of position that are touched, but where they are.
+        """Drop the position limits that are touched, except where they are touched.
 
         About a touch the states of a fine mesh are so near the limit that multipliers would spread over them.
         """
@@ -126,7 +126,7 @@ class _Narrowed:
                 bound[states[..., q][..., i]] = infinity
 
     def to(self, arcs: Sequence[Arc], arc_of: Index) -> None:
-        """Every joint in its mode on every interval."""
+        """Fix every joint to its mode in every interval."""
         N, layout, limits = arc_of.size, self.layout, self.problem.limits
         knots, inner, torques = layout.states(N), layout.inner_states(N), layout.torques(N)
         for k in range(N):
@@ -145,7 +145,7 @@ class _Narrowed:
                     self._hold(knots[k + 1], i, mode)
 
     def _hold(self, states: Index, i: int, mode: Mode) -> None:
-        """Joint i on its limit in states, shape (…, 2 nv)."""
+        """Fix joint i to its limit in states of shape (…, 2 nv)."""
         limits, q, v = self.problem.limits, states[..., self.layout.knot.q], states[..., self.layout.knot.v]
         if mode in VELOCITY:
             self._fix(v[..., i], (1 if mode is Mode.VELOCITY_UPPER else -1) * limits.velocity[i] / self.scales.speed)

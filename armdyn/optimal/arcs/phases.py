@@ -96,7 +96,7 @@ def motion_of(
     tau: Array,
     numbers: ArcsPolicy,
 ) -> Trajectory:
-    """The polynomials of the intervals, sampled.
+    """Sample the intervals' polynomials as a motion.
 
     Args:
         problem: says the limits, which no torque exceeds.
@@ -135,7 +135,7 @@ def motion_of(
 
 @cache
 def _weights(steps: int) -> tuple[Array, Array, Array, Array]:
-    """Parts of an interval, and there the weights of the stages, of its start and the stages, and of the curvature."""
+    """Points of an interval, and there the weights of the stages, of start and stages, and of the curvature."""
     s = np.linspace(0, 1, steps + 1)
     at_stages, slopes = lagrange(TABLEAU.c, s), differentiation(TABLEAU.c)
     return s, at_stages, lagrange(np.append(0.0, TABLEAU.c), s), at_stages @ slopes @ slopes

@@ -35,7 +35,7 @@ def solve_phases(
     offset: Array | float = 0.0,
     density: Density | None = None,
 ) -> Phases | Unresolved:
-    """Durations of arcs, by Newton's method in the shape of IPOPT.
+    """Solve for the durations of arcs, by IPOPT as Newton's method.
 
     Args:
         task: the problem and its settings; its scheme says the form of the dynamics.
@@ -71,7 +71,7 @@ def _solver(task: Task, intervals: int, near: bool) -> Solver[Nlp]:
 
 
 def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phases:
-    """The phases that unknowns and multipliers stand for."""
+    """Phases from unknowns and multipliers."""
     layout, N, n, scales, x = nlp.layout, nlp.intervals, nlp.layout.nv, nlp_data.scales, result.x
     problem, numbers = task.problem, task.policy.arcs
     units = np.array([scales.length, scales.speed])[:, None]

@@ -22,7 +22,7 @@ from armdyn.optimal.task.policy.refinement import ArcsPolicy
 
 
 def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
-    """The structure with arcs on the limits of velocity and position that hold it back unnamed; none: it names all."""
+    """Structure with arcs for the active velocity and position limits that it lacks; empty if it lacks none."""
     limits, K = problem.limits, phases.arc_of.size
     modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
     named = np.isin(modes, (*VELOCITY, *POSITION))
@@ -64,7 +64,7 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
 
 
 def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
-    """The structure without an arc whose duration has gone to nothing; none: no arc's has."""
+    """Structure without an arc whose duration has become zero; empty if there is no such arc."""
     shortest = numbers.shortest * phases.duration
     if len(phases.arcs) == 1 or min(arc.duration for arc in phases.arcs) >= shortest:
         return []
@@ -72,7 +72,7 @@ def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
 
 
 def without_idle_touches(phases: Phases) -> list[Arc]:
-    """The structure without the touches that the motion would rather not make; none: it wants them all."""
+    """Structure without touches whose multiplier has the wrong sign; empty if all are right."""
     arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
     for a, k in enumerate(last):
         required = tuple(

@@ -47,7 +47,7 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of time in their order, and what is known of the nodes between them.
+    """Cells of time in their order, and what is known at the nodes between them.
 
     Attributes:
         lengths: [s], shape (n,); of elastic cells 0.
@@ -69,7 +69,7 @@ class Cells:
 
     @classmethod
     def of(cls, leg: BoundLeg, half: float, longest: float) -> Cells | None:
-        """Cells of a leg by itself, within limits; None: no motion is as fast.
+        """Cells of a leg by itself, within limits; None if no motion is that fast.
 
         Args:
             leg: its ends.
@@ -81,7 +81,7 @@ class Cells:
 
     @classmethod
     def in_phases(cls, leg: BoundLeg, phases: Sequence[Phase], longest: float) -> Cells | None:
-        """Cells of a leg that passes regions, phase by phase, within limits; None: no motion is as fast."""
+        """Cells of a leg that passes regions, phase by phase, within limits; None if no motion is that fast."""
         rest = [leg.start.at_rest, *[False] * (len(phases) - 1), leg.goal.at_rest]
         lengths = [_lengths(*each, leg.policy) for each in zip(phases, rest[:-1], rest[1:], strict=True)]
         return cls._of(leg, phases, lengths, longest)
@@ -117,7 +117,7 @@ class Cells:
 
     @property
     def node(self) -> NDArray[np.intp]:
-        """Number of every node but for elastic cells, whose two ends count once, shape (n + 1,)."""
+        """Index of every node, where the two ends of an elastic cell count once, shape (n + 1,)."""
         return np.concatenate([[0], np.cumsum(~self.elastic)])
 
     @property
@@ -141,7 +141,7 @@ class Cells:
         return self.lengths[: self.middle]
 
     def cut(self, leg: BoundLeg, half: float) -> Cells | None:
-        """Shorter sides of a leg by itself, with bounds on the velocities there."""
+        """Cells of a leg by itself for another length of its sides, with the velocity bounds found so far."""
         new = Cells.of(leg, half, self.longest)
         if new is None:
             return None

@@ -166,7 +166,7 @@ def _runs(
     stops: Sequence[Place],
     policy: BoundPolicy,
 ) -> list[_Run]:
-    """The chain, cut where the arm passes one joint position."""
+    """Split the chain where the arm passes a single joint position."""
     legs: list[BoundLeg] = []
     passages: list[Passage | None] = []
     places = [stops[0]]
@@ -184,7 +184,7 @@ def _runs(
 
 
 def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) -> ChainBound | None:
-    """One bound of runs behind each other, given the numbers of the stops among their places."""
+    """One bound of consecutive runs, given the indices of the stops among their places."""
     duration = min(sum_down([run.duration for run in runs]), longest)
     legs = [leg for run in runs for leg in run.legs]
     places = [runs[0].stops[:1], *(run.stops[1:] for run in runs)]
@@ -201,7 +201,7 @@ def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) 
 
 @dataclass(frozen=True, eq=False)
 class _Run:
-    """Consecutive legs between places that are goal poses, but perhaps for the first and the last one.
+    """Consecutive legs between goal poses; the first and the last place may be points.
 
     Attributes:
         legs: their ends say the velocities there.

@@ -27,7 +27,7 @@ def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
 
 @built_once(maxsize=16)
 def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
-    """The equations of q: zero where the frame is at its goal, and there alone."""
+    """Equations of q that are zero exactly where the frame is at its goal."""
     q, chain = ca.SX.sym("q", dynamics.nv), chain_to(dynamics.robot, goal)
     # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
     own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]

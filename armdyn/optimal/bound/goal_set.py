@@ -114,7 +114,7 @@ class GoalSet:
         return levers
 
     def before(self, duration: float) -> GoalSet:
-        """The part of the set that motions of so long a time [s] may reach."""
+        """The part of the set that motions of a given duration [s] may reach."""
         return replace(self, within=replace(self.within, duration=duration))
 
     @property
@@ -124,7 +124,7 @@ class GoalSet:
 
     @property
     def continuous(self) -> bool:
-        """Whether many joint positions lie side by side in the set."""
+        """Whether the set is a continuum rather than isolated joint positions."""
         return any(self.goal.tolerance) or self.dynamics.nv > np.sum(np.isfinite(self.goal.deviations))
 
     @cached_property
@@ -135,7 +135,7 @@ class GoalSet:
 
     @property
     def whole(self) -> Interval | None:
-        """One box, shape (1, nv), of the set but for whole turns; None: it is not bounded."""
+        """One box, shape (1, nv), that holds the set up to whole turns; None if it is not bounded."""
         box, ends = self.within.box, self.within.ends
         if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
             return None  # after any number of turns
@@ -194,14 +194,14 @@ class GoalSet:
         return joined([*kept, boxes])
 
     def shrunk(self, boxes: Interval, stop: StopCondition) -> Interval:
-        """Boxes that touch, shape (boxes, nv): one as small as a point if they hold but an isolated joint position."""
+        """Shrink touching boxes, shape (boxes, nv), to about a point if they hold only an isolated joint position."""
         few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
         tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.isolated, stop)
         small = len(tiny.lower) == 0 or np.max(tiny.around.radius) < self.policy.isolated
         return boxes if self.continuous or not small else tiny.around[None] if len(tiny.lower) else tiny
 
     def cut(self, boxes: Interval) -> list[Interval]:
-        """Boxes, shape (boxes, nv), in two groups: where they lie along the joint in which they move the frame most."""
+        """Split boxes, shape (boxes, nv), into two groups along the joint in which they move the frame most."""
         around = boxes.around
         joint = int(np.argmax((around.upper - around.lower) * self.levers))
         along = boxes.centre[:, joint]

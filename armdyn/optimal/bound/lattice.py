@@ -58,7 +58,7 @@ class Region:
 
     @property
     def is_point(self) -> bool:
-        """Whether it is as good as one joint position, or has none that could be left out."""
+        """Whether the region is a single joint position, or cannot be divided further."""
         return self.goals is None or self.size < self.goals.policy.isolated
 
     @property
@@ -67,7 +67,7 @@ class Region:
         return float(np.max(self.hull.radius))
 
     def halves(self, stop: StopCondition) -> list[Region]:
-        """The region cut in two, perhaps with less in it."""
+        """The region split in two, perhaps tightened."""
         if self.goals is None:
             return [self]
         boxes = self.boxes
@@ -129,7 +129,7 @@ class Lattice:
         return self._path(self.bounds)
 
     def _path(self, lengths: Sequence[Array]) -> Route | None:
-        """The shortest path by other lengths of its edges [s]; None: none is finite."""
+        """Shortest path by given lengths of the edges [s]; None if none is finite."""
         least, before = np.zeros(len(self.layers[0])), []
         for each in lengths:
             if each.size == 0:
@@ -175,7 +175,7 @@ class Lattice:
         return found
 
     def _edge(self, k: int, path: Route, enough: float, number: int) -> Edge:
-        """A leg of the path, under way from now on; of use is what makes the path long enough [s]."""
+        """A leg of the path as an edge being improved; its target makes the path long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
         points, passage = all(region.is_point for region in path.regions[k : k + 2]), self.passages[k]
@@ -195,7 +195,7 @@ class Lattice:
         )
 
     def learn(self, edges: Sequence[Edge], bounds: Sequence[tuple[float, bool]]) -> None:
-        """Put in the bounds of edges [s], and whether more tries would gain nothing."""
+        """Record the bounds of edges [s], and whether more tries would gain nothing."""
         for number, (edge, (bound, done)) in enumerate(zip(edges, bounds, strict=True)):
             own = self.under_way[edge.leg] == number
             self.bounds[edge.leg][own] = np.maximum(self.bounds[edge.leg][own], bound)
@@ -222,7 +222,7 @@ class Lattice:
         return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
     def _cut(self, path: Route, stop: StopCondition) -> bool:
-        """Cut the widest region of the path in two; whether one was left to be cut."""
+        """Split the widest region of the path; False if none is left to split."""
         sizes = [0.0 if one.is_point else one.size for one in path.regions]
         k = int(np.argmax(sizes))
         if sizes[k] == 0:

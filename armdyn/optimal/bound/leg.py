@@ -40,7 +40,7 @@ class LegEnd:
         return self.v is not None and not np.any(self.v)
 
     def least(self, weights: Array, combination: Array | None = None) -> float:
-        """The least λᵀ q of all joint positions of the end, rounded down, λ of shape (nv,).
+        """Smallest λᵀ q over all joint positions of the end, rounded down, λ of shape (nv,).
 
         Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
         λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The best w is that of a small linear program; any other would do.
@@ -107,7 +107,7 @@ class BoundLeg:
 
     @property
     def friction(self) -> JointFriction:
-        """In the joints."""
+        """Friction in the joints."""
         return self.dynamics.robot.friction
 
     @cached_property
@@ -120,7 +120,7 @@ class BoundLeg:
 
     @property
     def away(self) -> Interval:
-        """From start to goal [rad or m], shape (nv,)."""
+        """Displacement from start to goal [rad or m], shape (nv,)."""
         return self.goal.q - self.start.q
 
     @property
@@ -134,7 +134,7 @@ class BoundLeg:
         return float(np.max(self.kinematic))
 
     def alone(self, away: Interval) -> Array:
-        """Times of every joint by its own limits [s], rounded down, from start to goal so far away, shape (…, nv)."""
+        """Times that every joint takes by its own limits for a displacement [s], rounded down, shape (…, nv)."""
         times = np.maximum(down(away.mignitude / self.velocity), 0.0)
         if not (self.start.at_rest and self.goal.at_rest):
             return times

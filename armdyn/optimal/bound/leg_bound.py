@@ -35,7 +35,7 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
 
 
 def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: StopCondition) -> tuple[float, int, bool]:
-    """The bound by cells for a motion as long as is known to be needed, its joint, and whether ramps fill the cells."""
+    """Bound by cells for a motion of the duration known so far, its joint, and whether ramps fill the cells."""
     cells, full, cut, numbers = Cells.of(leg, known / 2, longest), False, False, leg.policy
     for done in range(numbers.passes):
         if cells is None:

@@ -40,7 +40,7 @@ class LinearProgram:
     def unknown(
         self, shape: tuple[int, int], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf, cost: float = 0.0
     ) -> NDArray[np.intp]:
-        """Numbers of further unknowns between bounds."""
+        """Add unknowns between bounds; returns their indices."""
         first = sum(map(len, self.costs))
         bounds = [np.broadcast_to(end, shape).ravel() for end in (lower, upper)]
         self.bounds.append(np.stack(bounds, axis=-1))
@@ -48,7 +48,7 @@ class LinearProgram:
         return first + np.arange(shape[0] * shape[1]).reshape(shape)
 
     def rows(self, right: Array, place: ArrayLike = np.inf) -> NDArray[np.intp]:
-        """Numbers of further equations with these right sides.
+        """Add equations with given right sides; returns their indices.
 
         Args:
             right: sides.
@@ -61,17 +61,17 @@ class LinearProgram:
         return first + np.arange(right.size).reshape(right.shape)
 
     def diagonal(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: ArrayLike) -> None:
-        """One entry for each row."""
+        """Add one entry for each row."""
         self.entries.append((rows.ravel(), unknowns.ravel(), np.broadcast_to(values, rows.shape).ravel()))
 
     def blocks(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: Array) -> None:
-        """A dense block for each group of rows: values of shape (groups, rows, unknowns)."""
+        """Add a dense block for each group of rows: values of shape (groups, rows, unknowns)."""
         shape = values.shape
         places = np.broadcast_to(rows[:, :, None], shape), np.broadcast_to(unknowns[:, None, :], shape)
         self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
 
     def solved(self, tolerance: float) -> Array | None:
-        """The marginals of the equations, by the interior-point method of `_enclosure/`; None: not found.
+        """Solve by the interior-point method of `_enclosure/`: the marginals of the equations; None if it fails.
 
         Args:
             tolerance: of the cost, relative to 1 and to its size.

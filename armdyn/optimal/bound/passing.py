@@ -61,7 +61,7 @@ def passing_bound(
 
 @dataclass(frozen=True, eq=False)
 class _Event:
-    """Where one phase ends and the next one begins.
+    """Boundary between two consecutive phases.
 
     Attributes:
         region: of the frame.
@@ -97,7 +97,7 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
 
 
 def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: StopCondition) -> float:
-    """Least time of the first or the last phase by itself [s], the event at its other end."""
+    """Least time of the first or the last phase by itself [s], given the event at its other end."""
     numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
     known = max(known, phase.least)

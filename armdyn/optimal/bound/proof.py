@@ -63,7 +63,7 @@ class Multipliers:
 
 
 def proven(leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | None], by: Multipliers) -> float:
-    """No motion of the leg within the cells is faster than this [s]; 0 says nothing.
+    """Proven lower bound on the duration of the leg's motions within the cells [s]; 0 proves nothing.
 
     Args:
         leg: its ends.

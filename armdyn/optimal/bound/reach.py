@@ -29,7 +29,7 @@ _HUGE = 1e100
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """One end of a leg, seen from there.
+    """One end of a leg, with time and motion counted from it.
 
     Attributes:
         inertia: M there [kg m²], shape (nv, nv).

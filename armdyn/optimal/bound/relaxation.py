@@ -211,7 +211,7 @@ def _multipliers(
 
 
 def _way(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, duration: float) -> Indices:
-    """Add the rows Σ Δt v = θ Δq, with the places within the ends' boxes as further unknowns, and the cost of θ."""
+    """Add the rows Σ Δt v = θ Δq, with positions within the ends' boxes as unknowns, and the cost of θ."""
     nv, scale = len(leg.velocity), duration * leg.velocity
     ways, made = program.rows(np.zeros(nv)), program.unknown((1, 1), cost=-1.0)
     times = np.where(cells.elastic, max(duration - np.sum(cells.lengths), 0.0), cells.lengths)

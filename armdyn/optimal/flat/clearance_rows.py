@@ -57,7 +57,7 @@ class ClearanceRows:
 
     @cached_property
     def _weights(self) -> Array:
-        """Of the control points that a pose depends on, shape (poses, WINDOW)."""
+        """Weights of the control points that a pose depends on, shape (poses, WINDOW)."""
         return np.concatenate([basis.local(s, 0)[:, 0] for basis, s in self.legs])
 
     def at(self, shape: CurveLayout, x: Array) -> Linearised:

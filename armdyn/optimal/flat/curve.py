@@ -40,7 +40,7 @@ class CurveLeg:
 
     @property
     def fastest(self) -> Array:
-        """Bounds of the joints' velocities, by their control points [rad/s or m/s], shape (nv,)."""
+        """Upper bounds of the joints' speeds, by their control points [rad/s or m/s], shape (nv,)."""
         controls = self.basis.factors(1)[:, None] * np.diff(self.points, axis=0)
         return np.asarray(np.max(np.abs(controls), axis=0) / self.duration)
 
@@ -65,7 +65,7 @@ class Curve:
 
     @classmethod
     def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: ArrayLike) -> Self:
-        """From pose to pose on straight lines, gaining speed, cruising, losing it.
+        """Curve from pose to pose on straight lines: accelerate, cruise, decelerate.
 
         Args:
             problem: its poses.
@@ -80,7 +80,7 @@ class Curve:
     def along(
         cls, paths: Sequence[Array], bases: Sequence[Basis], durations: ArrayLike, speed: Array, flying: bool = False
     ) -> Self:
-        """Along paths of straight segments, gaining speed, cruising, losing it.
+        """Curve along paths of straight segments: accelerate, cruise, decelerate.
 
         Args:
             paths: of every leg, joint positions [rad or m], shape (n, nv).
@@ -99,13 +99,13 @@ class Curve:
         return cls(tuple(legs))
 
     def on(self, bases: Sequence[Basis]) -> Self:
-        """About the same motion with other bases of its legs."""
+        """The curve on other bases of its legs, approximately the same motion."""
         pairs = zip(bases, self.legs, strict=True)
         return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
-        """A curve whose control points are positions of a motion.
+        """Curve whose control points are sampled from a motion.
 
         Args:
             motion: any.

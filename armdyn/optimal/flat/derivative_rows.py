@@ -35,7 +35,7 @@ class Sides:
 
     @property
     def missed(self) -> float:
-        """Sum of what the rows are beyond their bounds."""
+        """Sum of the rows' violations."""
         low, high = self.bounds
         return float(np.sum(np.maximum(np.maximum(self.values - high, low - self.values), 0)))
 
@@ -53,7 +53,7 @@ class Sides:
         return type(self)(*own, self.closed)
 
     def below(self, x: Array) -> tuple[tuple[sp.csr_matrix, ...], Array, Index]:
-        """Both sides as rows of a step below tops, and of which row each is, the upper sides first.
+        """Both sides as one-sided rows of a step, the upper ones first, and the index of each one's row.
 
         c / T^k <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent of T^k is used, which is
         exact or on the safe side.

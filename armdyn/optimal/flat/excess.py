@@ -84,7 +84,7 @@ def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
 
 
 def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
-    """More room where a torque exceeds its limit; a point that has no room left takes it from both its neighbours.
+    """Larger margin where a torque exceeds its limit; at a point whose range is used up, both neighbours get it.
 
     Args:
         task: its tuned numbers.

@@ -177,7 +177,7 @@ def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
 
 
 def finite(limit: Array) -> Array:
-    """Limits as scales: 1 where there is none."""
+    """Limits as scales: 1 in place of infinity."""
     return np.where(np.isinf(limit), 1.0, limit)
 
 
@@ -256,7 +256,7 @@ def _ends_free(constraints: TightenedConstraints) -> bool:
 
 
 def _fix_ends(problem: MinimumTimeProblem, leg: int, points: Index, sides: tuple[Array, Array], free: bool) -> None:
-    """Give a leg's ends their poses, unless these are free, and rest where the motion begins and ends."""
+    """Fix a leg's ends to their poses, unless these are free, and to rest at the motion's start and goal."""
     ends = ((0, 1, leg == 0, problem.v_start), (-1, -1, leg == len(problem.poses) - 2, problem.v_goal))
     for place, inward, outer, v in ends:
         if (free and outer and place) or (not outer and leg - (place == 0) in problem.via_regions):

@@ -133,12 +133,12 @@ class CurveLayout:
         return np.hstack([torques[:-1], torques[1:], np.full((len(torques) - 1, 1), self.duration(leg))]).T
 
     def torque_meeting(self, leg: int) -> Index:
-        """Those from the last point of the leg before to the first of this one, one column."""
+        """Unknowns of the torques' rate from the leg before to this one, one column."""
         ends = self.torques(leg - 1)[-1], self.torques(leg)[0]
         return np.concatenate([*ends, [self.duration(leg - 1), self.duration(leg)]])[:, None]
 
     def torque_ends(self) -> tuple[Index, Index]:
-        """Those from the start to the first point, and from the last to the goal, one column each."""
+        """Unknowns of the torques' rates at the start and at the goal, one column each."""
         last = self.legs[-1]
         ends = (self.torques(0)[0], self.duration(0)), (self.torques(last)[-1], self.duration(last))
         first, final = (np.append(torques, duration)[:, None] for torques, duration in ends)
@@ -212,7 +212,7 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
 
 
 def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
-    """Blocks with their parameters: the shared ones, then part by part those of the places and the common ones."""
+    """Blocks with the indices of their parameters: the shared ones, then each part's own and its common ones."""
     blocks, first = [], shared
     for part in parts:
         places = part.index.shape[1]

@@ -243,7 +243,7 @@ def _at_the_ends(leg: CurveLeg, numbers: SequentialPolicy) -> TorqueMargin:
 
 
 def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> ConstraintReports:
-    """How a curve keeps the path constraints.
+    """Reports on a curve's path constraints.
 
     Args:
         task: what is asked.

@@ -159,7 +159,7 @@ class Sequential:
                 return None, step, trust, iterations
 
     def _point(self, x: Array) -> _Iterate:
-        """An iterate from unknowns whose torques may be any."""
+        """An iterate from unknowns; its torques are recomputed."""
         problem = self.problem
         torques, velocities = problem.torque_rows.at(x), problem.velocities(x)
         x = x.copy()

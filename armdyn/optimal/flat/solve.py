@@ -139,7 +139,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
 
 
 def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
-    """Price of squared accelerations over velocity limits, by the unknowns; none where torques have a price."""
+    """Weights of squared accelerations over velocity limits, by the unknowns; none where torques are paid for."""
     if spec.smooth or spec.travel:
         return sp.csr_matrix((shape.size, shape.size))
     numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])

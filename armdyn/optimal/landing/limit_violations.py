@@ -15,7 +15,7 @@ BETWEEN = 8
 
 @dataclass(frozen=True, eq=False)
 class Excess:
-    """A motion against one kind of limit.
+    """Excess of a motion over one kind of limit.
 
     Attributes:
         limit: which, for people.
@@ -35,13 +35,13 @@ class Excess:
         return max(0.0, float(np.max(self.beyond / self.size)))
 
     def worst(self, joint_names: tuple[str, ...]) -> Violation:
-        """Where it is largest."""
+        """Largest violation, with its joint and time."""
         k, i = np.unravel_index(np.argmax(self.beyond / self.size), self.beyond.shape)
         return Violation(self.limit, joint_names[i], float(self.t[k]), float(self.beyond[k, i] / self.size[i]))
 
 
 def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> tuple[Excess, Excess, Excess]:
-    """A motion against its torque, velocity and position limits.
+    """Excesses of a motion over its torque, velocity and position limits.
 
     Torque is linear between samples and is looked at there. The size of a torque limit is half its range, that of a
     position limit its range, or 1 rad where that is less or there is none.

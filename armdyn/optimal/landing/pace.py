@@ -27,7 +27,7 @@ def can_be_slowed(problem: MinimumTimeProblem) -> bool:
 
 
 def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
-    """Whether slowing a motion down a little makes it keep its limits.
+    """Whether a motion keeps its limits once it is slowed down a little.
 
     Args:
         problem: of the motion.

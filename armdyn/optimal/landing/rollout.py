@@ -72,7 +72,7 @@ def _piece_by_piece(robot: Robot, trajectory: Trajectory, rtol: float, stop: Cal
 
 
 def dense(motion: Trajectory, samples: int) -> Trajectory:
-    """The torques, sampled so densely that they stay linear between samples when slowed down.
+    """Resample torques so densely that they are linear between samples even when slowed down.
 
     Args:
         motion: whose torques are; its states are not looked at, and are no longer right.

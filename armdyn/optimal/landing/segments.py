@@ -141,7 +141,7 @@ def transitions(
 
 
 def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
-    """The motion with samples at most some time apart.
+    """Resample a motion so that samples are at most a given time apart.
 
     Args:
         robot: the arm.

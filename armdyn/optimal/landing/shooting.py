@@ -97,7 +97,7 @@ def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Arra
 
 
 def landed(task: Task, attempt: Attempt) -> Shooting | None:
-    """The motion of a solution on a mesh that lands, within its torque limits; None: there is none near.
+    """Correct the motion of a solution on a mesh to reach the goal within its torque limits; None if none is near.
 
     Args:
         task: the problem and its settings.
@@ -117,7 +117,7 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
 
 
 def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
-    """The replay of a mesh's motion, landed where that is possible.
+    """Replay a mesh's motion, corrected to reach the goal where that is possible.
 
     What multiple shooting leaves, with dry friction all of it, is closed by the replay's own miss, from its own states.
     """
@@ -154,7 +154,7 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
 def _closed(
     motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
 ) -> tuple[Shooting, Flags]:
-    """One step of Newton's method, and which torques are still free: one that would exceed a limit stays on it."""
+    """One step of Newton's method, and the torques that are still free: one that would exceed a limit stays on it."""
     gap, by_state, by_torque, by_time = found
     actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
     share = np.diff(motion.t)[:, None] / motion.t[-1]

@@ -155,7 +155,7 @@ def _taken(
     how: tuple[TorqueMargin, Pace, bool],
     distances: Distances | None,
 ) -> tuple[Iterate, float]:
-    """The next curve, which is the same if the step makes things worse, and the next step's reach.
+    """The next curve, or the same one if the step makes the merit worse; and the next step's size.
 
     Nocedal and Wright, Numerical Optimization, 2006, algorithm 4.1.
     """
@@ -189,7 +189,7 @@ def _slowed(
 
 
 def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen: Checked, near: bool) -> TorqueMargin:
-    """Margins by what torques exceed those at their places by around these, where they would exceed a limit.
+    """Torque margins for the next step, larger around places where torques exceed their limits.
 
     Args:
         program: of the steps.

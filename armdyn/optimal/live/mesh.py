@@ -26,7 +26,7 @@ class Places:
 
     @cached_property
     def places(self) -> Array:
-        """Where torques are limited: breaks and the middles between them, as parts of the duration, shape (places,)."""
+        """Breaks and the middles between them, where torques are limited, as parts of the duration, shape (places,)."""
         breaks = self.basis.breaks
         inner = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(_PER_INTERVAL) / _PER_INTERVAL
         return np.append(inner.ravel(), 1.0)
@@ -39,7 +39,7 @@ class Places:
 
     @cached_property
     def fine(self) -> Array:
-        """Where limits are checked, shape (intervals, looks + 1): breaks are in two intervals."""
+        """Places where limits are checked, shape (intervals, looks + 1): breaks are in two intervals."""
         breaks = self.basis.breaks
         return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.looks + 1)
 

@@ -165,7 +165,7 @@ class StepProgram:
         return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), near)
 
     def merit(self, at: Iterate, margins: TorqueMargin, price: float) -> float:
-        """Cost and prices of what is violated [s]; price: of a torque [s]."""
+        """Cost plus the priced violations [s]; price: of a torque [s]."""
         policy = self.policy
         torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
         rates = sum(price * sides.missed for price, sides in self._priced(at))

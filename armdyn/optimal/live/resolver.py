@@ -171,7 +171,7 @@ class Resolver:
         return problem
 
     def _prepared(self, problem: MinimumTimeProblem) -> LimitedArm:
-        """The arm with its program: laid out again where limits have changed; its dynamics where the robot has."""
+        """The arm with its program: rebuilt only where limits or the robot have changed."""
         known, acceleration = self._arm, np.full(self.robot.nv, np.inf)
         if problem.acceleration_limit is not None:
             acceleration = np.asarray(problem.acceleration_limit)
@@ -190,7 +190,7 @@ class Resolver:
         return known
 
     def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
-        """The rest of the last motion where it goes to the goal, or rest where the arm is there; None: neither."""
+        """Rest of the last motion if it goes to the goal, or a rest if the arm is there; None otherwise."""
         if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
             return at_rest(arm, ends.goal, distances)
         last = self._last

@@ -68,7 +68,7 @@ class KeepsClear(PathConstraint):
         return ConstraintReport(self.name, str(clearance), None, reasons, worst, missed, clearance)
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Ask for distances at the times at which they were missed, too."""
+        """Require distances also at the times at which they were violated."""
         if not report.missed.size:
             return self
         own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])

@@ -23,7 +23,7 @@ class Legs:
 
     @property
     def of(self) -> Index:
-        """Each interval's leg, shape (N,)."""
+        """Leg of each interval, shape (N,)."""
         return np.repeat(np.arange(len(self.intervals)), self.intervals)
 
     @property
@@ -33,7 +33,7 @@ class Legs:
 
 
 def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> Legs:
-    """Legs by when a guess passes nearest to the via points, in their order.
+    """Distribute intervals over legs by the times at which a guess passes the via points.
 
     Every leg gets a part of the mesh by its part of the time, and a few intervals at least.
     """

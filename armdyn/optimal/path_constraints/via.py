@@ -68,7 +68,7 @@ class ViaPoints(PathConstraint):
         return ConstraintReport(self.name, words, None, tuple(reasons), most, np.array(errors))
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Ask for less of a region's tolerance where the replay passed outside."""
+        """Lower a region's tolerance where the replay passed outside."""
         parts = list(self.parts or np.ones(len(problem.via)))
         for i, region in problem.via_regions.items():
             given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]

@@ -37,7 +37,7 @@ class CondensedNlp(Program):
 
 
 def has_condensed(scheme: Scheme) -> bool:
-    """Whether a scheme can do with so few unknowns."""
+    """Whether a scheme has a condensed layout."""
     return scheme.tableau is LOBATTO_3 and scheme.dynamics == "forward" and scheme.control != "stage"
 
 

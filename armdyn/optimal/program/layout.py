@@ -114,7 +114,7 @@ class Layout:
 
     @property
     def linear(self) -> bool:
-        """Whether the torque is, between knots, where it then stands."""
+        """Whether the torque between knots is linear, so that it is an unknown at knots."""
         return self.scheme.control == "linear"
 
     @cached_property

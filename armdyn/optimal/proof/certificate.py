@@ -127,7 +127,7 @@ class Certificate:
 
     @property
     def lands(self) -> bool:
-        """Whether the replay ends near the goal, and its states are those that its torques lead to."""
+        """Whether the replay ends near the goal, and its torques reproduce its states."""
         return self.goal_error <= self.landing and self.repeats
 
     @property
@@ -147,7 +147,7 @@ class Certificate:
 
     @property
     def on_goal(self) -> bool:
-        """Whether the replay ends so near the goal that its duration is that of a motion to the goal."""
+        """Whether the replay ends close enough to the goal to have the duration of a motion to the goal."""
         return self.goal_error <= GOAL_TOLERANCE and self.repeats
 
     @property
@@ -244,7 +244,7 @@ def percent(part: float) -> str:
 
 
 def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
-    """Texts of the values that exceed their bounds; NaN exceeds."""
+    """Texts of the values that exceed their bounds, NaN included."""
     return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
 
 

@@ -36,7 +36,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class MeshCostates:
-    """Costates at the knots of a motion, and what a change of it saves to first order, at most.
+    """Costates at the knots of a motion, and the largest first-order saving by any change of it.
 
     Attributes:
         t: knots [s], shape (K + 1,).
@@ -59,7 +59,7 @@ class MeshCostates:
 def mesh_costates(
     problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
 ) -> MeshCostates | None:
-    """The costates that come nearest to Pontryagin's conditions; None: some step was not solved.
+    """Costates that violate Pontryagin's conditions least; None if a step of that was not solved.
 
     Args:
         problem: whose motion it is; time alone counts.
@@ -211,7 +211,7 @@ class _StationarityProgram:
         return self._measured(stretches, costates.reshape(G + 1, 2 * n), multipliers)
 
     def _stretches(self) -> _Stretches:
-        """Intervals together until they are as long as a stretch."""
+        """Merge intervals into stretches of at least a given length."""
         (K, n), h = self.share.shape, np.diff(self.motion.t) / self.motion.t[-1]
         ends, length = [0], 0.0
         for k in range(K):

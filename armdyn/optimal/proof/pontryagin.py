@@ -13,7 +13,7 @@ from armdyn.optimal.task.tableau import lagrange
 
 
 def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Array, float]:
-    """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; the worst sign."""
+    """H, shape (K + 1,), and S, shape (K + 1, nv), at the knots; largest violation of a sign condition."""
     robot, n, w = problem.robot, problem.robot.nv, problem.effort_weight
     tau, rates = _at_knots(phases), phases.costate[:, n:]  # the costates of the velocities
     acceleration = forward_dynamics(robot)(phases.q, phases.v, tau)
@@ -34,7 +34,7 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
 
 
 def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints that time leaves undetermined for more than half of the motion: off all limits, with zero costates.
+    """Joints whose motion the minimum time leaves undetermined for more than half of it: no limit, zero costates.
 
     Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
 

@@ -27,14 +27,14 @@ _RELAXED = 1e-8
 
 
 def condensable(task: Task) -> bool:
-    """Whether a search may do with so few unknowns."""
+    """Whether a search may use the condensed program."""
     return has_condensed(task.scheme) and task.policy.program.condensed
 
 
 def solve_quickly(
     task: Task, guess: Trajectory, intervals: int, settings: SolverSettings, between: bool = True
 ) -> Attempt:
-    """`direct.solve_on_mesh`, by way of the condensed program where that is possible.
+    """Like `direct.solve_on_mesh`, by the condensed program where that is possible.
 
     Args:
         task: the problem and its settings.
@@ -134,7 +134,7 @@ def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> Non
 
 
 def _on_limits(task: Task, guess: Trajectory) -> bool:
-    """A guess that reaches a position or velocity limit is likely to exceed it between the knots."""
+    """Whether a guess reaches a position or velocity limit: it then likely exceeds it between the knots."""
     limits, near = task.problem.limits, task.policy.program.near_limit
     room = near * np.ptp(guess.q, axis=0)
     beyond = np.any((guess.q <= limits.position_lower + room) | (guess.q >= limits.position_upper - room))

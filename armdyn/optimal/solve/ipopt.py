@@ -29,7 +29,7 @@ class _Muted:
         self._thread = -1
 
     def write(self, text: str) -> int:
-        """Passed on, if another thread writes."""
+        """Pass the text on if another thread writes."""
         return len(text) if threading.get_ident() == self._thread else self._stream.write(text)
 
     def __getattr__(self, name: str) -> Any:
@@ -38,7 +38,7 @@ class _Muted:
 
 @contextmanager
 def silence(verbose: bool) -> Iterator[None]:
-    """Within it nothing that this thread says is heard, on standard output and error.
+    """Context that drops this thread's output on standard output and error.
 
     Args:
         verbose: let it be heard.

@@ -75,7 +75,7 @@ class SpeedContact:
 def speed_contacts(
     shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory
 ) -> tuple[list[Arc], list[SpeedContact]]:
-    """Arcs, cut where such contacts begin and end, and the contacts.
+    """Contacts with velocity limits held by another joint's torque, and the arcs, cut where these begin and end.
 
     Args:
         shooting: the shooting problem.
@@ -105,7 +105,7 @@ def speed_contacts(
 def _contact(
     shooting: ShootingProblem, arc: Arc, motion: Trajectory, whole: tuple[float, float]
 ) -> SpeedContact | None:
-    """The longest contact of a joint whose torque is full on an arc on which another torque is free."""
+    """The longest contact in which a joint's own torque is saturated on an arc where another torque is free."""
     limits, policy = shooting.problem.limits, shooting.policy
     other = next((j for j, mode in enumerate(arc.modes) if mode is Mode.FREE), None)
     if other is None:

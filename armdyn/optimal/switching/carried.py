@@ -16,7 +16,7 @@ from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 def with_carrier(
     extremal: Extremal, whole: SampledExtremal, segment: Segment, press: Mode
 ) -> SwitchingStructure | None:
-    """The structure with a contact that another joint holds; None: none can, or another does already.
+    """Structure in which another joint holds a contact; None if none can, or one does already.
 
     Of the joints that can, the one whose torque H feels least.
 
@@ -166,7 +166,7 @@ def _within(structure: SwitchingStructure, begin: float, end: float, near: float
 
 
 def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float, near: float) -> bool:
-    """Whether a joint's torque is on its limits between two times [s], so that it may hold another joint instead."""
+    """Whether a joint's torque is saturated between two times [s], so that it may hold another joint instead."""
     first = int(np.searchsorted(structure.times, begin - near))
     modes = [structure.modes()[first][joint]]
     modes += [change.mode for change in _within(structure, begin, end, near) if change.is_of(joint)]

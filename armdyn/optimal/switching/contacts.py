@@ -17,7 +17,7 @@ from armdyn.optimal.task.policy.switching import ContactPolicy
 
 
 def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
-    """Structures without parts of a contact that cannot be held or would rather be let go, the likeliest first.
+    """Structures without the parts of a contact that cannot be held or should be released, the likeliest first.
 
     Where a joint takes more torque than it has, its torque is full and another joint's torque holds it, or it only
     touches. A contact whose multiplier has the wrong sign is let go: inward torque takes the joint off, outward torque
@@ -67,7 +67,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
 
 @dataclass(frozen=True)
 class _Weak:
-    """A part of a contact that takes more torque than there is.
+    """Part of a contact in which the torque would have to exceed its limit.
 
     Attributes:
         part: from where to where, from 0 to 1.
@@ -128,7 +128,7 @@ class Contact:
 
     @property
     def weak(self) -> _Weak | None:
-        """The first part in which a torque would have to be beyond its limit, and which; None: it never is."""
+        """First part in which a torque would have to exceed its limit, and that limit; None if none would."""
         beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * self.numbers.excess)
         if not beyond.size:
             return None
@@ -142,7 +142,7 @@ class Contact:
         return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
 
     def unwilling(self, largest: float) -> tuple[float, float] | None:
-        """The first part in which the limit would have to pull the joint; None: it never has to.
+        """First part in which the limit's multiplier has the wrong sign; None without such a part.
 
         Args:
             largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
@@ -167,7 +167,7 @@ class Contact:
 
 
 def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
-    """The structure with a touch where a contact ends, and from its beginning the torque that follows; if one does."""
+    """Structure with a touch in place of the end of a contact, and the torque that follows from its beginning on."""
     structure = extremal.structure
     contact = structure.changes[segment.begin]
     if segment.end == structure.size or structure.changes[segment.end].mode not in BANG:
@@ -183,7 +183,7 @@ def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
 def _let_go(
     extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
 ) -> SwitchingStructure:
-    """The structure with a contact that is let go for a part of it.
+    """Structure in which a part of a contact is released.
 
     Args:
         extremal: whose structure it is.

@@ -209,7 +209,7 @@ def _carried(rollout: Rollout, step: Index, part: Array) -> tuple[Array, Array, 
 
 
 def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
-    """Costates of the whole arm, and how hard limits pull on them per second, both of the shape of `_At.x`."""
+    """Costates of the whole arm, and the limits' multipliers per second, both of the shape of `_At.x`."""
     costate, state_multipliers = at.p.copy(), np.zeros_like(at.p)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])
@@ -226,7 +226,7 @@ def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
 
 
 def _torques(at: _At, robot: Robot) -> Array:
-    """With those that hold a joint."""
+    """Torques, including those that hold a joint on its limit."""
     n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = at.holder[k, at.position[k] | at.velocity[k]]

@@ -91,13 +91,13 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
 
 
 def _nearest(shooting: ShootingProblem, joint: int, tau: Array) -> Mode:
-    """The limit that a joint's torque is nearer to."""
+    """The torque limit nearest to a joint's torque."""
     limits = shooting.problem.limits
     return Mode.UPPER if 2 * tau[joint] > limits.actuators.upper[joint] + limits.actuators.lower[joint] else Mode.LOWER
 
 
 def banged(arcs: Sequence[Arc], shares: Array, left: Flags | None = None) -> list[Arc]:
-    """Arcs whose free torques are full ones of the same mean.
+    """Replace free torques by bang arcs of the same mean.
 
     Args:
         arcs: perhaps with joints on no limit.
@@ -129,7 +129,7 @@ def banged(arcs: Sequence[Arc], shares: Array, left: Flags | None = None) -> lis
 
 
 def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajectory, samples: int) -> Array:
-    """How much of its range every torque is above its lower limit, in the mean of samples of an arc, (arcs, nv)."""
+    """Mean torque of each arc as a fraction of its range above the lower limit, shape (arcs, nv)."""
     limits = problem.limits
     edges = np.cumsum([0.0, *(arc.duration for arc in arcs)])
     edges *= motion.duration / edges[-1]
@@ -139,7 +139,7 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
 
 
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
-    """A free stretch as full torques: its first mode, and where it changes to which, as parts of the stretch."""
+    """Bang arcs in place of a free stretch: the first mode, and the later ones with their times as fractions."""
     share = min(max(share, 0.02), 0.98)
     first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
     own = share if first is Mode.UPPER else 1 - share

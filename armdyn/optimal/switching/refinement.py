@@ -38,7 +38,7 @@ class RefinedExtremal:
     reached: SwitchingStructure | None = None
 
     def or_else(self, linear: LinearizedRollout | None, why: str) -> Self:
-        """This or, where no extremal is known, the fastest motion that lands within its limits.
+        """This result; if no extremal is known, that of the fastest motion that reaches the goal within its limits.
 
         Args:
             linear: the motion, if there is one.
@@ -57,7 +57,7 @@ def shooting_problem(task: Task, motion: Trajectory) -> ShootingProblem:
 
 
 def prepare_switching(task: Task) -> None:
-    """Build the integrator of structures, unless it is built: before a fork, so that every worker has it."""
+    """Build the integrator of structures before a fork, so that every worker has it."""
     if not task.stop:
         _flow(task)
 
@@ -130,7 +130,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
 def _tried(
     shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
-    """The extremal that a structure leads to within a part of the budget, and whether it was given up."""
+    """The extremal of a structure within a part of the budget, and whether the attempt was given up."""
     if not waiting or not isinstance(stop, Budget):
         found = fastest(shooting, structure, stop)
         return found, bool(stop)
@@ -200,7 +200,7 @@ class _Others:
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
-    """Whether the duration leaves some joint's motion open for more than half of the time.
+    """Whether some joint's motion is undetermined by the minimum time for more than half of the duration.
 
     Such a joint is better moved gently than from limit to limit.
 

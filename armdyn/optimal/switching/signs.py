@@ -35,7 +35,7 @@ class WrongSign:
 
 
 def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
-    """Stretches on which the switching functions ask for the other limit, the worst first.
+    """Stretches on which the switching function's sign asks for the other limit, the worst first.
 
     Args:
         extremal: its costates and switching functions.
@@ -83,7 +83,7 @@ def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
 def with_signs(
     extremal: Extremal, wrong: list[WrongSign], structure: SwitchingStructure | None = None
 ) -> SwitchingStructure:
-    """A structure with a short bang arc on the other limit where it is asked for.
+    """Structure with a short bang arc on the other limit where the switching function asks for it.
 
     Args:
         extremal: what lacks it.
@@ -104,7 +104,7 @@ def with_signs(
 
 
 def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
-    """The structure without touches that the motion would rather not make; None: it wants them all.
+    """Structure without touches whose multiplier has the wrong sign; None if all are right.
 
     A limit of velocity that is met for no time at all is touched, too.
     """
@@ -120,7 +120,7 @@ def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
 
 
 def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
-    """The structure without segments of no length on velocity limits that do not hold the motion back; None: all do."""
+    """Structure without empty segments on velocity limits whose multiplier is wrong; None if none are."""
     structure, size = extremal.structure, extremal.rollout.start.shape[1]
     state_multipliers = {
         k: outward(structure.changes[k].mode) * multiplier

@@ -18,7 +18,7 @@ from armdyn.optimal.task.policy.switching import SingularPolicy
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
-    """The structure with a free torque where the worst joint's switching function hovers; None: it hovers nowhere.
+    """Structure with a singular arc where the worst joint's switching function stays near zero; None if it never does.
 
     Args:
         extremal: whose torques are all on limits, or free where no other would be.
@@ -42,7 +42,7 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
 
 
 def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure | None:
-    """The structure with more freedom where a free torque's switching function is not zero; None: each is, or has all.
+    """Structure with more coefficients where singular arcs' switching functions are not zero; None if none needs more.
 
     Args:
         extremal: with free torques.
@@ -108,7 +108,7 @@ class _FreeTorque:
         return cls(joint, t, switching * (high - low), slack, extremal.shooting.policy.singular)
 
     def held(self, least: float) -> list[tuple[float, float, Mode]]:
-        """Where it is to stay on a limit that it has reached: begin, end [s], and which.
+        """Stretches on which the torque is to stay on a limit it has reached: begin, end [s], and the limit.
 
         Args:
             least: by how much H rises off the limit at most.
@@ -121,7 +121,7 @@ class _FreeTorque:
         return sorted(out)
 
     def kinked(self, extremal: Extremal, least: float) -> list[tuple[float, float, Mode]]:
-        """Where another joint meets a limit of the state, whose pull bends the switching function; likewise.
+        """Stretches on which another joint meets a state limit, which kinks the switching function; likewise.
 
         No torque takes the bend away: the arc ends before it, or begins after it.
         """
@@ -171,7 +171,7 @@ def idle_fall(extremal: Extremal, k: int) -> float:
 
 
 def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end: float) -> frozenset[int]:
-    """Other joints that change between two times [s]."""
+    """Other joints whose torques jump between two times [s]."""
     return frozenset(
         change.joint
         for change, time in zip(structure.changes, structure.times, strict=True)

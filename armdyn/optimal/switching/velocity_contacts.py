@@ -14,7 +14,7 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 def kept_at_speed(
     extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
 ) -> SwitchingStructure | None:
-    """The structure in which another joint's torque keeps a joint on its velocity limit, its own torque being full.
+    """Structure in which another joint's torque keeps a joint at its velocity limit while its own is saturated.
 
     Where no torque jumps, at the beginning or at the end, the joint's velocity stays as it is with the other torque on
     its limit: stationarity of the duration alone would lead away from there, as it is longest there.
@@ -68,7 +68,7 @@ def kept_at_speed(
 def left_at_speed(
     extremal: Extremal, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
 ) -> SwitchingStructure | None:
-    """The structure with a joint off its velocity limit, where another joint's torque keeps it there.
+    """Structure in which a joint leaves its velocity limit, where another joint's torque holds it there.
 
     Args:
         extremal: of which the states are.

@@ -32,12 +32,12 @@ class Affine:
 
     @property
     def parts(self) -> tuple[Array, ...]:
-        """The arrays that it is made of."""
+        """The arrays of the forms."""
         return self.centre, self.slopes, self.rest
 
     @property
     def far(self) -> Array:
-        """How far from the centre, at most, but for rounding."""
+        """Largest distance from the centre, before rounding."""
         return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
 
     @property

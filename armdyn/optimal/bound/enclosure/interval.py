@@ -65,7 +65,7 @@ class Interval:
 
     @property
     def radius(self) -> Array:
-        """How far the ends are from `centre`, at most."""
+        """Largest distance of the ends from `centre`."""
         centre = self.centre
         return np.where(self.lower == self.upper, 0.0, up(np.maximum(self.upper - centre, centre - self.lower)))
 
@@ -95,7 +95,7 @@ class Interval:
         )
 
     def outward(self) -> Interval:
-        """Rounded outward once more."""
+        """Round outward once more."""
         return Interval(down(self.lower), up(self.upper))
 
     def meet(self, other: Interval) -> Interval:
@@ -109,7 +109,7 @@ class Interval:
 
     @property
     def around(self) -> Interval:
-        """One interval that holds all along the first axis."""
+        """Hull along the first axis."""
         return Interval(np.min(self.lower, axis=0), np.max(self.upper, axis=0))
 
     def hull(self, other: Interval) -> Interval:
@@ -117,13 +117,13 @@ class Interval:
         return Interval(np.minimum(self.lower, other.lower), np.maximum(self.upper, other.upper))
 
     def turned(self, axes: tuple[int, ...]) -> Interval:
-        """With its axes in another order."""
+        """Transpose."""
         return Interval(
             np.ascontiguousarray(self.lower.transpose(axes)), np.ascontiguousarray(self.upper.transpose(axes))
         )
 
     def shaped(self, shape: tuple[int, ...]) -> Interval:
-        """In another shape of as many places."""
+        """Reshape."""
         return Interval(self.lower.reshape(shape), self.upper.reshape(shape))
 
     def spread(self, shape: tuple[int, ...]) -> Interval:
@@ -144,12 +144,12 @@ class Interval:
         return Interval(self.lower @ plus - self.upper @ minus - error, self.upper @ plus - self.lower @ minus + error)
 
     def sum(self, axis: int) -> Interval:
-        """Along an axis."""
+        """Sum along an axis."""
         error = rounding(self.lower.shape[axis], np.sum(self.magnitude, axis))
         return Interval(np.sum(self.lower, axis) - error, np.sum(self.upper, axis) + error)
 
     def running(self) -> Interval:
-        """Sums of the first 0, 1, … along the first axis, shape (n + 1, …)."""
+        """Partial sums along the first axis, from none to all, shape (n + 1, …)."""
         sizes = _from_zero(np.cumsum(self.magnitude, 0))
         error = rounding(len(self.lower), sizes)
         return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
@@ -185,12 +185,12 @@ def _hull(ends: Iterable[Array]) -> Interval:
 
 
 def down(x: Array) -> Array:
-    """No further up than the next float below, see `_step`."""
+    """Round down to a float at most two below, see `_step`."""
     return np.asarray(np.minimum(x - _step(x), _LARGEST))
 
 
 def up(x: Array) -> Array:
-    """No further down than the next float above."""
+    """Round up to a float at most two above."""
     return np.asarray(np.maximum(x + _step(x), -_LARGEST))
 
 

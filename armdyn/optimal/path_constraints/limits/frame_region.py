@@ -68,7 +68,7 @@ class FrameRegion(PartialLimit):
         return {"region": self.region, **({} if self.leg is None else {"leg": self.leg})}
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """Check the frame, and complete the tolerances in all directions in which it can move."""
+        """Check the frame, and fill in tolerances for all directions in which it can move."""
         try:
             moving = moving_directions(robot, self.region)
         except SpecError as error:
@@ -109,7 +109,7 @@ class FrameRegion(PartialLimit):
         return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """Check the region by Pinocchio, at so many times that second derivatives prove the rest."""
+        """Check the region by Pinocchio, so densely that bounds of second derivatives prove the rest."""
         marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
         first, last = (marks[0], marks[-1]) if self.leg is None else marks[self.leg : self.leg + 2]
         limited = np.isfinite(self.region.deviations) & moving_directions(problem.robot, self.region)
@@ -128,7 +128,7 @@ class FrameRegion(PartialLimit):
         return ConstraintReport(name, words, share, tuple(reasons), worst)
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Ask for less of the tolerances by what was used beyond them, and a little more."""
+        """Lower the tolerances by what the replay exceeded them, and a little more."""
         if not report.reasons:
             return self
         part = (1 - self.policy.region_spare) * self.part / max(float(report.share or 1), 1.0)

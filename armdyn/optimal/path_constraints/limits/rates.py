@@ -30,7 +30,7 @@ def times_within(motion: Trajectory) -> Array:
 
 
 def accelerations(robot: Robot, motion: Trajectory) -> tuple[Array, Array, Array]:
-    """Accelerations and jerks along a replay, between its samples, too.
+    """Accelerations and jerks along a replay, also between its samples.
 
     Within a sample the torque is linear and the acceleration smooth: it is the polynomial through its values at five
     Chebyshev points, by `aba`. At a sample the jerk has a value on either side.

@@ -53,7 +53,7 @@ class Stagewise:
 
     @classmethod
     def of(cls, dynamics: Dynamics, scheme: Scheme, intervals: int, settings: SolverSettings) -> Self | None:
-        """None: the scheme is not of this kind, or there is no library; as for `compiled_library`.
+        """Set up the method; None if the scheme does not fit or there is no library; as for `compiled_library`.
 
         Args:
             dynamics: with a free last body.

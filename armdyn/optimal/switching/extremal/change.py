@@ -47,7 +47,7 @@ class Change:
     tied: bool = False
 
     def is_of(self, joint: int) -> bool:
-        """Whether a joint's mode changes."""
+        """Whether this is a change of a joint's mode."""
         return self.joint == joint and not self.touch
 
 

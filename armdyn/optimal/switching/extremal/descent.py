@@ -23,7 +23,7 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 @dataclass(frozen=True, eq=False)
 class Extremal:
-    """A motion whose duration no change of its times shortens.
+    """Motion that is stationary: no small change of its switching times shortens it.
 
     Attributes:
         linear: it, and how it answers to its times.
@@ -135,7 +135,7 @@ def _other_order(shooting: ShootingProblem, linear: LinearizedRollout) -> Linear
 def _within_limits(
     shooting: ShootingProblem, linear: LinearizedRollout, by: Array, after: LinearizedRollout
 ) -> LinearizedRollout:
-    """The motion after a step or, if that exceeds limits of position, as far as it takes to touch them.
+    """The motion after a step; if that exceeds position limits, the step is shortened until it touches them.
 
     Args:
         shooting: the shooting problem.
@@ -158,7 +158,7 @@ def _within_limits(
 
 
 def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
-    """The motion with touches of the limits of position that it exceeds, if one with them is near."""
+    """The motion with touches of the position limits that it exceeds, if such a motion is near."""
     numbers, overlooked = shooting.policy.descent, shooting.policy.rollout.beyond
     for _ in range(numbers.touches):
         beyond = beyond_position(linear.rollout)
@@ -172,7 +172,7 @@ def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> Linearize
 
 
 def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
-    """The same structure in one piece, without the gaps that its arcs have by rounding.
+    """The same structure with the gaps between its arcs closed, which rounding leaves.
 
     Args:
         extremal: whose arcs begin where the ones before end to 1e-9; an arm in the open carries that on and on.
@@ -201,7 +201,7 @@ def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
 
 
 def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) -> LinearizedRollout | None:
-    """The motion after a step along the tangent."""
+    """The motion after a step along the tangents."""
     structure, joined = moved_by(linear, by, 1.0)
     return landed(shooting, structure, shooting.policy.descent.again, joined, tied=True)
 

@@ -22,7 +22,7 @@ def landed(
     in_one: bool = False,
     tied: bool = False,
 ) -> LinearizedRollout | None:
-    """The nearest motion that ends in the goal and keeps its held limits; None: none is near.
+    """Nearest motion that reaches the goal and keeps its held limits; None if none is near.
 
     Args:
         shooting: the shooting problem.
@@ -58,7 +58,7 @@ def landed(
 
 
 def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
-    """The first-order correction of gaps and misses, and the part of it that leaves every segment some length.
+    """First-order correction of gaps and misses, and the fraction of it that keeps every segment's length positive.
 
     The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
     millionfold, and a least change of the times alone would throw it about.
@@ -95,7 +95,7 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
 
 
 def _least_change(equations: Array, right: Array, changes: Array, moved: Array) -> Array:
-    """The least |changes y + moved| of all y that equations let be."""
+    """Smallest |changes y + moved| over all y that satisfy the equations."""
     some = np.asarray(np.linalg.lstsq(equations, right, rcond=_RANK)[0], float)
     free = null_space(equations)
     if not len(free):
@@ -104,7 +104,7 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
 
 
 def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, Flags]:
-    """The structure with other times and the states that fit them; and which changes are at other places now.
+    """Structure with shifted times and the states that fit them, and the changes whose order has changed.
 
     Args:
         linear: where it stands.

@@ -66,7 +66,7 @@ class LinearizedRollout:
 
     @cached_property
     def planes(self) -> "Planes":
-        """Quantities that must not become negative."""
+        """Quantities that must not become negative: segments' lengths, free torques' distances from their limits."""
         structure, lengths, (slack, by_room) = (
             self.rollout.structure,
             lengths_of(self.rollout.structure),
@@ -81,12 +81,12 @@ class LinearizedRollout:
 
     @cached_property
     def tangents(self) -> Array:
-        """Changes of the unknowns, orthonormal, that no equation feels, shape (k, width)."""
+        """Orthonormal changes of the unknowns in the null space of the equations, shape (k, width)."""
         return null_space(self.jacobian)
 
     @cached_property
     def _response(self) -> tuple[float, Array, Array]:
-        """Gradient of the duration along the tangents less the active planes' part; all multipliers; the planes'."""
+        """Reduced gradient less the active planes' part; multipliers of all equations; multipliers of the planes."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
@@ -220,7 +220,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """The duration to second order, on the tangent.
+    """Second-order model of the duration on the tangent space.
 
     Attributes:
         linear: the motion.
@@ -237,7 +237,7 @@ class Model:
         return cls(linear, QuadraticForm(gradient, linear.hessian(linear.tangents)))
 
     def step(self, radius: float) -> Step:
-        """The best step within a radius [s] that leaves no segment negative."""
+        """Best step within a radius [s] that keeps every segment's length from becoming negative."""
         planes, tangents, rollout = self.linear.planes, self.linear.tangents, self.linear.rollout
         short = rollout.shooting.policy.descent.short * rollout.structure.duration
         long = planes.lengths & (planes.now >= short)

@@ -48,7 +48,7 @@ class ShootingProblem:
 
     @property
     def most_arcs(self) -> int:
-        """That a rollout may have."""
+        """Largest number of arcs of a rollout."""
         return self.steps // self.policy.rollout.per_arc
 
     def finer(self, near: "Rollout | None" = None) -> Self | None:
@@ -287,7 +287,7 @@ class Rollout:
 
 
 def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[Index, Array]:
-    """Which arc each step is in, and which part of that arc it is.
+    """Arc of each step, and its place in that arc from 0 to 1.
 
     Some for every arc, more where a torque is free, most for the longest.
     Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.

@@ -36,14 +36,14 @@ class SingularControl:
         return np.concatenate([self.smooth, *(own for _, own in self.leaps)])
 
     def with_values(self, values: Array) -> Self:
-        """With other coefficients, as many."""
+        """The control with other coefficients, of the same number."""
         ends = np.cumsum([len(self.smooth), *(len(own) for _, own in self.leaps)])
         smooth, *parts = (tuple(part.tolist()) for part in np.split(values, ends[:-1]))
         leaps = tuple((joint, part) for (joint, _), part in zip(self.leaps, parts, strict=True))
         return type(self)(smooth, leaps)
 
     def longer(self, by: int, leaping: frozenset[int]) -> Self:
-        """With more freedom.
+        """The control with more coefficients.
 
         Args:
             by: so many more coefficients of each polynomial.

@@ -20,7 +20,7 @@ def excess(rollout: Rollout) -> float:
 
 
 def within_limits(rollout: Rollout) -> bool:
-    """Whether the largest excess does not count as overlooked."""
+    """Whether the largest excess of state limits is negligible."""
     return excess(rollout) <= rollout.shooting.policy.rollout.beyond
 
 
@@ -63,7 +63,7 @@ def with_limits(rollout: Rollout) -> SwitchingStructure | None:
 
 @dataclass(frozen=True)
 class _Overlooked:
-    """A stretch beyond a limit of position or velocity.
+    """A stretch that exceeds a position or velocity limit.
 
     Attributes:
         joint: its number.
@@ -84,7 +84,7 @@ class _Overlooked:
     short: float
 
     def touched(self, structure: SwitchingStructure) -> list[int]:
-        """Touches of the same limit in that time, by their numbers."""
+        """Indices of the touches of the same limit in that time."""
         touch = self.joint, self.mode, True
         near = [(k, structure.changes[k]) for k in structure.within(self.begin, self.end)]
         return [k for k, change in near if (change.joint, change.mode, change.touch) == touch]
@@ -103,7 +103,7 @@ class _Overlooked:
         return begin if pressed and inward and short else None
 
     def changes(self, structure: SwitchingStructure) -> list[int]:
-        """Changes of the joint's mode in that time, by their numbers."""
+        """Indices of the changes of the joint's mode in that time."""
         return [k for k in structure.within(self.begin, self.end) if structure.changes[k].is_of(self.joint)]
 
     def after(self, structure: SwitchingStructure) -> Change:
@@ -114,7 +114,7 @@ class _Overlooked:
 
 
 def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
-    """Where a rollout is beyond limits of position and velocity, joint by joint."""
+    """Stretches of a rollout that exceed position and velocity limits, joint by joint."""
     limits, t, n = rollout.shooting.problem.limits, rollout.times, len(rollout.structure.first)
     short = rollout.shooting.policy.descent.short * rollout.structure.duration
     for i in range(n):

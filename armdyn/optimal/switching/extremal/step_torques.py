@@ -15,7 +15,7 @@ _KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques at both ends of all steps, and how free ones answer to the unknowns.
+    """Torques at both ends of all steps, and derivatives of the free ones by the unknowns.
 
     Attributes:
         tau: at the starts and at the ends [N m], each of shape (steps, nv).

@@ -82,7 +82,7 @@ class SwitchingStructure:
 
     @property
     def places(self) -> dict[int, slice]:
-        """Where the singular controls stand in the unknowns, by the number of the change that begins them."""
+        """Columns of the singular controls in the unknowns, by the index of the change that begins each."""
         out: dict[int, slice] = {}
         first = self.size + 1
         for k, control in self.controls.items():
@@ -118,7 +118,7 @@ class SwitchingStructure:
         return out
 
     def moved(self, by: Array, states: Array, in_order: bool = True) -> Self:
-        """With other times, singular controls and states.
+        """The structure with other times, singular controls and states.
 
         Args:
             by: what the unknowns change by, shape (width,).
@@ -180,16 +180,16 @@ class SwitchingStructure:
         return replace(self, changes=changes, times=times, states=self.states[order])
 
     def span(self, segment: Segment) -> tuple[float, float]:
-        """When a segment begins and ends [s]."""
+        """Begin and end of a segment [s]."""
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1
         return edges[segment.begin], edges[segment.end]
 
     def within(self, begin: float, end: float) -> list[int]:
-        """Numbers of the changes between two times [s], both included."""
+        """Indices of the changes between two times [s], both included."""
         return np.flatnonzero((self.times >= begin) & (self.times <= end)).tolist()
 
     def mode_of(self, segment: Segment) -> Mode:
-        """The mode that a joint is in during a segment."""
+        """Mode of a joint during a segment."""
         if segment.begin < 0:
             return self.first[self.changes[segment.end].joint]
         return self.changes[segment.begin].mode
@@ -199,7 +199,7 @@ class SwitchingStructure:
         return next(segment.end for segment in self.segments() if segment.begin == begin)
 
     def with_changes(self, more: Iterable[tuple[float, Change, Array]]) -> Self:
-        """With more changes, each with its time and state."""
+        """Insert changes, each with its time and state."""
         every = sorted(
             [*zip(self.times, self.changes, self.states, strict=True), *more], key=lambda each: float(each[0])
         )
@@ -207,7 +207,7 @@ class SwitchingStructure:
         return replace(self, changes=changes, times=np.array(times, float), states=np.array(states))
 
     def without(self, segments: Iterable[Segment]) -> Self:
-        """The structure without segments of no length: their changes happen at once."""
+        """Remove segments of zero length: their changes happen at once."""
         first, gone, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
             if segment.begin in gone or segment.end in gone:
@@ -241,7 +241,7 @@ class SwitchingStructure:
         return [k for k, each in enumerate(self.changes) if each.touch and modes[k][each.joint] is each.mode]
 
     def without_changes(self, gone: Iterable[int]) -> Self:
-        """Without some changes, by their numbers: touches, that is."""
+        """Remove touches, given by their indices."""
         left = set(range(self.size)).difference(gone)
         return self._only(sorted(left))
 

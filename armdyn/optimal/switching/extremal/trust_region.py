@@ -37,7 +37,7 @@ class QuadraticForm:
         return float(self.gradient @ y + y @ self.hessian @ y / 2)
 
     def within(self, rows: Array, slack: Array, radius: float) -> tuple[Array, bool]:
-        """The least that is found in |y| ≤ radius with rows y + room ≥ 0; and whether the ball's rim ends it.
+        """Smallest value found in |y| ≤ radius with rows y + room ≥ 0, and whether the radius is active.
 
         From y = 0 on: to the least with the planes that are kept to, or as far as the next plane, which is kept to
         from there; at the least, a plane that holds nothing back is let go.
@@ -98,7 +98,7 @@ def held_back(gradient: Array, rows: Array) -> tuple[Array, float]:
 
 
 def null_space(rows: Array) -> Array:
-    """Orthonormal directions that rows do not feel, shape (k, columns)."""
+    """Orthonormal basis of the null space of rows, shape (k, columns)."""
     values, directions = np.linalg.svd(rows)[1:]
     return np.asarray(directions[int(np.sum(values > RANK * values[0])) :])
 
