@@ -63,7 +63,7 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
 
 
 def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
-    """One tick of ẋ = A x + B u under a u that stays, exactly: x[k + 1] = A' x[k] + B' u.
+    """Zero-order hold: exact discretisation of ẋ = A x + B u over one tick, x[k + 1] = A' x[k] + B' u.
 
     Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).
 
@@ -108,7 +108,7 @@ def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
 
 
 def best_gains(steps: Steps, Q: Array, R: Array) -> Array:
-    """K of u[k] = -K[k] x[k], which makes Σ xᵀ Q[k] x + uᵀ R u least, Q and R diagonal.
+    """LQR gains K of u[k] = -K[k] x[k] for the cost Σ xᵀ Q[k] x + uᵀ R u, Q and R diagonal.
 
     Riccati's recursion backwards from the steady state at the goal, the solution of the discrete algebraic equation
     (Anderson and Moore, Optimal Control: Linear Quadratic Methods, sections 2.4 and 3.3).

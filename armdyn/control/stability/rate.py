@@ -25,7 +25,7 @@ _EXACT = 1e-4
 
 @dataclass(frozen=True)
 class SampledStability:
-    """Whether a loop holds its arm still at a goal, small deviations given.
+    """Stability of a loop at rest at a goal, for small deviations.
 
     Coulomb friction acts on a joint near rest like strong damping, and not at all on one that moves faster than the
     friction's width. A loop that needs it to be stable swings on once it is pushed. So an arm with

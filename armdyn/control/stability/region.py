@@ -82,7 +82,7 @@ class GainRegion:
         return np.asarray((i >= 0) & (damping > 0) & (stiffness > 0) & (damping * stiffness > self.inertia * i))
 
     def least_kd(self, kp: ArrayLike, ki: ArrayLike) -> Array:
-        """The kd above which it is stable; 0 where friction alone is enough, infinite where no kd is."""
+        """The kd above which the loop is stable; 0 where friction alone is enough, infinite where no kd is."""
         p, i = np.broadcast_arrays(numbers(kp, "kp"), numbers(ki, "ki"))
         stiffness = p + self.stiffness
         enough = (stiffness > 0) & (i >= 0)

@@ -32,7 +32,7 @@ _LOST = 20.0
 @brief
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A motion under a controller, judged.
+    """A motion under a controller, with its verdict.
 
     Attributes:
         trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.

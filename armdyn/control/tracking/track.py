@@ -43,7 +43,7 @@ sixteen turns and ten times the fastest robot. A start beyond a tenth of them mo
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A controller's law along a reference, and how it is joined to an arm.
+    """A controller's law along a reference, and its connection to an arm.
 
     Attributes:
         robots: the controller's model of the arm in each piece of the reference.

@@ -28,7 +28,7 @@ _MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
 
 @dataclass
 class Bare:
-    """Writes the bodies of an MJCF anew, every class resolved.
+    """Rewrites the bodies of an MJCF for Pinocchio, with every default class resolved.
 
     Attributes:
         classes: of the MJCF.
@@ -88,7 +88,7 @@ class Bare:
         return taken[name]
 
     def _body(self, body: Element, to: Element, inherited: str | None, moves: bool) -> None:
-        """Write a body, its joints and all bodies that it carries; one of several joints as so many bodies."""
+        """Write a body, its joints and all bodies below it; a body with several joints becomes that many bodies."""
         name = body.get("name") or f"(body {len(self.called['body'])})"
         written = self._named("body", name)
         values = Values(body.attrib, self.classes.source, f"body {clipped(name)!r}")

@@ -89,7 +89,7 @@ def gravity(root: Element, source: str) -> Array:
 
 
 def place(values: Values, compiler: Compiler, to: Element) -> None:
-    """Give an element the placement that another's attributes say, turned by a unit quaternion.
+    """Give an element the placement of another's attributes, rotated by a unit quaternion.
 
     Pinocchio 4.1 takes an axis of another length than 1 for a rotation that it is not.
 

@@ -60,7 +60,7 @@ def parse_mjcf(text: str, source: str, folder: Path | None = None) -> Element:
 
 @dataclass
 class _Includes:
-    """Files that are included, each once as MuJoCo has it, and how much there may still be of them."""
+    """Included files, each once as in MuJoCo, within bounds of number and size."""
 
     source: str
     folder: Path | None

@@ -160,7 +160,7 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
 
 
 def _in_bounds(position: Any) -> bool:
-    """Whether it is a number that a joint may be at [rad or m]."""
+    """Whether a value is a number that a joint may be locked at [rad or m]."""
     known = isinstance(position, int | float | np.integer | np.floating) and not isinstance(position, bool)
     return known and bool(abs(position) <= LARGEST)
 
@@ -337,5 +337,5 @@ def joint_limits(model: pin.Model) -> JointLimits:
 
 
 def _or_infinite(limit: Array) -> Array:
-    """Pinocchio writes a missing limit as the largest double or as infinity."""
+    """Replace the values by which Pinocchio marks a missing limit by infinity."""
     return np.where(np.asarray(limit) >= np.finfo(float).max, np.inf, limit)

@@ -28,7 +28,7 @@ _TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=]+\s*=\s*(?:\"[^\"]*\"|'[^']*'))*\s*/?>
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InertiaRepair:
-    """Least change of a link's inertia after which some body can have it; mass and centre of mass stay.
+    """Nearest physical inertia of a link; mass and centre of mass do not change.
 
     Attributes:
         link: name of the link.

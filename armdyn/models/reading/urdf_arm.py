@@ -97,7 +97,7 @@ def _same(q: Array) -> Array:
 
 
 def check_inertia(model: pin.Model, source: str) -> None:
-    """Every joint must move some mass of its own, or a torque gives no finite acceleration.
+    """Refuse a joint that moves no mass of its own: a torque would give no finite acceleration.
 
     Looked at in one pose, bent so that no axes are in line that need not be.
 

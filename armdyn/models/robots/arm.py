@@ -129,7 +129,7 @@ class Arm:
         return np.array([joint.shortname().startswith("JointModelP") for joint in list(self.model.joints)[1:]])
 
     def marked(self, name: str) -> str:
-        """Name of a result of this robot: that of a repaired model says so."""
+        """Name of a result of this robot, with a mark if its model was repaired."""
         return f"{name} (repaired model)" if self.repaired else name
 
     @property
@@ -147,7 +147,7 @@ class Arm:
 
     @property
     def attached(self) -> tuple[Payload, ...]:
-        """The tool and the payload, those that there are."""
+        """The tool and the payload, as far as there are any."""
         return tuple(body for body in (self.options.tool, self.payload) if body is not None)
 
     @property

@@ -124,7 +124,7 @@ def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clear
 
 
 def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
-    """Goals in which all distances are at least the clearance [m]; one at least."""
+    """Goals in which all distances are at least the clearance [m]; refuses a problem without any."""
     contacts = [model.nearer(q, clearance) for q in goals]
     clear = tuple(q for q, near in zip(goals, contacts, strict=True) if not near)
     if not clear:

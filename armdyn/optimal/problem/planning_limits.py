@@ -43,7 +43,7 @@ class Reserve:
         return bool(np.any(self.effort) or np.any(self.velocity))
 
     def left(self, limits: JointLimits, joints: Sequence[str]) -> JointLimits:
-        """Limits less the reserves r: (1 - r) of torques and velocities.
+        """Limits times (1 - r), of torques and velocities, with the reserves r.
 
         Raises:
             ProblemError: a joint's torque limits are both above zero, or both below, and nothing nearer to zero lies
@@ -116,7 +116,7 @@ def resolved_limits(
 
 
 def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
-    """The stricter of some limits and a controller's.
+    """The stricter of given limits and a controller's.
 
     Where a velocity limit falls to zero with the position, the position is limited to where the arm may rest.
     """

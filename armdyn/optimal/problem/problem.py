@@ -218,7 +218,7 @@ class MinimumTimeProblem:
 
     @property
     def continuous_torque(self) -> bool:
-        """Jumps of the torque are forbidden."""
+        """Whether jumps of the torque are forbidden."""
         rated = self.jerk_limit is not None or self._preset_limits("torque_rate")
         return rated or any(constraint.continuous_torque for constraint in self.path_constraints)
 
@@ -253,7 +253,7 @@ class MinimumTimeProblem:
 
     @property
     def pays_effort(self) -> bool:
-        """J is more than the duration."""
+        """Whether the cost contains more than the duration."""
         return self.effort_weight > 0 or self.relative_effort_weight > 0
 
     def effort_weights(self) -> Array:
@@ -301,7 +301,7 @@ class MinimumTimeProblem:
 
     @property
     def unheld(self) -> Unheld | None:
-        """The joint whose motor falls shortest of holding the goal, where the arm is to stay there; None: it can stay.
+        """Joint whose motor falls shortest of holding the arm at the goal; None if the arm can stay there.
 
         Joints without a motor are not asked: upright they are balanced by feedback.
         """
@@ -311,7 +311,7 @@ class MinimumTimeProblem:
 
     @property
     def unstable_ends(self) -> tuple[str, ...]:
-        """Joints that do not stay at an end where the arm is at rest, with torques, apart from `unheld`, in words.
+        """Joints that drift from an end at which the arm is to rest, apart from `unheld`, in words.
 
         At the start those whose motors are too weak: they are held by brakes until then. At both ends those without a
         motor, which fall unless feedback balances them.
@@ -331,7 +331,7 @@ class MinimumTimeProblem:
         return self.robot.holding_torque(np.asarray(self.q_goal))
 
     def duration_bound(self) -> float:
-        """No motion within the velocity limits is faster than this [s]; 0 without such limits."""
+        """Lower bound on the duration by the velocity limits [s]; 0 without such limits."""
         return self._duration_bound
 
     @cached_property
@@ -436,7 +436,7 @@ class MinimumTimeProblem:
 
 
 def _is_default(value: object, default: object) -> bool:
-    """Whether a field is as if it had not been given; no velocity is rest."""
+    """Whether a field has its default value; zero velocity counts as default."""
     if isinstance(value, tuple | list) or value is None:
         return not value
     if isinstance(value, np.ndarray):
@@ -466,7 +466,7 @@ def _plain(value: Any) -> Any:
 
 
 def expect_problem(problem: object) -> MinimumTimeProblem:
-    """The problem.
+    """Check the argument `problem`.
 
     Raises:
         ProblemError: it is none, but a robot, say.

@@ -10,7 +10,7 @@ LONGEST = 3600.0
 
 
 def check_pace(problem: MinimumTimeProblem) -> None:
-    """Refuse limits of velocity, acceleration or jerk that let no motion to the goal take less than `LONGEST`.
+    """Refuse velocity, acceleration or jerk limits so low that the motion takes longer than `LONGEST`.
 
     Raises:
         ProblemError: with the limit, the joint, the least duration and the limit that would be enough.

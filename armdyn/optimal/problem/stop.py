@@ -30,17 +30,17 @@ class Stop:
         self._flags[0] = interrupted
 
     def interrupt(self) -> None:
-        """Say that Ctrl-C was pressed."""
+        """Record that Ctrl-C was pressed."""
         self._flags[0] = True
 
     @property
     def interrupted(self) -> bool:
-        """Ctrl-C was pressed."""
+        """Whether Ctrl-C was pressed."""
         return bool(self._flags[0])
 
     @property
     def late(self) -> bool:
-        """The deadline has passed."""
+        """Whether the deadline has passed."""
         return time.perf_counter() > self.deadline
 
     @property
@@ -69,7 +69,7 @@ class Stop:
 
 
 class Budget(Stop):
-    """A `Stop` that also says so once a number of integrator steps is spent.
+    """A `Stop` that also ends when a number of integrator steps is spent.
 
     Steps, not seconds: they are the same on every machine, so that the same seed gives the same answer.
 
@@ -96,7 +96,7 @@ class Budget(Stop):
 
 @contextmanager
 def stopping(seconds: float) -> Iterator[Stop]:
-    """Within it Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
+    """Context in which Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
 
     Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays so.
     """

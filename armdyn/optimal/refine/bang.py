@@ -24,7 +24,7 @@ _GIVEN_UP = "refinement was given up: its budget of integrator steps and mesh it
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima with arcs, in the order of their durations on the mesh, and the search they come from.
+    """Optima with arcs, sorted by their durations on the mesh, and the search that found them.
 
     Args:
         task: without a weight on effort, and without path constraints.
@@ -38,7 +38,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
-    """The arcs of optima read on the first mesh; on finer ones for the best, until one lands or is certified.
+    """Read arcs of optima on the first mesh; refine the best on finer ones until one reaches the goal or is certified.
 
     Args:
         task: whose `options.intervals` is the first mesh.
@@ -132,7 +132,7 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
 
 
 def _up(task: Task, finest: int, step: _Reached) -> _Reached:
-    """Refine on meshes up to the finest, until an optimum lands or is certified."""
+    """Refine on finer meshes until an optimum reaches the goal within its limits or is certified."""
     while not (_enough(task, step) or task.stop):
         finer = task.options.intervals if step.mesh is None else doubled(step.mesh, finest)
         if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):
@@ -147,7 +147,7 @@ def _reads_arcs(task: Task) -> bool:
 
 
 def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]:
-    """The extremal that a mesh's solution leads to within a budget of integrator steps, and the budget's rest."""
+    """Extremal that a mesh's solution leads to within a budget of integrator steps, and the rest of the budget."""
     motion = attempt.trajectory
     if _reads_arcs(task):
         budget = Budget(task.stop, step.left)
@@ -157,7 +157,7 @@ def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]
 
 
 def _enough(task: Task, step: _Reached) -> bool:
-    """Whether a finer mesh has nothing to give, or is hopeless."""
+    """Whether a finer mesh cannot improve the optimum, or is hopeless."""
     if step.best is None or step.resolved.spent:
         return step.best is not None
     certificate, numbers = step.best.certificate, task.policy.refinement

@@ -23,7 +23,7 @@ from armdyn.trajectory import Trajectory
 
 
 def constrained(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima of the mesh that keep the path constraints, as far as one that none left can beat.
+    """Refine the mesh's optima until they keep the path constraints and none left could be faster.
 
     Args:
         task: a problem with path constraints.
@@ -42,7 +42,7 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def without_obstacles(task: Task) -> Task | None:
-    """The task without obstacles and self-collision; None: there are none."""
+    """The task without obstacles and self-collision; None if it has none."""
     if not task.problem.crowded:
         return None
     task.progress("the way without obstacles")
@@ -72,7 +72,7 @@ class _Mesh:
 
 
 def settled(task: Task, attempt: Attempt) -> Optimum:
-    """Solve a mesh again, aimed and more strictly, until its replay lands and keeps all conditions.
+    """Solve a mesh again, with a corrected aim and tightened constraints, until its replay keeps all of them.
 
     Args:
         task: a problem with path constraints.
@@ -103,7 +103,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
 
 
 def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: Attempt) -> _Mesh | None:
-    """Specification of the next mesh; None: the last is good, or no mesh mends it."""
+    """Specification of the next mesh; None if the last one is good, or no mesh helps."""
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
     finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
@@ -118,7 +118,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
-    """Two faults: a condition missed by more than a little slowing down mends, and a goal missed."""
+    """Two flags: a constraint violated by more than a little slowing down mends, and a goal missed."""
     missed = optimum.reports is not None and not _mended(task, optimum.reports)
     return missed, optimum.certificate.goal_error > task.policy.path_constraints.near
 
@@ -128,7 +128,7 @@ def _mended(task: Task, reports: ConstraintReports) -> bool:
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
-    """Sorts: those that keep the conditions first, then those that land, then by duration."""
+    """Sort key: first the optima that keep the constraints, then those that reach the goal, then by duration."""
     return (*_faults(task, optimum), optimum.trajectory.duration)
 
 

@@ -46,7 +46,7 @@ _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
-    """The fastest curves, replayed, as far as the first that lands and keeps the path constraints.
+    """The fastest curves, replayed in turn until one reaches the goal and keeps the path constraints.
 
     Args:
         task: any problem.
@@ -120,7 +120,7 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
 
 
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
-    """The fastest curve without obstacles, if it keeps all clearances all the same."""
+    """The fastest curve without obstacles, if it happens to keep all clearances."""
     task.progress("the way without obstacles")
     free = task.about(task.problem.without_obstacles())
     best, constraints = refine_roughly(free, _guesses(free, 1)[0]), TightenedConstraints.of(task)
@@ -173,7 +173,7 @@ def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedC
 
 
 def _enough(task: Task, refined: RefinedCurve) -> bool:
-    """Whether other guesses have nothing to give: a proven bound is near."""
+    """Whether other guesses cannot improve the curve: a proven bound is near."""
     if not constraints_mended(task, refined.reports) or _trouble(task, refined):
         return False
     bound = task.lower_bound()
@@ -181,7 +181,7 @@ def _enough(task: Task, refined: RefinedCurve) -> bool:
 
 
 def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
-    """A motion with calm joints, as slow as options and a proven bound that is near allow; or the fastest."""
+    """Motion with little joint travel, as slow as the options and a nearby proven bound allow; else the fastest."""
     share, duration = task.options.calm, fastest.curve.duration
     if not _calms(task) or task.stop or not fastest.solved.converged:
         return _landed(task, settled(task, fastest))
@@ -194,7 +194,7 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
 
 
 def _calms(task: Task) -> bool:
-    """Whether time is given for calm joints."""
+    """Whether the options allow extra time for calm joints."""
     problem = task.problem
     return task.options.calm > 0 and not (problem.pays_effort or problem.crowded or problem.regional)
 
@@ -268,7 +268,7 @@ def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
 
 
 def _landed(task: Task, refined: RefinedCurve) -> Optimum:
-    """A curve's motion, replayed."""
+    """Replay a curve's motion."""
     problem, curve = task.problem, refined.curve
     task.progress(f"replaying a motion of {curve.duration:.6f} s")
     if can_be_slowed(problem):  # velocities leave room for the replay's error

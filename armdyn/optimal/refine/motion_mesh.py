@@ -32,7 +32,7 @@ from armdyn.trajectory import Trajectory
 
 
 class ResolvedMotions:
-    """Motions of one problem that meshes were resolved to: what begins on the same motion is not resolved again.
+    """Results of resolved meshes of one problem; a solution near one already resolved is not resolved again.
 
     Attributes:
         left: intervals times iterations that may still be solved: the same on every machine.
@@ -45,11 +45,11 @@ class ResolvedMotions:
 
     @property
     def spent(self) -> bool:
-        """Whether no work is left, but for divided meshes: other solutions of the problem are hopeless."""
+        """Whether no work is left except for divided meshes."""
         return self.left < self._numbers.spare
 
     def spend(self, steps: float) -> None:
-        """Take integrator steps of structures off the work that is left."""
+        """Subtract integrator steps of structures from the work left."""
         self.left -= self._numbers.step * steps
 
     def beats(self, mesh: Attempt) -> bool:
@@ -57,11 +57,11 @@ class ResolvedMotions:
         return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
 
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
-        """Add what came of the solution on the first mesh; None: nothing."""
+        """Record the result of the solution on the first mesh; None if it had none."""
         self._known.append((first, optimum))
 
     def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
-        """What came of the same solution on the first mesh; None: it was none yet."""
+        """Result recorded for the same solution on the first mesh; None if there is none."""
         for known, optimum in self._known:
             if len(distinct([known, first], same.resolved, same.apart)) == 1:
                 return (optimum,)
@@ -103,7 +103,7 @@ class _Meshes:
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
-        """The solution on the mesh of a rough one; that one where it does not converge, or no work is left."""
+        """Solve on the mesh of a rough solution; the rough one if that does not converge, or no work is left."""
         if not self.worth(rough.mesh) or self.task.stop:
             return rough
         found = self._once(self._within(), rough.trajectory, rough.mesh, self._sharp, self.tie)
@@ -126,7 +126,7 @@ class _Meshes:
         return found if found.usable else None
 
     def worth(self, knots: Array, spare: int = 0) -> bool:
-        """Whether enough work is left for a mesh, and some to spare."""
+        """Whether the work left is more than enough for a mesh."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     @property
@@ -151,7 +151,7 @@ class _Meshes:
         return self._solved(task, near, knots, settings, tie + 1)
 
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
-        """What one solve on a mesh comes to."""
+        """Result of one solve on a mesh."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
         most = min(settings.max_iterations, max(numbers.fewest, int(self.resolved.left // size)))
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
@@ -263,7 +263,7 @@ class _Judged:
 
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
-    """The best motion of a mesh, and of those divided where the one before is not yet certified; None: none lands."""
+    """Best motion of a mesh, divided again and again until it is certified; None if none reaches the goal."""
     task, best, numbers = meshes.task, _judged(meshes.task, mesh, remark), meshes.task.policy.motion_mesh
     if best is None:
         return None
@@ -282,7 +282,7 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
 
 
 def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
-    """The motion of a mesh, landed; None: it does not land."""
+    """Motion of a mesh, corrected to reach the goal, with its certificate; None if it does not reach the goal."""
     problem, motion = task.problem, landed(task, attempt)
     if motion is None:
         return None
@@ -312,7 +312,7 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
 
 
 def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
-    """Intervals to be divided where a motion is nearly certified: of most of its saving, or beyond a limit."""
+    """Intervals to divide where a motion is nearly certified: those with most of its saving, or beyond a limit."""
     numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
     beyond = excesses(task.problem.limits, replay)
     if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:

@@ -17,7 +17,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """A motion, replayed and certified as far as that goes.
+    """A motion with its replay, certificate and cost.
 
     Attributes:
         trajectory: replayed torques: states and torques fit each other to the integrator's tolerance.
@@ -81,7 +81,7 @@ class Optimum:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """The path constraints that it does not keep, for people."""
+        """Violated path constraints, in words."""
         return self.reports.reasons if self.reports else ()
 
     def landed(self, tolerance: float) -> bool:

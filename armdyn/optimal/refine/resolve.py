@@ -38,7 +38,7 @@ _IDLE = "time leaves a joint idle"
 def resolve(
     task: Task, attempt: Attempt, budget: Budget | None = None, resolved: ResolvedMotions | None = None
 ) -> Optimum:
-    """The arcs of a mesh's solution, or its own motion and why they resist.
+    """Best motion near a mesh's solution: a certified one if there is one, else the first by `rank`.
 
     Args:
         task: the problem and its settings.
@@ -94,12 +94,12 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
 
 
 def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
-    """The motion of a mesh's solution, landed where that is possible."""
+    """Motion of a mesh's solution, corrected to reach the goal where that is possible."""
     return Optimum.of(task.problem, replay_on_goal(task, mesh), mesh.intervals, None, remark)
 
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:
-    """The best extremals, landed, until one is a motion within its limits."""
+    """The best extremals, corrected to reach the goal, until one keeps its limits."""
     rest = budget if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
     landed: list[Optimum] = []
     for extremal in found.extremals[: task.policy.refinement.landed_of]:
@@ -128,7 +128,7 @@ def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
 
 
 def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
-    """The arcs that a mesh's torques and states say."""
+    """Read arcs off a mesh's torques and states."""
     policy, equal = task.policy, attempt.knots is None
     # The torques of a fine mesh need not be on their limits where time hardly tells.
     switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
@@ -138,7 +138,7 @@ def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
 
 @dataclass(frozen=True, eq=False)
 class _Resolved:
-    """Where the structures of a mesh's solution have led.
+    """Results of the switching structures tried for a mesh's solution.
 
     Attributes:
         shooting: their shooting problem.
@@ -181,7 +181,7 @@ class _Resolved:
         return _IDLE if self.idle else self.tried[0][1].why
 
     def with_tried(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
-        """With what a structure leads to, within a part of a budget."""
+        """Add the result of a structure, within a part of a budget."""
         granted = min(budget.left, most)
         own = Budget(budget, granted)
         refined = refine_extremal(replace(self.shooting, budget=own), structure, own)
@@ -225,12 +225,12 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: in
 
 
 def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterator[SwitchingStructure]:
-    """Structures that a mesh's arcs say."""
+    """Read switching structures off a mesh's arcs."""
     return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
 
 
 def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
-    """Sorts: extremals before other motions and before those that leave a joint idle, each by duration."""
+    """Sort key: extremals before other motions, and these before motions with an idle joint; each by duration."""
     if refined.extremal is None:
         return True, np.inf
     if leaves_idle(refined.extremal, SWITCHING_TOLERANCE):

@@ -16,7 +16,7 @@ from armdyn.trajectory import Trajectory
 
 
 def slowed(task: Task, optimum: Optimum) -> Optimum:
-    """The optimum, slower by the least factor with which its replay keeps all limits and conditions.
+    """Slow an optimum down by the smallest factor with which its replay keeps all limits and constraints.
 
     Every strategy ends here. The optimum itself, arcs and all, comes back where it exceeds nothing, does not land,
     cannot be slowed down (`can_be_slowed`), or where no slower motion keeps what it exceeds: limits of positions,

@@ -33,7 +33,7 @@ _LAST = 1e3
 
 
 def time_energy(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima in the order of their costs, as far as the first that survives its replay, and their search.
+    """Optima sorted by their costs, replayed until one reaches the goal, and the search that found them.
 
     Args:
         task: with a weight on effort. Guesses of its options are looked at before what its search finds.
@@ -57,7 +57,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _landed(task: Task, phases: Phases) -> Optimum:
-    """Replayed, and its costates held against the adjoint equations along the replay.
+    """Replay an optimum, and check its costates by the adjoint equations along the replay.
 
     Torques of the replay are lines between samples. Where motions diverge fast that is another motion soon: finer
     intervals and more samples bring it near.
@@ -104,7 +104,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
-    """Reports of attempts that led to no optimum, the most locating_errors first."""
+    """Reports of attempts that led to no optimum, the most informative first."""
     reported = [*resisted, *attempts]
     if task.stop:
         reported.insert(0, replace(reported[0], status=task.stop.status, message=task.stop.word))
@@ -195,7 +195,7 @@ class _Settling:
         return sorted(optima, key=lambda phases: cost(self._task.problem, phases))
 
     def _resolve(self, motion: Trajectory, promise: float) -> None:
-        """A lead by the high order, unless it comes to an optimum that is known."""
+        """Solve a lead on the mesh of high order, unless it leads to a known optimum."""
         found, problem, numbers = resolved_near(self._task, motion), self._task.problem, self._task.policy.smooth
         if isinstance(found, Unresolved):
             self.failed.append(_failed(self._task, found))
@@ -208,7 +208,7 @@ class _Settling:
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:
-        """Try another structure, or a finer mesh; where neither converges, give the attempt up."""
+        """Try another structure, or a finer mesh; give the attempt up where neither converges."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
         if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
