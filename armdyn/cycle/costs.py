@@ -91,7 +91,7 @@ def _limits(solution: CycleSolution) -> Iterator[CycleCost]:
 
 
 def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callable[[str], None]) -> Iterator[CycleCost]:
-    """Costs that take solves, as far as nobody interrupts these."""
+    """Costs that need further solves, until these are interrupted."""
     cycle, legs = solution.cycle, solution.legs
     with suppress(_Interrupted):
         for one in legs:
@@ -153,7 +153,7 @@ def _solve(cycle: Cycle, leg: Leg, ends: Array, options: MinimumTimeOptions) -> 
 
 
 def _without_stop(cycle: Cycle, first: CycleLeg, second: CycleLeg, options: MinimumTimeOptions) -> CycleCost:
-    """The stop between two moves passed in flight: the way point of one move."""
+    """Cost of the stop between two moves: both as one move with a way point."""
     before, after = first.leg.move, second.leg.move
     via = first.solution.problem.poses[-1]
     ends = np.array([first.solution.problem.poses[0], second.solution.problem.poses[-1]])
@@ -166,7 +166,7 @@ def _without_stop(cycle: Cycle, first: CycleLeg, second: CycleLeg, options: Mini
 
 
 def _nearest_branches(solution: CycleSolution, options: MinimumTimeOptions) -> CycleCost:
-    """The cycle with the branch at every stop that the velocity limits put nearest to the one before."""
+    """Cost of the cycle against that with the nearest branch at every stop, by the velocity limits."""
     graph = CycleGraph.of(solution.cycle)
     known = {edge: one.duration for edge, one in zip(_edges(graph, solution), solution.legs, strict=True)}
     total, branch = solution.cycle.dwell, _edges(graph, solution)[0][2]

@@ -169,7 +169,7 @@ class Cycle:
         return float(sum(step.dwell for step in self.steps if not isinstance(step, Move)))
 
     def rest(self, stop: RestPlace) -> float:
-        """Time at rest at one of the stops [s].
+        """Rest at a stop [s].
 
         Raises:
             ProblemError: it is none.
@@ -231,7 +231,7 @@ class Cycle:
         return tuple(jobs if back else [*jobs, tuple(job)])
 
     def reordered(self, order: Sequence[int]) -> Cycle:
-        """The cycle with its jobs in another order, which is kept.
+        """The cycle with its jobs in another given order.
 
         Args:
             order: numbers of the jobs, from 0 on.

@@ -80,7 +80,7 @@ class CycleGraph:
 
     @classmethod
     def between(cls, cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> CycleGraph:
-        """The graph of given branches of every stop."""
+        """Graph of the given branches of all stops."""
         speed = limits_of(cycle).velocity
         lengths = {}
         for stop, move in _arcs(cycle):

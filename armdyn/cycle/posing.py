@@ -92,7 +92,7 @@ def _exact(target: object) -> bool:
 
 
 def _check_way(cycle: Cycle, leg: Leg, ends: tuple[Array, Array]) -> None:
-    """Refuse what a move passes between joint positions."""
+    """Refuse a way point or a straight segment that a move cannot pass between joint positions."""
     move, robot, limits = leg.move, leg.robot, limits_of(cycle)
     via = [one if isinstance(one, GoalPose) else pose_given(robot, one, "via") for one in move.via]
     found = via_positions(robot, limits, ends, via, lambda q: True)

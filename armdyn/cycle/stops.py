@@ -99,7 +99,7 @@ def with_slid(
 
 
 def _held(cycle: Cycle, stop: RestPlace, positions: tuple[Array, ...], limits: JointLimits) -> tuple[Array, ...]:
-    """Those positions at which the motors hold the arm with all that it carries at the stop.
+    """Joint positions at which the motors hold the arm with everything that it carries at the stop.
 
     Raises:
         CycleError: there is none.

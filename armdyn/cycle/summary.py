@@ -57,7 +57,7 @@ def cycle_summary(
 
 
 def _numbers(before: Cycle, cycle: Cycle) -> list[int]:
-    """Numbers in the asked cycle of the steps of one that is in order."""
+    """Numbers that the steps of an ordered cycle had before."""
     left = dict(enumerate(before.steps, start=1))
     found = []
     for step in cycle.steps:
@@ -67,7 +67,7 @@ def _numbers(before: Cycle, cycle: Cycle) -> list[int]:
 
 
 def _number(step: int, order: Sequence[int]) -> int:
-    """Number of a step in the asked cycle; 0 and that of the way back stay."""
+    """Number of a step in the cycle before it was ordered; 0, and that of the way back, are unchanged."""
     return order[step - 1] if 1 <= step <= len(order) else step
 
 
@@ -85,7 +85,7 @@ def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
 
 
 def _steps(solution: CycleSolution, costs: Sequence[CycleCost], order: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """The steps in the order in which they are done, with the way back, as far as they are solved."""
+    """Steps in the order of the motion, with the way back, as far as they are solved."""
     cycle, legs = solution.cycle, {leg.leg.step: leg for leg in solution.legs}
     begin, last = 0.0, max(legs, default=0)
     for k in range(1, max(len(cycle.steps), last) + 1):

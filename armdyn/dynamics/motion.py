@@ -75,7 +75,7 @@ class Feedback:
 def tracked(
     robot: Robot, target: Trajectory, tau: Array, x: Array, feedback: Feedback, limits: ActuatorLimits, **steps: float
 ) -> tuple[Array, Array]:
-    """States and torques of an arm that is led along a motion.
+    """States and torques of an arm under feedback along a motion.
 
     Args:
         robot: the arm.

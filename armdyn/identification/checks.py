@@ -21,7 +21,7 @@ changes the torque of the joint with most load by less."""
 
 
 def check_log(robot: Robot, log: Log, signals: Signals) -> None:
-    """Refuse what is no log of this arm.
+    """Refuse a log that does not fit the arm.
 
     Args:
         robot: the arm.

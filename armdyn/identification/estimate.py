@@ -80,7 +80,7 @@ class Judged:
 
     @property
     def before(self) -> Array:
-        """Root mean square of the given robot's torque errors [N m or N], shape (nv,)."""
+        """Root mean square of the torque errors of the robot as given [N m or N], shape (nv,)."""
         return _rms(self.torque - self.prior)
 
     @property
@@ -131,7 +131,7 @@ class Estimate:
         return [self.robot.name, measured, f"condition {self.condition:.3g}"]
 
     def torques(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Torques as they would be measured, friction and offset included [N m or N], shape (nv,) or (n, nv).
+        """Predicted torques at the joints, friction and offset included [N m or N], shape (nv,) or (n, nv).
 
         Args:
             q: positions [rad or m], shape (nv,) or (n, nv).

@@ -65,7 +65,7 @@ def continuation(
     progress: Callable[[str], None] | None = None,
     done: Callable[[int, Solution], None] | None = None,
 ) -> tuple[Solution, ...]:
-    """Solve similar problems, such as one motion with more and more payload.
+    """Solve a series of similar problems, such as one motion with growing payload, each from the last optimum.
 
     The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum and few
     guesses of its own; then, backwards, an optimum that a later problem has found is tried on the one before, unless

@@ -148,7 +148,7 @@ class Plants:
         )
 
     def check(self, robot: Robot) -> Self:
-        """Return these ranges if an arm can differ so.
+        """Return these ranges if they are possible for an arm.
 
         Raises:
             ProblemError: it carries no payload that could differ, or a likely arm has another number of joints.
@@ -166,7 +166,7 @@ class Plants:
 
 
 def with_payload_times(robot: Robot, factor: float) -> Robot:
-    """A robot whose payload has so many times its mass and inertia.
+    """The robot with mass and inertia of its payload multiplied by a factor.
 
     The dynamic parameters of a joint's load are sums over its bodies, so that a part of one body's can be added.
 

@@ -94,7 +94,7 @@ def condition_costs(
 
 
 def _as_strict(problem: MinimumTimeProblem, freed: MinimumTimeProblem) -> str:
-    """Why a problem without a condition is the same; empty if it is another."""
+    """Reason why a problem without a condition is the same one; empty if it differs."""
     same = all(np.array_equal(own, freed.limits.rows[name]) for name, own in problem.limits.rows.items())
     for name in ("acceleration_limit", "jerk_limit"):
         same &= np.array_equal(getattr(problem, name), getattr(freed, name))

@@ -157,7 +157,7 @@ def _plain_robot(table: str, payload: float | None) -> Robot:
 
 
 def with_checksum(robot: Mapping[str, Any]) -> dict[str, Any]:
-    """A table [robot] whose file is told by its checksum."""
+    """A table [robot] with the SHA-256 of its URDF or MJCF in place of the text."""
     texts = {key: robot[key] for key in ("urdf", "mjcf") if key in robot}
     return {**robot, **{key: hashlib.sha256(text.encode()).hexdigest() for key, text in texts.items()}}
 

@@ -285,7 +285,7 @@ class CaseRun:
         return [self.waiting.popleft() for _ in range(min(count, len(self.waiting)))]
 
     def _settled(self, one: Ended) -> CaseResult | None:
-        """The result of a case; None: it is to be done again."""
+        """Result of a case; None if it is to be repeated."""
         k, result = one.k, one.result
         self.deaths[k] = self.deaths.get(k, 0) + one.deaths + (result is None and not one.deaths)
         if result is None and self.deaths[k] >= ATTEMPTS:

@@ -92,7 +92,7 @@ class Piece:
 
 
 def check_pieces(pieces: object, t: Array) -> tuple[Piece, ...]:
-    """The pieces of a motion, if they follow each other from its begin on.
+    """Check that the pieces of a motion follow each other from its start.
 
     Args:
         pieces: as given.

@@ -129,7 +129,7 @@ class DaskCluster:
         return self._size
 
     def batch_size(self, left: int) -> int:
-        """Number of cases to be given now as a batch; 0 while the cluster has enough batches."""
+        """Number of cases to send as a batch now; 0 while the cluster has enough batches."""
         if self._alone or len(self._under_way) >= _AHEAD * self._size:
             return 0
         return self._batch.cases(left, self._size) if left else 0

@@ -15,7 +15,7 @@ HERE = "this process"
 
 @dataclass(frozen=True, kw_only=True)
 class StudyCase:
-    """One case as it is sent to a worker.
+    """A case of a study as a worker gets it.
 
     Attributes:
         k: its number.
@@ -37,7 +37,7 @@ class StudyCase:
 
 @dataclass(frozen=True, kw_only=True)
 class Ended:
-    """Report on one case that a worker had.
+    """Report of a worker on a case.
 
     Attributes:
         k: number of the case.
@@ -57,7 +57,7 @@ class Ended:
 
 
 class Executor(Protocol):
-    """Workers that are given cases."""
+    """Workers of a study, which are sent cases and report results."""
 
     @property
     def size(self) -> int:

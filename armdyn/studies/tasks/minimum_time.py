@@ -91,7 +91,7 @@ class MinimumTimeTask:
         return bool(later.facts["landed"] and not proven and not alike)
 
     def better(self, row: StudyRow, other: StudyRow) -> bool:
-        """Whether a row lands where the other does not, or costs less."""
+        """Whether a row is better than another one: only it reaches the goal, or it costs less."""
         own, its = row.facts, other.facts
         if own["landed"] != its["landed"]:
             return bool(own["landed"])

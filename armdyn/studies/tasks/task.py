@@ -72,7 +72,7 @@ class StudyTask(Protocol):
 def result_of(
     task: StudyTask, settings: Mapping[str, Value], guess: bytes, revisit: bool = False
 ) -> tuple[CaseResult, float]:
-    """Do one case; its result, also for an error, and its time [s]."""
+    """Run one case: its result, also for an error, and its time [s]."""
     began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:  # thousands of cases would flood the terminal
         warnings.simplefilter("always", ArmdynWarning)
@@ -89,7 +89,7 @@ def result_of(
 
 
 def storable(result: CaseResult) -> CaseResult:
-    """The result as JSON and SQLite can store it: one odd number or letter must not end the whole study."""
+    """Result that JSON and SQLite can store: null in place of numbers that are not finite, ? of broken letters."""
     message = result.message.encode("utf-8", "replace").decode()
     return replace(result, facts=as_json(result.facts), message=message)
 

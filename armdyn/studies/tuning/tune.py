@@ -113,7 +113,7 @@ def tune(
     options: TuneOptions = TuneOptions(),
     progress: Callable[[str], None] | None = None,
 ) -> Tuned:
-    """Choose the controller of a family that is best on the worst of some arms, in the loop as it is built.
+    """Choose a family's parameters that are best for the worst of some arms, in the actual loop.
 
     Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997) over the logarithms of the
     parameters, as scipy has it. A controller that overshoots by more than it may is the answer only where the search
