@@ -11,6 +11,7 @@ from armdyn.dynamics import inverse_dynamics
 from armdyn.dynamics.numeric import forward_dynamics_derivatives
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
+from armdyn.parallel import one_blas_thread
 
 
 class Steps(NamedTuple):
@@ -75,7 +76,8 @@ def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
     m, nv = B.shape[-2:]
     block = np.zeros((*A.shape[:-2], m + nv, m + nv))
     block[..., :m, :m], block[..., :m, m:] = A, B
-    step = np.asarray(expm(period * block))
+    with one_blas_thread():  # there may be a thousand small matrices
+        step = np.asarray(expm(period * block))
     return step[..., :m, :m], step[..., :m, m:]
 
 

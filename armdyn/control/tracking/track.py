@@ -105,7 +105,7 @@ class Setup:
                 f"{MOST_ROWS / robot.nv:.0f} ticks"
             )
         tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
-        with one_blas_thread():  # a regulator's takes exponentials of a thousand small matrices
+        with one_blas_thread():  # a regulator's solves many small systems
             made = {id(one): controller.law(one, ticks, loop) for one in robots}
         laws = tuple(made[id(one)] for one in robots)
         begins = (one.start - reference.t[0] for one in reference.own_pieces)
