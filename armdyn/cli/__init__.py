@@ -21,8 +21,8 @@ def main() -> None:
 
         streams.settle()
         try:
-            from armdyn.cli.app import app
+            from armdyn.cli.app import application, only_command
 
-            app()
+            application(only_command(sys.argv[1:]))()
         except SystemExit as end:
             sys.exit(streams.flushed(end.code))

@@ -4,34 +4,16 @@ The module of a command is imported for its options; the modules that do its wor
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Sequence
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
 from armdyn import __version__
 from armdyn.cli.console import EXIT_CODES
-from armdyn.cli.doctor import doctor
-from armdyn.cli.export import export
-from armdyn.cli.identify import identify
-from armdyn.cli.layout import Command, CommandGroup
-from armdyn.cli.motion.bound import bound
-from armdyn.cli.motion.check import check
-from armdyn.cli.motion.cycle import cycle
-from armdyn.cli.motion.mintime import mintime
-from armdyn.cli.motion.optimality import optimality
-from armdyn.cli.motion.pid import pid
-from armdyn.cli.motion.replay import replay
+from armdyn.cli.layout import THEN, Command, CommandGroup
 from armdyn.cli.options.groups import with_options
-from armdyn.cli.paper import reproduce, urdf
-from armdyn.cli.presets import presets
-from armdyn.cli.reports.report import compare, report
-from armdyn.cli.robots import robots
-from armdyn.cli.studio import studio
-from armdyn.cli.sweeps.sweep import sweep
-from armdyn.cli.tracking.many import monte_carlo
-from armdyn.cli.tracking.track import track
-from armdyn.cli.tracking.tuning import tune
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
@@ -60,25 +42,61 @@ _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
 armdyn COMMAND --help says more, with examples."""
 
-_PANELS: dict[str, tuple[Callable[..., None], ...]] = {
-    "Motions": (mintime, studio, cycle, bound, optimality, check, sweep),
-    "Closed loops": (track, monte_carlo, tune, pid),
-    "Results": (report, compare, replay, export),
-    "Robots": (robots, presets, doctor, identify),
-    "The paper": (reproduce, urdf),
+_PANELS = {
+    "Motions": {
+        "mintime": "motion.mintime",
+        "studio": "studio",
+        "cycle": "motion.cycle",
+        "bound": "motion.bound",
+        "optimality": "motion.optimality",
+        "check": "motion.check",
+        "sweep": "sweeps.sweep",
+    },
+    "Closed loops": {
+        "track": "tracking.track",
+        "monte-carlo": "tracking.many",
+        "tune": "tracking.tuning",
+        "pid": "motion.pid",
+    },
+    "Results": {"report": "reports.report", "compare": "reports.report", "replay": "motion.replay", "export": "export"},
+    "Robots": {"robots": "robots", "presets": "presets", "doctor": "doctor", "identify": "identify"},
+    "The paper": {"reproduce": "paper", "urdf": "paper"},
 }
+"""Commands by panel of the help, each with its module."""
 
-app = typer.Typer(
-    cls=CommandGroup,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help=_HELP,
-    epilog=f"Exit codes: {EXIT_CODES}",
-)
-for panel, commands in _PANELS.items():
-    for command in commands:
-        app.command(cls=Command, rich_help_panel=panel)(with_options(command))
+
+def application(only: str = "") -> typer.Typer:
+    """The application with all commands, or with one: to import and declare all takes a fifth of a second.
+
+    Args:
+        only: name of a command.
+    """
+    app = typer.Typer(
+        cls=CommandGroup,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        help=_HELP,
+        epilog=f"Exit codes: {EXIT_CODES}",
+    )
+    app.callback()(_options)
+    for panel, modules in _PANELS.items():
+        for name, module in modules.items():
+            if only in ("", name):
+                command = getattr(import_module(f"armdyn.cli.{module}"), name.replace("-", "_"))
+                app.command(cls=Command, rich_help_panel=panel)(with_options(command))
+    return app
+
+
+def only_command(words: Sequence[str]) -> str:
+    """The command that a line needs alone; empty for lines without one, such as --help, and for lines of two.
+
+    Args:
+        words: of the line, without the program's name.
+    """
+    first = words[0] if words else ""
+    known = any(first in modules for modules in _PANELS.values())
+    return first if known and THEN not in words else ""
 
 
 def _version(show: bool) -> None:
@@ -87,7 +105,6 @@ def _version(show: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     version: Annotated[
         bool, typer.Option("--version", metavar="", callback=_version, is_eager=True, help="Show the version and exit.")

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from armdyn.cli.app import app
+from armdyn.cli.app import application
 
+app = application()
 COMMAND = [sys.executable, "-m", "armdyn"]
 
 

@@ -7,8 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
-from armdyn.cli.app import app
-from cli.command import run_here
+from cli.command import app, run_here
 
 POSES = ["--q-start", "--q-goal", "--via"]
 RESERVES = ["--reserve", "--velocity-reserve"]

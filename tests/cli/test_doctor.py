@@ -3,8 +3,8 @@ import json
 from rich.console import Console
 from typer.testing import CliRunner
 
-from armdyn.cli.app import app
 from armdyn.cli.doctor import policy_facts, policy_table
+from cli.command import app
 
 ROWS = [
     ("search.starts", 16, "guesses", "fewer miss the best known optimum", "RR, ten payloads"),

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from armdyn.cli.app import app
 from armdyn.cli.console import SCHEMA
 from armdyn.cli.interrupts import _ANSWER
-from cli.command import answer, run_here
+from cli.command import answer, app, run_here
 
 DOCS = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 SECTIONS = {part.partition("\n")[0]: part for part in DOCS.split("\n## ")[1:]}

@@ -9,11 +9,10 @@ import pytest
 
 import armdyn as ad
 from armdyn.cli import invocation
-from armdyn.cli.app import app
 from armdyn.cli.invocation import in_options
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.registry import PATH_CONSTRAINTS
-from cli.command import run_json
+from cli.command import app, run_json
 
 SOURCE = Path(ad.__file__).parent
 PYTHON_ONLY = {

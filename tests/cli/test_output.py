@@ -10,10 +10,10 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
-from armdyn.cli.app import app
 from armdyn.models import Robot
 from armdyn.paper.outcomes.store import load_outcome
 from armdyn.paper.plan import Plan
+from cli.command import app
 
 COMMAND = [sys.executable, "-c", "from armdyn.cli import main; main()"]
 COMMANDS = {

@@ -8,7 +8,7 @@ import sys
 import pytest
 from typer.main import get_command
 
-from armdyn.cli.app import app
+from cli.command import app
 
 HEAVY = (
     "numpy",
