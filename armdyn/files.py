@@ -88,14 +88,26 @@ def file_inside(folder: str | os.PathLike[str], name: object) -> Path:
     Raises:
         FileError: there is none, or not inside.
     """
+    found = place_inside(folder, name)
+    if os.path.isfile(found):  # noqa: PTH113  # a name too long is none
+        return found
+    raise FileError(shown(name), f"no file inside {os.path.realpath(folder)}")
+
+
+def place_inside(folder: str | os.PathLike[str], name: object) -> Path:
+    """The place of `file_inside`, whether there is a file or not.
+
+    Raises:
+        FileError: it is not inside.
+    """
     home = Path(os.path.realpath(folder))
     try:
         found = Path(os.path.realpath(home / path_of(name, "file")))
-        if found.is_relative_to(home) and found.is_file():
-            return found
     except (OSError, ValueError):  # a null character, a loop of links
-        raise FileError(shown(name), "no path of a file") from None
-    raise FileError(shown(name), f"no file inside {home}")
+        raise FileError(shown(name), "is no path of a file") from None
+    if not found.is_relative_to(home):
+        raise FileError(shown(name), f"is outside the folder {home}: it must be inside")
+    return found
 
 
 def read_json(path: str | os.PathLike[str], most: int) -> object:

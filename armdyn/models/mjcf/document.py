@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 from armdyn.errors import FileError, UrdfError
-from armdyn.files import read_bounded
+from armdyn.files import place_inside, read_bounded
 from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS, clipped, parse_xml, read_urdf
 
 MAX_FILES = 100
@@ -87,13 +87,10 @@ class _Includes:
         where = f"include {clipped(name)!r}"
         if self.folder is None:
             raise UrdfError(self.source, "a text has no folder that it could include files from", where)
-        home = Path(os.path.realpath(self.folder))
         try:
-            file = Path(os.path.realpath(home / name))
-        except (OSError, ValueError):  # a null character, a loop of links
-            raise UrdfError(self.source, "is no path of a file", where) from None
-        if not file.is_relative_to(home):
-            raise UrdfError(self.source, f"is outside the folder {home}", where)
+            file = place_inside(self.folder, name)
+        except FileError as error:
+            raise UrdfError(self.source, error.why, where) from None
         if file in self.seen:
             raise UrdfError(self.source, "is included twice", where)
         self.seen.add(file)

@@ -10,7 +10,8 @@ from typing import Literal
 import pinocchio as pin
 
 from armdyn.arguments import shown
-from armdyn.errors import SpecError, UnknownRobotError
+from armdyn.errors import FileError, SpecError, UnknownRobotError
+from armdyn.files import place_inside
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.library import Description, described, is_description, library_names
 from armdyn.models.values.joint_limits import JointLimits
@@ -86,14 +87,10 @@ class RobotSource:
         """
         if is_description(name):
             raise SpecError(f"{shown(name)} is fetched from the internet, which a problem file does not do")
-        home = Path(os.path.realpath(folder))
         try:
-            file = Path(os.path.realpath(home / name))
-            is_file = bool(Path(name).suffix) or file.is_file()
-        except (OSError, ValueError):  # a null character, a loop of links
-            raise SpecError(f"{shown(name)} is no path of a file") from None
-        if name in PLANAR_ARMS or not is_file:
-            return cls.named(name)
-        if not file.is_relative_to(home):
-            raise SpecError(f"{shown(name)} is outside the folder {home}: a problem file's robot is inside")
-        return cls.named(str(file))
+            file = place_inside(folder, name)
+        except FileError as error:
+            raise SpecError(f"{shown(name)} {error.why}") from None
+        # A name too long is no file.
+        is_file = name not in PLANAR_ARMS and (Path(name).suffix or os.path.isfile(file))  # noqa: PTH113
+        return cls.named(str(file) if is_file else name)

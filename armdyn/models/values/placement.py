@@ -8,22 +8,22 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import numbers, shown
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
+from armdyn.errors import ArmdynError, ProblemError
 
 Point = tuple[float, float, float]
 Placement: TypeAlias = ArrayLike | pin.SE3
 """A position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`."""
 
 
-def point(value: ArrayLike, what: str) -> Point:
+def point(value: ArrayLike, what: str, error: type[ArmdynError] = ProblemError) -> Point:
     """Three finite numbers.
 
     Raises:
-        ProblemError: the value is something else.
+        ArmdynError: as `error`; the value is something else.
     """
-    array = numbers(value, what, "three numbers")
+    array = numbers(value, what, "three numbers", error=error)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise ProblemError(f"{what} is {shown(value)}; it must be three finite numbers")
+        raise error(f"{what} is {shown(value)}; it must be three finite numbers")
     x, y, z = (float(part) for part in array)
     return x, y, z
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import check_fields, checked, expect, number, numbers, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.values.placement import Placement, homogeneous
+from armdyn.models.values.placement import Placement, homogeneous, point
 from armdyn.reprs import brief
 
 GRAVITY = 9.81
@@ -160,13 +160,11 @@ class Payload:
                 f"payload shapes have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))"
             )
         mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
-        centre = numbers(com, "payload com", "three finite numbers [m]", error=SpecError)
-        if centre.shape != (3,) or not np.all(np.isfinite(centre)):
-            raise SpecError(f"payload com is {shown(centre)} m; it must be three finite numbers")
+        centre = point(com, "payload com [m]", SpecError)
         if frame is not None:
             text(frame, "payload frame", error=SpecError)
         object.__setattr__(self, "mass", mass)
-        object.__setattr__(self, "com", tuple(centre.tolist()))
+        object.__setattr__(self, "com", centre)
         object.__setattr__(self, "inertia", _moments(inertia))
         object.__setattr__(self, "frame", frame)
         object.__setattr__(self, "shapes", members)

@@ -52,7 +52,7 @@ def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_pat
         (("parts.bolt.mass", "payload.mass"), "its way begins with robot, cycle, parts, steps"),
         (('"to the hole"', '"to the hoel"'), r"did you mean 'to the hole'"),
         (('"to the hole"', "9"), r"steps has no '9'"),
-        (("cell.toml", "../cell.toml"), "line 4: .*no file inside"),
+        (("cell.toml", "../cell.toml"), "line 4: .*is outside the folder"),
         (("file =", "fiel ="), "did you mean 'file'"),
         (("[vary]", "[arms.rr]\n[vary]"), "no table 'arms'"),
     ],
