@@ -87,7 +87,7 @@ class CommandGroup(TyperGroup):
 
 
 def _head(command: Any, ctx: Any, about: str) -> list[RenderableType]:
-    """The usage of a command, and what it is about."""
+    """Usage and description of a command."""
     from rich.padding import Padding
     from rich.text import Text
 
@@ -169,7 +169,7 @@ def _called(param: Any) -> str:
 
 
 def _usual(param: Any) -> str:
-    """The default of an option, where there is one to show."""
+    """Default of an option, if one is to be shown."""
     shown = param.show_default if isinstance(param.show_default, str) else ""
     value = param.default
     silent = param.show_default is False or value is None or value is False or value in ((), [], "") or callable(value)

@@ -30,7 +30,7 @@ def settle() -> None:
 
 
 def flushed(code: str | int | None) -> str | int | None:
-    """The exit code, once all that was said is out; another one if it could not be.
+    """Flush standard output: the exit code, or another one if that failed.
 
     Args:
         code: that the command ends with.

@@ -100,7 +100,7 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
 
 
 def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Parameter]:
-    """A parameter itself as typer has it, or the options of a group; flags have no --no-… beside them."""
+    """Typer's parameters of one parameter, or of a group of options; flags have no --no-… form."""
     if is_dataclass(hint):
         hints = get_type_hints(hint)
         for each in fields(hint):

@@ -158,7 +158,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
 
 
 def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line) -> _Rows:
-    """Rows of the momentum M v by one line of the torque-speed curves, whose damping takes s v of it in a second."""
+    """Rows of the momentum M v for one line of the torque-speed curves, damped by s v per second."""
     units = np.eye(len(leg.velocity))
     rows = _rows(leg, cells, forces.terms.inertia, replace(forces, torque=line.torque).rate(units))
     rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]

@@ -132,7 +132,7 @@ def likely_from(table: Table) -> tuple[Robot, ...]:
 
 
 def likely_tables(tables: Mapping[str, Any], arms: Iterable[Robot]) -> list[dict[str, Any]]:
-    """The tables of likely arms: what they have else than the table [robot] of the identified one."""
+    """Tables of likely arms: only what differs from the identified arm's table [robot]."""
     every = (robot_table(arm) for arm in arms)
     return [{key: one[key] for key in _LIKELY if key in one and one[key] != tables.get(key)} for one in every]
 

@@ -26,7 +26,7 @@ def color(joint: int) -> str:
 
 
 def styles(count: int) -> list[Style]:
-    """A line style for each of so many motions."""
+    """Line styles for a number of motions."""
     return [STYLES[i % len(STYLES)] for i in range(count)]
 
 

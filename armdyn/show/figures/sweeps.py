@@ -45,7 +45,7 @@ def plot_curve(
     rows: Sequence[Row], x: str, y: str, by: Sequence[str] = (), *, named: Named = str, log: Collection[str] = (),
     title: str | None = None,
 ) -> Figure:  # fmt: skip
-    """A number over a setting, a curve for each combination of others.
+    """Plot a number over a setting, one curve for each combination of the other settings.
 
     Args:
         rows: as `study_table` gives them; where the number is None the curve has a gap.

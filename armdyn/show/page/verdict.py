@@ -146,7 +146,7 @@ def _deciding(facts: Facts) -> list[Tile]:
 
 
 def _checks(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
-    """The checks of a run; what is no truth value is not known."""
+    """Checks of a run; a value that is neither true nor false counts as not known."""
     found = [(one.text("name"), one.values.get("holds"), one.text("said")) for one in facts.parts("checks")]
     return tuple((name, holds if isinstance(holds, bool) else None, value) for name, holds, value in found)
 

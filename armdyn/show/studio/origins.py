@@ -21,7 +21,7 @@ def is_loopback(host: str) -> bool:
 
 
 def free_port(host: str, port: int) -> int:
-    """The first free port from a wanted one on.
+    """First free port, from a given one on.
 
     Raises:
         ProblemError: nothing can be served at this address, or all ports that were tried are taken.

@@ -60,7 +60,7 @@ class SessionSetup:
         return cls(problem, options, fitting_presets(problem))
 
     def solve(self, state: StudioState) -> Solution | str:
-        """The fastest motion of a state; a text says why there is none."""
+        """The fastest motion of a state, or the reason why there is none."""
         try:
             problem, _ = posed(self.problem, carrying(self.problem.robot, state.payload), state, self.presets)
             return solve_minimum_time(problem, replace(self.options, calm=state.calm))
@@ -115,7 +115,7 @@ class Session:
 
     @property
     def computing(self) -> float | None:
-        """For how long the motion of the state has been computed [s]; None: it is there, or there is none to be."""
+        """Time for which the motion of the state has been computed [s]; None if none is being computed."""
         return None if self.current or self.refused else self._solver.seconds
 
     @property
@@ -248,7 +248,7 @@ class Session:
         self.warnings = (*self._said, *warnings)
 
     def _keep(self, *, now: bool = False) -> None:
-        """Save the state if it changed, and it is time; where it cannot be saved, the session says so and goes on."""
+        """Save the state if it changed and enough time has passed; a failure is reported, and the session continues."""
         if self.state == self._kept or not (now or time.monotonic() >= self._due):
             return
         self._due = time.monotonic() + _SAVED

@@ -69,7 +69,7 @@ class NewestFirst(Generic[Request, Result]):
 
     @property
     def seconds(self) -> float | None:
-        """For how long a computation has been under way [s]; None: there is none."""
+        """Time for which a computation has been under way [s]; None if there is none."""
         since = self._since
         return None if since is None else time.monotonic() - since
 

@@ -134,7 +134,7 @@ def fitting_presets(problem: MinimumTimeProblem) -> dict[str, ControllerPreset]:
 
 
 def carrying(robot: Robot, mass: float) -> Robot:
-    """The robot with another mass of its payload [kg], where and of what shape that is.
+    """The robot with another mass of its payload [kg], of the same shape at the same place.
 
     Raises:
         SpecError: it cannot be read again.
