@@ -125,10 +125,20 @@ def left_the_page(requests):
     return [url for url in requests if urlsplit(url).scheme not in ("file", "data", "blob")]
 
 
+def seek(page, moment):
+    """Show a time of the motion [s]."""
+    page.evaluate("t => { armdyn.pause(); armdyn.seek(t); }", moment)
+    settle(page)
+
+
+def settle(page):
+    """Give the page time to draw itself anew."""
+    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
 def screenshot(page, moment, path=None):
     """The page at a time of the motion [s], as png bytes."""
-    page.evaluate("t => { armdyn.pause(); armdyn.seek(t); }", moment)
-    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    seek(page, moment)
     return page.screenshot(path=path)
 
 

@@ -21,7 +21,7 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.verdict import verdict_of
 from problems import paper_arm, solved
-from show.browser import left_the_page, open_page, screenshot
+from show.browser import left_the_page, open_page, screenshot, seek
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import FACTS
 
@@ -92,7 +92,7 @@ def test_several_trajectories_move_apart(chromium, tmp_path):
     slow = quintic(robot, HANGING["rrr"], [0.5, 0.6, 0.7], 2.0, "PID")
     path = replay.write_html(robot, [fast, slow], tmp_path / "race.html", slow_motion=5)
     with open_page(chromium, path) as (page, _, errors):
-        screenshot(page, 1.0)
+        seek(page, 1.0)
         first, second = (np.array(page.evaluate(f"armdyn.linkPosition('tip', {k})")) for k in (0, 1))
         np.testing.assert_allclose(first[[0, 2]], tip_of(robot, fast(0.35).q)[[0, 2]], atol=1e-4)
         np.testing.assert_allclose(second[[0, 2]], tip_of(robot, slow(1.0).q)[[0, 2]], atol=1e-4)

@@ -11,7 +11,7 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Subject, report_html, report_of
 from oracles import robot_named
-from show.browser import left_the_page, open_page, screenshot, wait_until
+from show.browser import left_the_page, open_page, screenshot, seek, wait_until
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import judged
 from show.page.test_report_page import EVIL
@@ -67,7 +67,7 @@ def test_arm_curves_and_slider_have_one_time(chromium, tmp_path, size):
     with open_page(chromium, written(tmp_path, robot, fast, slow), **size) as (page, requests, errors):
         assert page.evaluate("armdyn.duration") == pytest.approx(0.5)
         for time in (0.0, 0.2, 0.4, 0.5):
-            screenshot(page, time)
+            seek(page, time)
             agree(page, time, 1e-9)
             for k, move in enumerate((fast, slow)):  # both stand in one place; what has arrived stays
                 seen = page.evaluate(f"armdyn.linkPosition('tip', {k})")
@@ -107,7 +107,7 @@ def plane(page, k=0):
 def test_zoom_is_of_all_charts_together(chromium, tmp_path):
     robot, fast, slow = pair()
     with open_page(chromium, written(tmp_path, robot, fast, slow)) as (page, _, errors):
-        screenshot(page, 0.1)
+        seek(page, 0.1)
         np.testing.assert_array_equal(spans(page), [[0, 0.5]] * 4)
         whole = page.get_by_role("button", name="see all of the time")
         assert whole.is_disabled()
@@ -153,7 +153,7 @@ def test_zoom_is_of_all_charts_together(chromium, tmp_path):
 def test_two_fingers_zoom(chromium, tmp_path):
     robot, fast, slow = pair()
     with open_page(chromium, written(tmp_path, robot, fast, slow), **PHONE) as (page, _, errors):
-        screenshot(page, 0.1)
+        seek(page, 0.1)
         box = plane(page)
         session = page.context.new_cdp_session(page)
 
@@ -178,7 +178,7 @@ def test_two_fingers_zoom(chromium, tmp_path):
 def test_the_numbers_are_those_of_the_moment(chromium, tmp_path):
     robot, move = judged()
     with open_page(chromium, written(tmp_path, robot, move)) as (page, _, errors):
-        screenshot(page, 0.1)
+        seek(page, 0.1)
         rows = page.locator("#now .row").all_inner_texts()
         assert "−0.700 rad" in rows[1] and "3.000 N m" in rows[1] and "torque, upper" in rows[1]
         assert "0.300 rad" in rows[2] and "−3.000 N m" in rows[2] and "torque, lower" in rows[2]
@@ -229,7 +229,7 @@ def test_curves_without_the_robot(chromium, tmp_path):
     path = tmp_path / "bare.html"
     path.write_text(report_html(report_of(Subject("rr", robot.joint_names, robot.limits, (False, False)), [move])))
     with open_page(chromium, path) as (page, _, errors):
-        screenshot(page, 0.1)
+        seek(page, 0.1)
         agree(page, 0.1, 1e-9)
         assert "not at hand" in page.locator("#no-scene").inner_text()
         assert not errors

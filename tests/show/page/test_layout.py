@@ -6,7 +6,7 @@ import armdyn as ad
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Subject, report_html, report_of
-from show.browser import open_page
+from show.browser import open_page, settle
 from show.page.runs import FACTS
 
 pytestmark = pytest.mark.slow
@@ -71,7 +71,7 @@ def resize(page, size):
     """Give the page a size, its beginning in sight, and time to draw itself anew."""
     page.set_viewport_size(size)
     page.evaluate("scrollTo(0, 0)")
-    page.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    settle(page)
 
 
 def test_on_a_phone_nothing_is_covered_cut_or_broken(opened):
