@@ -56,6 +56,11 @@ class ResolvedMotions:
         """Whether the best certified motion is so much faster than a mesh's that the mesh need not be resolved."""
         return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
 
+    def usable_by(self, duration: float, tolerance: float) -> bool:
+        """Whether a motion that takes no longer is usable; tolerance: of its distance from the goal [rad or m]."""
+        known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
+        return any(one.landed(tolerance) and one.within_limits for one in known)
+
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
         """Record the result of the solution on the first mesh; None if it had none."""
         self._known.append((first, optimum))
@@ -66,6 +71,21 @@ class ResolvedMotions:
             if len(distinct([known, first], same.resolved, same.apart)) == 1:
                 return (optimum,)
         return None
+
+
+@dataclass(frozen=True)
+class _Margins:
+    """By how much a mesh's motion keeps within its limits, for what it does between its knots and for feedback.
+
+    Attributes:
+        velocity: as a part of a limit of velocity.
+        position: as a part of a joint's range.
+        torque: as a part of a torque limit.
+    """
+
+    velocity: float = 0.0
+    position: float = 0.0
+    torque: float = 0.0
 
 
 class _Meshes:
@@ -82,7 +102,7 @@ class _Meshes:
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on finer and finer meshes."""
-        numbers, within = self.task.policy.motion_mesh, self._within()
+        numbers, within = self.task.policy.motion_mesh, self._within(_Margins())
         rough = replace(
             self.task.sharp(),
             tolerance=numbers.tolerance,
@@ -106,23 +126,20 @@ class _Meshes:
         """Solve on the mesh of a rough solution; the rough one if that does not converge, or no work is left."""
         if not self.worth(rough.mesh) or self.task.stop:
             return rough
-        found = self._once(self._within(), rough.trajectory, rough.mesh, self._sharp, self.tie)
+        found = self._once(self._within(_Margins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
         return found if found.usable else rough
 
-    def again(self, attempt: Attempt, rough: Flags, faster: float, beyond: float) -> Attempt | None:
-        """Solve again on a mesh with some intervals divided; None if that fails, or no work is left.
-
-        Args:
-            attempt: the solution before.
-            rough: intervals to be divided, shape (K,).
-            faster: excess over a limit of velocity, as a part of it, by which the next motion stays within them.
-            beyond: the same of a position limit, as a part of its range.
-        """
+    def divided(self, attempt: Attempt, rough: Flags, margins: _Margins) -> Attempt | None:
+        """Solve again on a mesh with some intervals, flags of shape (K,), divided; None if that fails."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
-        if not (np.any(rough) and knots.size <= numbers.most_again and self.worth(knots)) or self.task.stop:
+        return self.again(attempt, knots, margins) if np.any(rough) and knots.size <= numbers.most_again else None
+
+    def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
+        """Solve on other knots, within the limits by margins; None if that fails, or no work is left."""
+        if not self.worth(knots) or self.task.stop:
             return None
-        found = self._solved(self._within(faster, beyond), attempt.trajectory, knots, self._sharp, self.tie)
+        found = self._solved(self._within(margins), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None
 
     def worth(self, knots: Array, spare: int = 0) -> bool:
@@ -158,15 +175,19 @@ class _Meshes:
         self.resolved.left -= found.iterations * size
         return found
 
-    def _within(self, faster: float = 0.0, beyond: float = 0.0) -> Task:
-        problem, limits = self.task.problem, self.task.problem.limits
-        velocity = (1 - self.task.policy.motion_mesh.inside - faster) * limits.velocity
-        if not beyond:
-            return replace(self.task, problem=problem.variant(velocity_limit=velocity))
-        room, ends = beyond * (limits.position_upper - limits.position_lower), problem.poses[[0, -1]]
+    def _within(self, margins: _Margins) -> Task:
+        problem, limits, reserves = self.task.problem, self.task.problem.limits, self.task.problem.reserves
+        fast = self.task.policy.motion_mesh.inside + margins.velocity
+        weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, margins.torque, 0.0)
+        room, ends = margins.position * (limits.position_upper - limits.position_lower), problem.poses[[0, -1]]
         lower = np.minimum(limits.position_lower + room, np.min(ends, axis=0))
         upper = np.maximum(limits.position_upper - room, np.max(ends, axis=0))
-        return replace(self.task, problem=problem.variant(velocity_limit=velocity, position_limit=(lower, upper)))
+        within = problem.variant(
+            velocity_reserve=reserves.velocity + (1 - reserves.velocity) * fast,
+            reserve=reserves.effort + (1 - reserves.effort) * weak,
+            **({"position_limit": (lower, upper)} if margins.position else {}),
+        )
+        return replace(self.task, problem=within)
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -268,9 +289,9 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
     if best is None:
         return None
     for k in range(numbers.again):
-        _, velocity, position = (one.share for one in excesses(task.problem.limits, best.optimum.trajectory))
-        faster = velocity if k else 0.0  # shorter intervals exceed limits by less
-        divided = meshes.again(mesh, best.rough, faster, position if position > LIMIT_TOLERANCE else 0.0)
+        velocity, position = _excess(task, best.optimum)
+        margins = _Margins(velocity if k else 0.0, position)  # shorter intervals exceed limits by less
+        divided = meshes.divided(mesh, best.rough, margins)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
@@ -278,7 +299,36 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
         mesh, best = divided, found
         if stalled and best.optimum.within_limits:
             break
-    return best.optimum
+    return _within_margins(meshes, mesh, best.optimum, remark)
+
+
+def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: str) -> Optimum:
+    """Solve on the same mesh, further within the limits, until the motion is usable; the motion before if none is.
+
+    A motion that grows can only be repeated under feedback, and torques on their limits leave it none.
+    """
+    task, margins, last, near = meshes.task, _Margins(), optimum, meshes.task.options.replay_tolerance
+    if meshes.resolved.usable_by(optimum.cost, near):
+        return optimum
+    for kept in task.policy.motion_mesh.kept:
+        landed = last.landed(near)
+        if landed and last.within_limits:
+            return last
+        velocity, position = _excess(task, last)
+        torque = margins.torque if landed else kept
+        margins = _Margins(margins.velocity + velocity, margins.position + position, torque)
+        again = meshes.again(mesh, mesh.mesh, margins)
+        found = None if again is None else _judged(task, again, remark)
+        if again is None or found is None:
+            return optimum
+        mesh, last = again, found.optimum
+    return last if last.landed(near) and last.within_limits else optimum
+
+
+def _excess(task: Task, optimum: Optimum) -> tuple[float, float]:
+    """Excess over limits of velocity and of position, as parts of these; of position 0 within its tolerance."""
+    _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
+    return velocity, position if position > LIMIT_TOLERANCE else 0.0
 
 
 def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
@@ -293,22 +343,21 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau), None, remark)
     costates = mesh_costates(problem, motion, replay, task.policy)
     rough = _rough(task, motion, replay, costates)
-    if costates is None:
-        return _Judged(found, np.inf, rough)
-    if costates.saving > SAVING_TOLERANCE:
-        most = f"a small change may save up to {percent(costates.saving)} of its time"
-        why = f"{most}; at most {percent(SAVING_TOLERANCE)} is certified"
-        return _Judged(replace(found, certificate=replace(found.certificate, remark=why)), costates.saving, rough)
-    certificate = replace(
-        found.certificate,
-        remark="",
-        saving=costates.saving,
-        t=costates.t,
-        costate=costates.costate,
-        switching=costates.switching,
-    )
+    certificate, saving = found.certificate, np.inf if costates is None else costates.saving
+    if costates is not None and saving > SAVING_TOLERANCE:
+        most = f"a small change may save up to {percent(saving)} of its time"
+        certificate = replace(certificate, remark=f"{most}; at most {percent(SAVING_TOLERANCE)} is certified")
+    elif costates is not None:
+        certificate = replace(
+            certificate,
+            remark="",
+            saving=saving,
+            t=costates.t,
+            costate=costates.costate,
+            switching=costates.switching,
+        )
     certificate = repeated(problem, found.trajectory, certificate)  # where nothing repeats it another optimum is sought
-    return _Judged(replace(found, certificate=certificate), costates.saving, rough)
+    return _Judged(replace(found, certificate=certificate), saving, rough)
 
 
 def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:

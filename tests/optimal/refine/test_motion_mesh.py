@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.proof.repeat import repeated
+from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Meshes, mesh_optimum
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Margins, _Meshes, mesh_optimum
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import paper_arm
@@ -32,11 +32,31 @@ def optimum_of(task, resolved=None):
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh():
-    coarse, divided, fine = (optimum_of(task_of(**one)) for one in ({"rounds": 2, "again": 0}, {"rounds": 2}, {}))
+    once = {"rounds": 2, "again": 0, "kept": ()}
+    coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 2}, {}))
     assert 1e-6 < coarse.certificate.limit_violation < 1e-4 and not coarse.certificate.ok
     assert divided.certificate.ok
     assert divided.intervals > coarse.intervals
     assert fine.trajectory.duration < divided.trajectory.duration < (1 + 5e-5) * fine.trajectory.duration
+
+
+@pytest.mark.slow
+def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
+    once = {"rounds": 2, "again": 0}
+    coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
+    assert coarse.certificate.on_goal and not coarse.within_limits
+    assert within.certificate.usable and within.intervals == coarse.intervals
+    # It is slower by about the excess, and by 1.5 times the torque that is kept.
+    assert 1 < within.trajectory.duration / coarse.trajectory.duration < 1 + 3e-4
+
+
+@pytest.mark.slow
+def test_a_reserve_of_velocity_is_a_lower_velocity_limit():
+    reserving = FAST.variant(velocity_limit=FAST.limits.velocity / 0.9, velocity_reserve=0.1)
+    optima = (optimum_of(Task.of(one, ad.MinimumTimeOptions(starts=4, workers=1))) for one in (FAST, reserving))
+    lower, reserved = optima
+    assert reserved.certificate.ok
+    assert reserved.trajectory.duration == pytest.approx(lower.trajectory.duration, rel=1e-8)  # of the interior point
 
 
 @pytest.mark.slow
@@ -88,13 +108,30 @@ def test_a_motion_that_no_integrator_repeats_is_not_certified(monkeypatch):
     assert "replay under feedback leaves the motion" in certificate.remark
 
 
+@pytest.mark.slow
+def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatch):
+    def with_room(robot, limits, motion, segments):
+        return under_feedback(robot, limits, motion, segments) if least_room(limits, motion) > 1e-5 else None
+
+    def least_room(limits, motion):
+        return np.min(-limits.actuators.excess(motion.tau, motion.q, motion.v) / limits.actuators.scale)
+
+    optimum = optimum_of(task_of())
+    monkeypatch.setattr("armdyn.optimal.proof.repeat.OPEN_LOOP_GROWTH", 0.0)  # every motion is judged under feedback,
+    monkeypatch.setattr("armdyn.optimal.proof.repeat.under_feedback", with_room)  # which needs some torque
+    kept = optimum_of(task_of())
+    assert least_room(FAST.limits, optimum.trajectory) < 1e-7 < 2.9e-5 < least_room(FAST.limits, kept.trajectory)
+    assert kept.certificate.ok and kept.certificate.replay == "segments"
+    assert 1 < kept.trajectory.duration / optimum.trajectory.duration < 1 + 4.5e-5
+
+
 def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(0.0, 1e-3).problem.limits
+    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=1e-3)).problem.limits
     assert within.position_lower == pytest.approx([-2.6 + 4.7e-3, -1.6 + 2.7e-3])
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
-    wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(0.0, 0.1).problem.limits
+    wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=0.1)).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 

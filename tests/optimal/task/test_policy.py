@@ -31,7 +31,7 @@ def problem(kind):
 TABLE = {
     # kind: starts, condensed, flat, linear, again, curves alone, their starts, neighbour_starts
     "r": (1, True, None, False, False, False, 4, 1),
-    "rr": (16, True, None, False, True, False, 4, 8),
+    "rr": (32, True, None, False, True, False, 4, 8),
     "rrr": (140, True, None, False, True, False, 4, 12),
     "rr ball": (16, False, 1e-4, False, True, False, 4, 8),
     "rr jerk": (16, False, 1e-4, True, True, False, 4, 8),
@@ -79,7 +79,15 @@ def test_where_velocity_limits_shape_the_motion_curves_come_first():
 def test_optima_are_changed_where_there_are_hundreds(kind, changed):
     numbers = Policy.of(problem(kind)).search
     assert numbers.changes == changed
-    assert (numbers.turn > 0) == (numbers.haste < 1) == (changed > 0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "far"), [("r", 0), ("rr", 4), ("rrr", 8), ("rr ball", 0), ("rr effort", 0), ("ur5", 0)]
+)
+def test_where_there_are_many_optima_guesses_are_far_and_hasty_and_all_are_solved(kind, far):
+    numbers = Policy.of(problem(kind)).search
+    assert numbers.turn == far
+    assert (numbers.turn > 0) == (numbers.haste < 1) == (not numbers.ends_early)
 
 
 def test_every_number_says_its_unit_its_reason_and_its_cases():
@@ -95,7 +103,7 @@ def test_every_number_says_its_unit_its_reason_and_its_cases():
 def test_a_number_is_changed_in_a_copy():
     policy = Policy.of(problem("rr"))
     other = policy.changed("search", starts=3)
-    assert (other.search.starts, policy.search.starts) == (3, 16)
+    assert (other.search.starts, policy.search.starts) == (3, 32)
     assert other.program == policy.program
 
 

@@ -96,8 +96,10 @@ class Policy:
         motors = not np.any(problem.limits.passive)
         speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
-        many = joints == 3 and motors and not asked and not problem.pays_effort  # optima, hundreds
-        starts = _by_joints(joints, 1, 16 if motors else 40, 140 if many else 100)
+        plain = motors and not asked and not problem.pays_effort
+        many = plain and joints == 3  # optima, hundreds
+        some = plain and joints == 2
+        starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
         return cls(
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
@@ -108,12 +110,12 @@ class Policy:
             ),
             search=SearchPolicy(
                 starts=starts,
-                ends_early=not many,
+                ends_early=not (many or some),
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,
-                turn=8.0 if many else 0.0,
-                haste=0.4 if many else 1.0,
+                turn=8.0 if many else 4.0 if some else 0.0,
+                haste=0.4 if many else 0.6 if some else 1.0,
                 changes=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
                 again=joints > 1,

@@ -117,6 +117,12 @@ class MotionMeshPolicy:
     inside: float = tuned(
         5e-6, "of a velocity limit", "kept from it: what is between an interval's middle and its ends"
     )
+    kept: tuple[float, ...] = tuned(
+        (3e-5, 3e-4, 3e-3),
+        "of a torque limit",
+        "kept for feedback, in turn, where no replay repeats the motion: it costs 0.3 to 1.5 times as much of T",
+        "random arms (RRR)",
+    )
     slower: float = tuned(4e-3, "of the duration", "a solution that is so much slower is another optimum", "RRR, 500 g")
     ties: tuple[float, ...] = tuned(
         (3e-6, 1e-4, 3e-4),
