@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import pytest
 
-import control
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
@@ -92,6 +91,8 @@ def test_delay_margin_in_whole_ticks(kd, velocity):
 @pytest.mark.parametrize("case", EVERY)
 def test_phase_and_disk_margins_agree_with_python_control(case):
     """Its disk margin of one broken loop; and the disk lies within what the loop bears of gain and of phase."""
+    import control  # takes half a second, of the one worker that runs this
+
     loop = loop_of(case)
     omega = np.geomspace(np.pi / loop.period * 1e-6, np.pi / loop.period, 4000)
     for one in margins_of(case):
