@@ -35,6 +35,7 @@ def test_limits_cost_what_their_multipliers_say(costs):
     assert sum(one.saved for one in named) / 10 == pytest.approx(solved.duration - faster, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_nearest_branches_are_no_better(costs):
     assert costs[0, "taking the nearest branch at every stop"].saved <= 1e-9
 

@@ -56,6 +56,7 @@ def test_no_order_and_no_branches_are_below_the_bound(holes, least):
     assert 0.85 * least < found <= least * (1 + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_bound_that_is_stopped_or_enough_is_lower(holes, least):
     graph = CycleGraph.of(holes[0])
     stopped = order_bound(graph, 10.0, Effort(1000, lambda: True))

@@ -129,6 +129,7 @@ def test_no_motion_found_is_faster(straight, solved):
     assert 0.96 * solution.duration < bound < solution.duration
 
 
+@pytest.mark.slow
 def test_a_bound_for_short_motions_says_no_more_than_that(straight, solved):
     _, leg, passage = straight
     _, plain, bound = solved
@@ -136,6 +137,7 @@ def test_a_bound_for_short_motions_says_no_more_than_that(straight, solved):
     assert passing_bound(leg, passage, plain, np.inf, lambda: True)[0] <= bound
 
 
+@pytest.mark.slow
 def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
     """The motion is one of those that the cells speak of."""
     problem, leg, passage = straight
@@ -151,6 +153,7 @@ def test_phases_and_positions_of_a_motion_are_in_the_boxes(straight, solved):
     assert 0.02 < least <= motion.t[passed]
 
 
+@pytest.mark.slow
 def test_multipliers_need_not_be_the_best(straight, solved):
     """Any give a bound: those of the program, disturbed, give a lower one."""
     _, leg, passage = straight

@@ -13,7 +13,10 @@ from armdyn.optimal.task.task import Task
 from problems import random_problem, random_solution, solved
 
 
-@pytest.mark.parametrize("solution", [lambda: solved("rr"), lambda: solved("rrr"), lambda: random_solution(15)])
+@pytest.mark.parametrize(
+    "solution",
+    [lambda: solved("rr"), lambda: solved("rrr"), pytest.param(lambda: random_solution(15), marks=pytest.mark.slow)],
+)
 def test_collocation_of_the_same_arcs_says_the_same(solution):
     # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, costates from its multipliers, sensitivities.
     own = solution()

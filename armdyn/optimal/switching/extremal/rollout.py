@@ -1,6 +1,7 @@
 """A structure carried through by the integrator, and how it answers to its times."""
 
 from dataclasses import dataclass, replace
+from heapq import heapify, heapreplace
 from typing import Self
 
 import numpy as np
@@ -301,8 +302,12 @@ def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[In
         ends = np.concatenate([[0.0], np.cumsum(mass)])
         layers = replace(layers, t=layers.t * (ends[-1] / layers.t[-1]))
         mass = np.diff(layers.up_to(ends))
+    longest = [(-part, k) for k, part in enumerate((mass / counts).tolist())]  # a heap, of the steps that are longest
+    heapify(longest)
     for _ in range(steps - counts.sum()):
-        counts[np.argmax(mass / counts)] += 1
+        k = longest[0][1]
+        counts[k] += 1
+        heapreplace(longest, (-float(mass[k] / counts[k]), k))
     arc = np.repeat(np.arange(lengths.size), counts)
     part = 1 / counts[arc]
     if layers is not None:

@@ -89,6 +89,7 @@ def test_step_is_that_of_the_whole_matrix(newton_step, seed):
     np.testing.assert_allclose(np.concatenate([dw[free], dlam]), expected, atol=1e-9 * np.max(np.abs(expected)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_step_with_slacks_is_that_of_the_whole_matrix(newton_step, seed):
     parts, (A, M, W), free, random = equations(seed, 12.0)
