@@ -110,6 +110,7 @@ def test_step_with_slacks_is_that_of_the_whole_matrix(newton_step, seed):
     assert np.all(dw[SIZE:][opened[SIZE:] == 0] == 0) and np.all(dlam[rows:][opened[SIZE:] == 0] == 0)
 
 
+@pytest.mark.slow
 def test_factors_exist_where_the_curvature_is_a_minimums(newton_step):
     judged = []
     for seed in range(60):
