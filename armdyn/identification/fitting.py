@@ -114,7 +114,6 @@ class Fit:
         x: the unknowns, shape (p,).
         weight: of the divergence.
         noise: standard deviation of the joints' residuals [N m or N], shape (nv,).
-        inflation: sum of the residuals' autocorrelation: how many equations count as one, shape (nv,).
         normal: the weighted normal equations.
         covariance: of the unknowns, shape (p, p).
     """
@@ -122,7 +121,6 @@ class Fit:
     x: Array
     weight: float
     noise: Array
-    inflation: Array
     normal: Normal
     covariance: Array
 
@@ -155,7 +153,6 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
         x=x,
         weight=weight,
         noise=noise,
-        inflation=inflation,
         normal=normal,
         covariance=_covariance(unknowns, x, columns, weights * inflation, normal, weight),
     )
