@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import armdyn as ad
 from armdyn import models
@@ -17,15 +17,21 @@ TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
 
 
-def is_robot_file(name: str) -> bool:
-    """Whether the name of a robot is that of a file with the table [robot] alone, as `armdyn identify` writes it.
+def kind_of_file(name: str) -> Literal["", "robot", "problem", "study"]:
+    """Kind of the TOML file that a robot's name is; empty: it is the name of a robot.
+
+    A robot's file has the table [robot] alone, as `armdyn identify` writes it; a study file neither [robot] nor
+    [problem].
 
     Raises:
         ArmdynError: it is a TOML file and cannot be read.
     """
     from armdyn.parsing.toml import read_toml
 
-    return name.lower().endswith(".toml") and read_toml(name).values.keys() == {"robot"}
+    if not name.lower().endswith(".toml"):
+        return ""
+    keys = read_toml(name).values.keys()
+    return "robot" if keys == {"robot"} else "problem" if {"robot", "problem"} & keys else "study"
 
 
 def known_names(incomplete: str) -> list[str]:
@@ -84,9 +90,9 @@ class PartOptions:
 
     def _read(self, name: str, payload: ad.Payload | None, tool: ad.Tool | None) -> ad.Robot:
         """The robot of a name that is not one of the paper's."""
-        if is_robot_file(name):
+        if (kind := kind_of_file(name)) == "robot":
             return self._of_file(name, payload)
-        if name.lower().endswith(".toml"):
+        if kind:
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
         from armdyn.models.robots.source import RobotSource
 

@@ -12,33 +12,13 @@ from armdyn.cli.options.path_constraints import PathConstraintOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.positions import degrees_are_on
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument, is_robot_file
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument, kind_of_file
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 
 if TYPE_CHECKING:
     from armdyn.optimal.problem_files import ProblemFile
     from armdyn.paper import Kind
-
-
-def is_problem_file(name: str) -> bool:
-    """Whether the name of a robot is that of a problem file.
-
-    Raises:
-        ArmdynError: it is a TOML file and cannot be read.
-    """
-    return name.lower().endswith(".toml") and not is_robot_file(name)
-
-
-def is_study_file(name: str) -> bool:
-    """Whether a TOML file has neither [robot] nor [problem]: it may be a study file.
-
-    Raises:
-        ArmdynError: it cannot be read.
-    """
-    from armdyn.parsing.toml import read_toml
-
-    return not {"robot", "problem"} & read_toml(name).values.keys()
 
 
 def problem_file(name: str) -> ProblemFile:
@@ -108,7 +88,7 @@ class ProblemOptions:
             ArmdynError: there is no such problem; or an option repeats a key of the file.
         """
         name = self.robot.robot
-        if is_problem_file(name):
+        if kind_of_file(name) in ("problem", "study"):
             refuse_beside_a_file(
                 name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.path_constraints
             )
@@ -137,7 +117,7 @@ class ArmOptions:
             ArmdynError: it cannot be read; or an option repeats one of its keys.
         """
         name = self.robot.robot
-        if not is_problem_file(name):
+        if kind_of_file(name) not in ("problem", "study"):
             return None
         refuse_beside_a_file(name, self.poses, self.payload, self.robot.part, self.joints)
         return problem_file(name)

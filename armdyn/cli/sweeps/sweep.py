@@ -13,8 +13,8 @@ from armdyn.cli.motion.requirements import REQUIRE, requirements_of
 from armdyn.cli.options.groups import SOLVER, argument, given, option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.robot import PayloadPlace, RobotArgument, known_names
-from armdyn.cli.options.task import is_problem_file, is_study_file, problem_file, refuse_beside_a_file
+from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
+from armdyn.cli.options.task import problem_file, refuse_beside_a_file
 from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
@@ -116,7 +116,7 @@ def sweep(
       reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
     with answering(results.output.json) as answer:
-        if is_problem_file(robot.robot) and is_study_file(robot.robot):
+        if kind_of_file(robot.robot) == "study":
             refuse_beside_a_file(robot.robot, poses, payloads, robot.part, joints, search)
             if require:
                 raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")
@@ -138,7 +138,7 @@ def _problems(
         ArmdynError: there is no such problem; or an option repeats a key of the file.
     """
     masses = payloads.masses(robot.robot)
-    if is_problem_file(robot.robot):
+    if kind_of_file(robot.robot) == "problem":
         refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
         file = problem_file(robot.robot)
         return {mass: file.made(mass) for mass in masses}, file.options
