@@ -305,9 +305,9 @@ def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[In
     longest = [(-part, k) for k, part in enumerate((mass / counts).tolist())]  # a heap, of the steps that are longest
     heapify(longest)
     for _ in range(steps - counts.sum()):
-        k = longest[0][1]
-        counts[k] += 1
-        heapreplace(longest, (-float(mass[k] / counts[k]), k))
+        top = longest[0][1]
+        counts[top] += 1
+        heapreplace(longest, (-float(mass[top] / counts[top]), top))
     arc = np.repeat(np.arange(lengths.size), counts)
     part = 1 / counts[arc]
     if layers is not None:
