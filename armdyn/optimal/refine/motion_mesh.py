@@ -202,8 +202,8 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     at, middle = motion(motion.duration * knots), motion(motion.duration * (knots[:-1] + knots[1:]) / 2)
     level = (middle.tau - limits.actuators.center) / limits.actuators.scale
     off = np.abs(level) < 1 - task.policy.arcs.near
-    jumps = np.pad(np.abs(np.diff(level, axis=0)) > numbers.jump, ((1, 1), (0, 0)))
-    parts = np.where(np.any(off & (jumps[:-1] | jumps[1:]), axis=1), numbers.parts, 1.0)
+    jumps = np.pad(np.any(np.abs(np.diff(level, axis=0)) > numbers.jump, axis=1), 1)
+    parts = np.where(jumps[:-1] | jumps[1:], numbers.parts, 1.0)  # a switch on a knot may belong on either side
     brief = np.zeros(level.shape, bool)
     brief[1:-1] = off[1:-1] & (level[:-2] * level[2:] < 2 * task.policy.arcs.near - 1)
     alone = np.any(brief, axis=1) & (off.sum(axis=1) == 1)

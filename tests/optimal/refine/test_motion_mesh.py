@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _Margins, _Meshes, mesh_optimum
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _finer, _Margins, _Meshes, mesh_optimum
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import paper_arm
@@ -133,6 +133,16 @@ def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
     wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=0.1)).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
+
+
+def test_intervals_are_divided_on_both_sides_of_a_switch():
+    task = task_of(rounds=1, gap=1.0, bow=1.0, beyond=1.0)  # of switches alone
+    first, *_ = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
+    middles = (first.mesh[:-1] + first.mesh[1:]) / 2
+    torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale
+    switches = np.flatnonzero(np.any(np.abs(np.diff(torques, axis=0)) > 0.5, axis=1))
+    counts = np.histogram(_finer(task, first, task.policy.motion_mesh), first.mesh)[0]
+    assert switches.size > 2 and np.all(counts[switches] > 1) and np.all(counts[switches + 1] > 1)
 
 
 def test_the_last_mesh_is_solved_sharply():
