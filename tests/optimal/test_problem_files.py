@@ -267,6 +267,11 @@ def test_what_no_file_can_say_is_refused(tmp_path):
     model.gravity.linear = np.zeros(3)
     with pytest.raises(SpecError, match="was changed after it was read"):
         ad.MinimumTimeProblem(dataclasses.replace(arm, model=model), **ends).to_toml()
+    before = arm.model_hash
+    arm.model.gravity.linear = np.zeros(3)  # in place: the hash is of the model as it is
+    assert arm.model_hash != before
+    with pytest.raises(SpecError, match="was changed after it was read"):
+        ad.MinimumTimeProblem(arm, **ends).to_toml()
     file = tmp_path / "arm.urdf"
     file.write_text(ad.urdf_from_spec(SPEC))
     problem = ad.MinimumTimeProblem(ad.Robot.from_urdf(file), **ends)

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
-from armdyn.locks import cached_property
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.options import RobotOptions
@@ -155,7 +154,7 @@ class Arm:
         """The joints without a motor, whose torque limits are zero."""
         return tuple(name for name, idle in zip(self.joint_names, self.limits.passive, strict=True) if idle)
 
-    @cached_property
+    @property
     def model_hash(self) -> str:
         """SHA-256 of its equations of motion, payload and friction included; see the function `model_hash`."""
         return model_hash(self.model, self.friction)
