@@ -130,14 +130,15 @@ class _Meshes:
         return found if found.usable else rough
 
     def divided(self, attempt: Attempt, rough: Flags, margins: _Margins) -> Attempt | None:
-        """Solve again on a mesh with some intervals, flags of shape (K,), divided; None if that fails."""
+        """Solve on a mesh with some intervals, flags of shape (K,), divided; None if that fails, or no work is left."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
-        return self.again(attempt, knots, margins) if np.any(rough) and knots.size <= numbers.most_again else None
+        worth = np.any(rough) and knots.size <= numbers.most_again and self.worth(knots)
+        return self.again(attempt, knots, margins) if worth else None
 
     def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
-        """Solve on other knots, within the limits by margins; None if that fails, or no work is left."""
-        if not self.worth(knots) or self.task.stop:
+        """Solve on other knots, within the limits by margins; None if that fails."""
+        if self.task.stop:
             return None
         found = self._solved(self._within(margins), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None
