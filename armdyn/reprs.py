@@ -1,10 +1,11 @@
-"""One-line `repr` of dataclasses, for notebooks, logs and debuggers.
+"""One-line texts of values: `repr` of dataclasses, for notebooks, logs and debuggers, and percentages.
 
 The default `repr` of a dataclass with arrays writes all of their numbers, which hide the rest.
 """
 
 from __future__ import annotations
 
+import math
 import reprlib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
@@ -47,6 +48,14 @@ def called(name: object) -> str:
     """A name in quotation marks, on one line whatever it has in it, and cut off where it is long."""
     text = repr(str(name)[:_MOST_OF_A_NAME])  # repr escapes line breaks and characters that cannot be printed
     return _cut(text, _MOST_OF_A_NAME)
+
+
+def percent(part: float) -> str:
+    """A fraction as text in percent, three digits, rounded up so that an upper bound stays true."""
+    if not part or not math.isfinite(part):
+        return f"{100 * part:g} %"
+    scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
+    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
 
 
 def several_numbers(array: Any) -> str:

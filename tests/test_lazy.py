@@ -63,6 +63,13 @@ def test_a_problem_is_posed_without_what_solving_it_takes():
         assert module not in there
 
 
+def test_a_page_of_saved_results_is_made_without_the_optimiser():
+    there = loaded("import armdyn.show.page.report, armdyn.show.replay")
+    assert "meshcat" in there
+    for module in ("armdyn.optimal", "armdyn.cycle", "scipy", "trimesh", "matplotlib"):
+        assert module not in there
+
+
 @pytest.mark.slow
 def test_all_names_are_there_and_nothing_that_draws_until_a_value_is_drawn():
     code = "from armdyn import *; import armdyn; assert set(armdyn.__all__) <= set(globals())"

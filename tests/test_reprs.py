@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.reprs import MOST_LETTERS, brief, called, line_of, several_numbers
+from armdyn.reprs import MOST_LETTERS, brief, called, line_of, percent, several_numbers
 from problems import POSES
 
 SIMPLE = {"float", "int", "str", "bool", "Literal", "None", "NoneType", "tuple", "Form", "Status"}
@@ -129,3 +129,21 @@ def test_signatures_have_nothing_of_the_insides_of_numpy(name, value):
     except (TypeError, ValueError):  # of C, or an exception's
         return
     assert "numpy" not in shown and "_typing" not in shown and "_Supports" not in shown
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (3.701e-4, "0.0371 %"),
+        (0.005, "0.5 %"),
+        (1.02 / 1 - 1, "2 %"),
+        (0.05004, "5.01 %"),
+        (0.0, "0 %"),
+        (1.5, "150 %"),
+        (12.345, "1240 %"),
+        (-0.01, "-1 %"),
+        (np.inf, "inf %"),
+    ],
+)
+def test_per_cent_are_rounded_up(part, said):
+    assert percent(part) == said

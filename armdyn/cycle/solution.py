@@ -15,9 +15,8 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import percent
 from armdyn.optimal.proof.sensitivity import Share
-from armdyn.reprs import brief, called
+from armdyn.reprs import brief, called, percent
 from armdyn.trajectory import Trajectory
 
 _LANDING = 1e-4

@@ -11,7 +11,7 @@ from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.files import attributes
 from armdyn.models.scene.attached import payload_entry
 from armdyn.models.values.spec import Payload
-from armdyn.optimal.proof.certificate import percent
+from armdyn.reprs import percent
 
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""

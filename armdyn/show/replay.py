@@ -1,23 +1,27 @@
 """Pages opened with the arm alone, one HTML file, no server, no network: a replay; a pose in which bodies touch."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from armdyn.arguments import expect
 from armdyn.errors import ContactError
 from armdyn.files import write_whole
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
-from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
 from armdyn.show.page.sections import verdict_section
 from armdyn.show.page.verdict import Verdict
 from armdyn.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from armdyn.optimal.answer.solution import Solution
 
 
 def write_html(
@@ -72,6 +76,8 @@ def _move(one: Trajectory | Solution | ShownMotion, k: int) -> ShownMotion:
         return one
     if isinstance(one, Trajectory):
         return ShownMotion(one.name or f"trajectory {k + 1}", one, Facts())
+    from armdyn.optimal.answer.summary import minimum_time_summary  # slow to import: the optimiser
+
     return ShownMotion(one.trajectory.name or f"trajectory {k + 1}", one.trajectory, Facts(minimum_time_summary(one)))
 
 

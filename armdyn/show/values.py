@@ -21,7 +21,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.summary import minimum_time_summary
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.certificate import percent
+from armdyn.reprs import percent
 from armdyn.show.figures.style import COLORS, INK, LOOK, literal
 from armdyn.show.markup import Html, element, inline_svg, join
 from armdyn.show.page.scene import joint_poses

@@ -227,7 +227,7 @@ def _cells(step: dict[str, Any]) -> list[str]:
 
 def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
     """The whole cycle as `facts_table` shows it."""
-    from armdyn.optimal.proof.certificate import percent
+    from armdyn.reprs import percent
 
     words = {}
     if not solution.success:

@@ -10,7 +10,8 @@ import numpy as np
 from armdyn.optimal.landing.pace import can_be_slowed
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate, percent
+from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
+from armdyn.reprs import percent
 
 _HOLD = (
     "choose a goal that its motors can hold, carry less `payload`, raise `effort_limit`, or pass the goal in flight "

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.proof.certificate import Certificate, percent
+from armdyn.optimal.proof.certificate import Certificate
+from armdyn.reprs import percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution

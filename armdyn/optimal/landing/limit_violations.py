@@ -8,6 +8,7 @@ from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.interpolation import cubic
 
 BETWEEN = 8
 """Places between samples at which velocities and positions are held against their limits."""
@@ -51,9 +52,8 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
         motion: any.
         dense: velocities and positions are looked at so many times between samples; 1: at the samples.
     """
-    between = _between(motion, dense)
-    at = motion(between)
-    t, q, v = np.append(motion.t, between), np.vstack([motion.q, at.q]), np.vstack([motion.v, at.v])
+    t, q, v = _between(motion, dense)
+    t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
     bounded = np.where(np.isinf(limits.position_upper), 0, limits.position_upper - limits.position_lower)
     return (
         Excess(
@@ -77,15 +77,18 @@ def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> t
     )
 
 
-def _between(motion: Trajectory, dense: int) -> Array:
-    """Times of places between a motion's samples [s], shape (m,).
+def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
+    """Times [s], positions and velocities between a motion's samples, shapes (m,), (m, nq), (m, nv).
 
     Args:
         motion: any.
         dense: places for each interval between samples, its first sample among them; a jump has no others.
     """
-    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense) / dense
-    return np.asarray(motion.t[flows] + parts[:, None] * np.diff(motion.t)[flows]).ravel()
+    flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense)[:, None, None] / dense
+    t, h = motion.t[flows, None], np.diff(motion.t)[flows, None]
+    q, v = ((x[flows], x[flows + 1]) for x in (motion.q, motion.v))
+    at, speed = cubic(parts, h, q, v)
+    return (t + parts * h).ravel(), at.reshape(-1, at.shape[2]), speed.reshape(-1, speed.shape[2])
 
 
 def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:

@@ -9,7 +9,6 @@ faster. A lower bound on the duration says more, of all motions, where it is nea
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Literal, Self
 
@@ -23,7 +22,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.proof.pontryagin import idle_joints, pontryagin
 from armdyn.optimal.task.options import REPLAY_TOLERANCE
-from armdyn.reprs import brief
+from armdyn.reprs import brief, percent
 from armdyn.trajectory import Trajectory
 
 GOAL_TOLERANCE = 1e-6
@@ -233,14 +232,6 @@ class Certificate:
         if self.gap < -LIMIT_TOLERANCE:
             return (f"it is faster than the lower bound of {self.lower_bound:.9g} s: one of the two is wrong",)
         return _beyond((f"it is up to {percent(self.gap)} above the lower bound", self.gap, GAP_TOLERANCE))
-
-
-def percent(part: float) -> str:
-    """A fraction as text in percent, three digits, rounded up so that an upper bound stays true."""
-    if not part or not math.isfinite(part):
-        return f"{100 * part:g} %"
-    scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
-    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
 
 
 def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:

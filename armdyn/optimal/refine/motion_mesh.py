@@ -16,7 +16,7 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE, percent
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.optimum import Optimum
@@ -28,6 +28,7 @@ from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.policy.search import SamePolicy
 from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 

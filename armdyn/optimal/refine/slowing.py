@@ -9,9 +9,10 @@ from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify, percent
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory
 
 

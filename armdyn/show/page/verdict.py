@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.cycle.summary import NEAR
-from armdyn.optimal.proof.certificate import percent
-from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH
+from armdyn.reprs import percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -120,6 +118,8 @@ def _of_minimum_time(facts: Facts) -> Verdict:
 
 def _of_cycle(facts: Facts) -> Verdict:
     """Verdict on a cycle of steps."""
+    from armdyn.cycle.summary import NEAR  # the optimiser is slow to import, and most pages are of no cycle
+
     gap = facts.number("gap")
     level: Level = "bad" if not facts.true("usable") else "good" if gap is not None and gap <= NEAR else "fair"
     headline = "Executable" if gap is None else f"Executable, at most {percent(max(gap, 0.0))} above the fastest"
@@ -173,6 +173,8 @@ def _of_given(facts: Facts) -> Verdict:
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
     """Whether the arm can do a motion that came from elsewhere."""
+    from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH  # slow to import: the optimiser
+
     worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
     led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m beside it"
     if growth is not None and growth > OPEN_LOOP_GROWTH:

@@ -5,7 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.proof.certificate import Certificate, certify, percent
+from armdyn.optimal.proof.certificate import Certificate, certify
 from problems import gantry_problem, solve, solved
 
 LANDED = Certificate(1e-9, 1e-9, 0.0)
@@ -124,21 +124,3 @@ def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_sa
 
 def test_nobody_is_idle_where_every_torque_is_on_its_limit():
     assert solved("rr").certificate.idle == ()
-
-
-@pytest.mark.parametrize(
-    ("part", "said"),
-    [
-        (3.701e-4, "0.0371 %"),
-        (0.005, "0.5 %"),
-        (1.02 / 1 - 1, "2 %"),
-        (0.05004, "5.01 %"),
-        (0.0, "0 %"),
-        (1.5, "150 %"),
-        (12.345, "1240 %"),
-        (-0.01, "-1 %"),
-        (np.inf, "inf %"),
-    ],
-)
-def test_per_cent_are_rounded_up(part, said):
-    assert percent(part) == said
