@@ -75,7 +75,7 @@ def test_all_names_are_there_and_nothing_that_draws_until_a_value_is_drawn():
     code = "from armdyn import *; import armdyn; assert set(armdyn.__all__) <= set(globals())"
     code += "; solve_minimum_time; simulate_pid; Solution.plot, Solution.report; from armdyn import optimal, control"
     code += "; from armdyn import rendering; import sys; there = {'armdyn.show.values', 'armdyn.show', 'matplotlib'"
-    code += ", 'meshcat', 'yourdfpy', 'typer', 'rich'} & set(sys.modules); assert not there, there"
+    code += ", 'meshcat', 'yourdfpy', 'scipy.stats', 'typer', 'rich'} & set(sys.modules); assert not there, there"
     assert "armdyn.show.values" in loaded(f"{code}; rendering.renderer()")
 
 
