@@ -108,8 +108,9 @@ def _squares(stages: Stages, over_square: ca.SX, joint: int, *offset: float) -> 
 def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:
     """Speed of a frame's origin [m/s], shape (samples,)."""
     model, data, fixed = robot.model, robot.model.createData(), robot.frame(frame)
-    speeds = []
+    twists = []  # of the joint that carries the frame, in its own axes
     for positions, velocities in zip(q, v, strict=True):
         pin.forwardKinematics(model, data, robot.configuration(positions), velocities)
-        speeds.append(np.linalg.norm(fixed.placement.actInv(data.v[fixed.parentJoint]).linear))
-    return np.array(speeds)
+        twists.append(data.v[fixed.parentJoint].vector.copy())
+    linear, angular = np.hsplit(np.array(twists), 2)
+    return np.asarray(np.linalg.norm(linear + np.cross(angular, fixed.placement.translation), axis=1))
