@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaincinv
 
 from armdyn.arguments import MOST_MEMBERS, number, numbers, whole
 from armdyn.arrays import Array
@@ -167,9 +166,11 @@ class Estimate:
         count, seed = whole(count, "count", 1, MOST_MEMBERS), whole(seed, "seed", 0)
         if not 0 < number(confidence, "confidence") < 1:
             raise ProblemError(f"confidence is {confidence}; it is a probability above 0 and below 1, such as 0.95")
+        from scipy.stats import chi2  # half a second, for those who ask for likely arms
+
         unknowns, fit = self.equations.unknowns, self.fit
         away = np.random.default_rng(seed).normal(size=(count, unknowns.size))
-        away *= np.sqrt(2 * gammaincinv(unknowns.size / 2, confidence)) / np.linalg.norm(away, axis=1, keepdims=True)
+        away *= np.sqrt(chi2.ppf(confidence, unknowns.size)) / np.linalg.norm(away, axis=1, keepdims=True)
         precision = np.asarray(np.linalg.inv(fit.covariance), dtype=float)
         barrier = _BARRIER * fit.weight
         gradient, _ = unknowns.derivatives(fit.x)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.special import ndtri
 
 from armdyn.arguments import listener, number
 from armdyn.arguments import parts as parts_of
@@ -98,10 +97,13 @@ class MonteCarlo:
         Raises:
             ProblemError: it is negative or NaN; there are no rows.
         """
+        from scipy.stats import binomtest
+
         within = number(within, "within", unit="s", sign="not negative", finite=False)
         count = len(self._some())
         settled = int(np.sum(np.isfinite(self.settled_times) & (self.settled_times <= within)))
-        return SuccessRate(settled, count, settled / count, _low(settled, count), 1 - _low(count - settled, count))
+        interval = binomtest(settled, count).proportion_ci(_CONFIDENCE, method="wilson")
+        return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
 
     def quantiles(self, parts: Sequence[float] = (0.5, 0.9, 0.99, 1.0)) -> Array:
         """Quantiles of the settled times [s]; inf where so many arms did not settle.
@@ -187,13 +189,6 @@ class MonteCarlo:
         if not self.rows:
             raise ProblemError("there are no rows: the study was interrupted before the first arm ended")
         return self.rows
-
-
-def _low(settled: int, count: int) -> float:
-    """Lower end of Wilson's interval of a success rate [-]; 1 minus that of the failures is the upper end."""
-    square = float(ndtri((1 + _CONFIDENCE) / 2)) ** 2
-    half = np.sqrt(square * (settled * (count - settled) / count + square / 4))
-    return float((settled + square / 2 - half) / (count + square))
 
 
 def monte_carlo(

@@ -1,10 +1,8 @@
 """Gain, phase, delay and disk margins of a sampled loop, joint by joint."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
@@ -41,10 +39,10 @@ class Margins:
 
 
 def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
-    """The margins of a stable sampled loop, joint by joint.
+    """The margins of a stable sampled loop, joint by joint, by python-control.
 
-    The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and refined
-    between them by Brent's method; two of them between two frequencies are missed.
+    The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and between them
+    by interpolation, good to about 1e-4.
 
     Args:
         loop: see `sampled_loop`.
@@ -74,7 +72,7 @@ def multiloop_disk(loop: SampledLoop) -> float:
     """
     _expect_stable(loop)
     one = np.eye(loop.torque.shape[1])
-    response = _response(loop, _frequencies(loop), loop.carried, loop.torque, loop.felt)
+    response = _response(loop, loop.carried, loop.torque, loop.felt)
     sensitivity = np.linalg.inv(one - response)
     return float(1 / np.linalg.norm(sensitivity - one / 2, ord=2, axis=(1, 2)).max())
 
@@ -102,22 +100,19 @@ def _expect_stable(loop: object) -> None:
 
 
 def _margins(loop: SampledLoop, joint: int) -> Margins:
-    opened, omega = broken(loop, joint), _frequencies(loop)
+    import control
 
-    def response(frequency: Array) -> Array:
-        return np.asarray(_response(loop, frequency, *opened)[..., 0, 0])
-
-    seen = response(omega)
-    real = response(_crossings(omega, seen.imag, lambda w: response(w).imag)).real
-    gains = np.append(-1 / real[real < 0], _at_ends(loop, joint))
-    crossovers = _crossings(omega, np.abs(seen) - 1, lambda w: np.abs(response(w)) - 1)
-    phases = np.angle(-response(crossovers))
+    response = _response(loop, *broken(loop, joint))[:, 0, 0]
+    data = control.FrequencyResponseData(response, _frequencies(loop), smooth=True)
+    gains, phases, _, _, crossovers, _ = control.stability_margins(data, returnall=True)
+    gains = np.append(gains, _at_ends(loop, joint))
+    lags = np.deg2rad(np.mod(phases, 360.0))
     return Margins(
         joint=joint,
         gain=(float(max(gains[gains < 1], default=0.0)), float(min(gains[gains > 1], default=np.inf))),
-        phase=float(np.abs(phases).min(initial=np.inf)),
-        delay=float((np.mod(phases, 2 * np.pi) / crossovers).min(initial=np.inf)),
-        disk=float(1 / np.abs(1 / (1 + seen) - 0.5).max()),
+        phase=float(np.abs(np.deg2rad(phases)).min(initial=np.inf)),
+        delay=float((lags / crossovers).min(initial=np.inf)) if crossovers.size else np.inf,
+        disk=float(1 / np.abs(1 / (1 + response) - 0.5).max()),
     )
 
 
@@ -127,23 +122,10 @@ def _frequencies(loop: SampledLoop) -> Array:
     return np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
 
 
-def _crossings(omega: Array, values: Array, of: Callable[[Array], Array]) -> Array:
-    """Frequencies at which a function of the frequency changes its sign [rad/s].
-
-    Args:
-        omega: frequencies [rad/s], shape (n,).
-        values: of the function there, shape (n,).
-        of: the function.
-    """
-    k = np.flatnonzero(np.diff(np.sign(values)))
-    brackets = zip(omega[k], omega[k + 1], strict=True)
-    return np.array([brentq(of, a, b) for a, b in brackets if of(a) * of(b) <= 0])  # no sign that rounding made
-
-
-def _response(loop: SampledLoop, omega: Array, A: Array, B: Array, C: Array) -> Array:
-    """C (z I - A)⁻¹ B at frequencies [rad/s] of any shape, shape (..., outputs, inputs)."""
-    z = np.exp(1j * omega * loop.period)
-    response: Array = C @ np.linalg.solve(z[..., None, None] * np.eye(len(A)) - A, B)
+def _response(loop: SampledLoop, A: Array, B: Array, C: Array) -> Array:
+    """C (z I - A)⁻¹ B at the loop's frequencies, shape (frequencies, outputs, inputs)."""
+    z = np.exp(1j * _frequencies(loop) * loop.period)
+    response: Array = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)
     return response
 
 
