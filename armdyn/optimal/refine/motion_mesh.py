@@ -181,7 +181,8 @@ class _Meshes:
         problem, limits, reserves = self.task.problem, self.task.problem.limits, self.task.problem.reserves
         fast = self.task.policy.motion_mesh.inside + margins.velocity
         weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, margins.torque, 0.0)
-        room, ends = margins.position * (limits.position_upper - limits.position_lower), problem.poses[[0, -1]]
+        whole, ends = limits.position_upper - limits.position_lower, problem.poses[[0, -1]]
+        room = margins.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as of `excesses`
         lower = np.minimum(limits.position_lower + room, np.min(ends, axis=0))
         upper = np.maximum(limits.position_upper - room, np.max(ends, axis=0))
         within = problem.variant(

@@ -135,6 +135,16 @@ def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("margin", [0.0, 1e-3])
+def test_a_mesh_without_position_limits_stays_without(margin):
+    endless = FAST.variant(position_limit=(-np.inf, [np.inf, 2.0]))
+    task = Task.of(endless, ad.MinimumTimeOptions(starts=4, workers=1))
+    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=margin)).problem.limits
+    assert within.position_lower.tolist() == [-np.inf, -np.inf]
+    assert within.position_upper.tolist() == [np.inf, 2.0 - margin]
+
+
 def test_intervals_are_divided_on_both_sides_of_a_switch():
     task = task_of(rounds=1, gap=1.0, bow=1.0, beyond=1.0)  # of switches alone
     first, *_ = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
