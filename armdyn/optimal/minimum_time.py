@@ -129,13 +129,10 @@ def _certified(task: Task, optimum: Optimum) -> bool:
 
 def _is_enough(task: Task, optima: list[Optimum]) -> bool:
     """Whether an optimum is usable, and among obstacles no faster one touches something: a way round may be between."""
-    fastest = min((one.trajectory.duration for one in optima if _usable(task, one)), default=np.inf)
+    near = task.options.replay_tolerance
+    fastest = min((one.trajectory.duration for one in optima if one.usable(near)), default=np.inf)
     touching = [one for one in optima if task.problem.crowded and one.missed]
     return fastest < np.inf and all(one.trajectory.duration >= fastest for one in touching)
-
-
-def _usable(task: Task, optimum: Optimum) -> bool:
-    return optimum.landed(task.options.replay_tolerance) and optimum.within_limits and not optimum.missed
 
 
 @contextmanager

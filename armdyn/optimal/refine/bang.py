@@ -70,7 +70,7 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
         if shared and optima[k].certificate.ok:
             shared.best = min(shared.best, optima[k].cost)
-        if optima[k].landed(options.replay_tolerance) and optima[k].within_limits:
+        if optima[k].usable(options.replay_tolerance):
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             sure = duration + numbers.sure * abs(duration - cost) if optima[k].certificate.ok else np.inf
             beaten = min(beaten, sure, numbers.slower * cost)

@@ -60,7 +60,7 @@ class ResolvedMotions:
     def usable_by(self, duration: float, tolerance: float) -> bool:
         """Whether a motion that takes no longer is usable; tolerance: of its distance from the goal [rad or m]."""
         known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
-        return any(one.landed(tolerance) and one.within_limits for one in known)
+        return any(one.usable(tolerance) for one in known)
 
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
         """Record the result of the solution on the first mesh; None if it had none."""
@@ -314,18 +314,17 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: st
     if meshes.resolved.usable_by(optimum.cost, near):
         return optimum
     for kept in task.policy.motion_mesh.kept:
-        landed = last.landed(near)
-        if landed and last.within_limits:
-            return last
+        if last.usable(near):
+            break
         velocity, position = _excess(task, last)
-        torque = margins.torque if landed else kept
+        torque = margins.torque if last.landed(near) else kept
         margins = _Margins(margins.velocity + velocity, margins.position + position, torque)
         again = meshes.again(mesh, mesh.mesh, margins)
         found = None if again is None else _judged(task, again, remark)
         if again is None or found is None:
-            return optimum
+            break
         mesh, last = again, found.optimum
-    return last if last.landed(near) and last.within_limits else optimum
+    return last if last.usable(near) else optimum
 
 
 def _excess(task: Task, optimum: Optimum) -> tuple[float, float]:

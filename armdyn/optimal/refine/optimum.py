@@ -88,6 +88,10 @@ class Optimum:
         """Whether its replay ends within a tolerance of the goal [rad or m]."""
         return self.certificate.goal_error <= tolerance and self.certificate.repeats
 
+    def usable(self, tolerance: float) -> bool:
+        """Whether its replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""
+        return self.landed(tolerance) and self.within_limits and not self.missed
+
 
 def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
     """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.

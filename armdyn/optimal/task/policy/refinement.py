@@ -134,7 +134,7 @@ class MotionMeshPolicy:
     work: int = tuned(
         800_000,
         "intervals",
-        "times iterations of all meshes of a problem, and its structures: 3 s with three joints",
+        "times iterations of all meshes of a problem, and its structures: 5 CPU s with three joints",
         "random arms (RRR)",
     )
     step: float = tuned(
