@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
+from armdyn.arrays import Flags
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
 from armdyn.optimal.flat.clearance_rows import clearance_rows
@@ -40,6 +41,7 @@ class Solved:
         shape: of the program.
         rows: of its path constraints.
         guessed: duration that the guess had, with which the program measures time [s].
+        limits: which equations are limits, as of `result.lam_g`; the others are given, such as velocities at the ends.
         in_steps: whether it was found by sequential convexification.
     """
 
@@ -48,6 +50,7 @@ class Solved:
     shape: CurveLayout
     rows: tuple[StageRows, ...]
     guessed: float
+    limits: Flags
     in_steps: bool = False
 
     @property
@@ -88,7 +91,7 @@ def solve_curve(
     solver = _solver(task, shape, rows, warm=near is not None)
     nlp_data = assemble_curve(task, guess, spec, shape)
     result = solver.solve(nlp_data, task.stop, None if near is None else near.result)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, np.less(*nlp_data.g_bounds))
 
 
 def solve_in_steps(
@@ -106,7 +109,8 @@ def solve_in_steps(
     problem = curve_program(task, guess, spec)
     result = Sequential(problem, numbers or task.policy.sequential, task.stop).solve(steps)
     shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
-    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, in_steps=True)
+    limits = np.less(*problem.numbers.g_bounds)
+    return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, limits, in_steps=True)
 
 
 def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:

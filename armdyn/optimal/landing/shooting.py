@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import LinAlgError, solveh_banded
 
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics
@@ -112,7 +112,10 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
             return None
         if np.max(np.abs(found[0])) <= numbers.closed:
             return motion
-        motion, free = _closed(motion, found, free, task, numbers)
+        step = _closed(motion, found, free, task, numbers)
+        if step is None:
+            return None
+        motion, free = step
     return None
 
 
@@ -136,7 +139,10 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
         if not all(np.all(np.isfinite(each)) for each in found):
             break
         found[0][:-1], found[0][-1] = 0.0, problem.goal_error_of(replay) / tried.size
-        motion, free = _closed(tried, found, free, task, shooting)
+        step = _closed(tried, found, free, task, shooting)
+        if step is None:
+            break
+        motion, free = step
         replayed, closer = _replayed(task, motion)
         if closer > miss / 2:
             break
@@ -153,8 +159,12 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
 
 def _closed(
     motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
-) -> tuple[Shooting, Flags]:
-    """One step of Newton's method, and the torques that are still free: one that would exceed a limit stays on it."""
+) -> tuple[Shooting, Flags] | None:
+    """One step of Newton's method, and the torques that are still free: one that would exceed a limit stays on it.
+
+    Returns:
+        None where too few torques are free for the states to be corrected.
+    """
     gap, by_state, by_torque, by_time = found
     actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
     share = np.diff(motion.t)[:, None] / motion.t[-1]
@@ -166,7 +176,10 @@ def _closed(
     diagonal = moved @ moved.swapaxes(1, 2) + carried @ carried.swapaxes(1, 2) + own[:, None, None] * np.eye(2 * n)
     beyond = -carried[1:].swapaxes(1, 2) / np.sqrt(numbers.states)  # of row k, columns k + 1
     matrix = _banded(diagonal, beyond)
-    both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
+    try:
+        both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
+    except LinAlgError:
+        return None
     stretch = by_time.ravel() @ both[:, 0] / (numbers.longer + by_time.ravel() @ both[:, 1])
     multipliers = (both[:, 0] - stretch * both[:, 1]).reshape(K, 2 * n)
     weights = np.where(free, actuators.scale**2, 0.0) / share

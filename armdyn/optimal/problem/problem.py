@@ -79,7 +79,8 @@ class MinimumTimeProblem:
             for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
         goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
         via: what is passed through in this order, at any time and any velocity: poses, like q_start, or regions,
-            `GoalPose` with tolerances or free directions: the program chooses where in them.
+            `GoalPose` with tolerances or free directions: the program chooses where in them. With one the goal may be
+            the start.
         obstacles: what the arm must keep clear of, in the world.
         self_collision: whether its links must keep clear of each other, too.
         clearance: how far, at least [m].
@@ -97,8 +98,8 @@ class MinimumTimeProblem:
         poses: start, via points and goal [rad or m], shape (legs + 1, nv); of a via region joint positions within it.
 
     Raises:
-        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal, a joint
-            without a finite torque limit, no joint with a motor, or a goal pose out of reach.
+        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal without via points, a
+            joint without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
         ArmdynWarning: the actuators cannot hold the goal; see `unheld`.
@@ -159,7 +160,7 @@ class MinimumTimeProblem:
         object.__setattr__(self, "goals", tuple(goals))
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
             check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name, self.reserves.velocity)
-        if np.array_equal(self.x_start, self.x_goal):
+        if np.array_equal(self.x_start, self.x_goal) and not several(self.via, "via"):
             raise ProblemError(
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
             )

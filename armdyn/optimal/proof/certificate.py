@@ -27,6 +27,8 @@ from armdyn.trajectory import Trajectory
 
 GOAL_TOLERANCE = 1e-6
 """Of the replay at the goal [rad or m] where optimality is claimed: a hundredth of what good encoders resolve."""
+VELOCITY_TOLERANCE = 0.02
+"""Of the replay's velocity at the goal [rad/s or m/s]: dry friction at light wrists leaves 0.01, other motions 1e-4."""
 HAMILTONIAN_TOLERANCE = 1e-4
 """Of |H|, against the 1 that time costs: what multipliers from collocation on these meshes resolve."""
 SWITCHING_TOLERANCE = 1e-4
@@ -126,8 +128,16 @@ class Certificate:
 
     @property
     def lands(self) -> bool:
-        """Whether the replay ends near the goal, and its torques reproduce its states."""
-        return self.goal_error <= self.landing and self.repeats
+        """Whether the replay ends near the goal, at its velocity, and its torques reproduce its states."""
+        return self.ends_within(self.landing)
+
+    def ends_within(self, tolerance: float) -> bool:
+        """Whether the replay ends within a tolerance of the goal, and its torques reproduce its states.
+
+        Args:
+            tolerance: of the position [rad or m]; that of the velocity is `VELOCITY_TOLERANCE`.
+        """
+        return self.goal_error <= tolerance and self.goal_velocity_error <= VELOCITY_TOLERANCE and self.repeats
 
     @property
     def repeats(self) -> bool:
@@ -147,7 +157,7 @@ class Certificate:
     @property
     def on_goal(self) -> bool:
         """Whether the replay ends close enough to the goal to have the duration of a motion to the goal."""
-        return self.goal_error <= GOAL_TOLERANCE and self.repeats
+        return self.ends_within(GOAL_TOLERANCE)
 
     @property
     def extremal(self) -> bool:
@@ -181,6 +191,7 @@ class Certificate:
             return (self.remark or "there is no motion to check",)
         wrong = _beyond(
             ("the replay misses the goal by {:.2g} rad", self.goal_error, min(GOAL_TOLERANCE, self.landing)),
+            ("the replay misses the goal's velocity by {:.2g} rad/s", self.goal_velocity_error, VELOCITY_TOLERANCE),
             ("a segment ends {:.2g} from the next sample", self.segment_error or 0.0, SEGMENT_TOLERANCE),
             ("a limit is exceeded by {:.2g} of it", self.limit_violation, LIMIT_TOLERANCE),
         )

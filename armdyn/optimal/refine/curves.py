@@ -237,7 +237,8 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
             lines = solved.result.lam_g[shape.torque_speeds(leg)]
             parts["torque-speed curve"] = np.sum(lines * solved.result.x[torques][:, None], axis=(0, 1))
         for order in shape.orders:
-            parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[shape.rates(leg, order)]), axis=0)
+            rates = shape.rates(leg, order)
+            parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[rates]) * solved.limits[rates], axis=0)
         for limit, part in parts.items():
             by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
     by_joint |= _heating(task, refined)

@@ -85,8 +85,8 @@ class Optimum:
         return self.reports.reasons if self.reports else ()
 
     def landed(self, tolerance: float) -> bool:
-        """Whether its replay ends within a tolerance of the goal [rad or m]."""
-        return self.certificate.goal_error <= tolerance and self.certificate.repeats
+        """Whether its replay ends within a tolerance of the goal [rad or m], as of `Certificate.ends_within`."""
+        return self.certificate.ends_within(tolerance)
 
     def usable(self, tolerance: float) -> bool:
         """Whether its replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""

@@ -141,6 +141,7 @@ def straight_curve(task: Task, intervals: int) -> Curve:
         durations = numbers.slack * np.maximum(ways, 1e-3 * np.sum(ways))
     else:
         ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
+        ways = ways if ways.any() else np.ones_like(ways)  # from a moving state back to its own position
         durations = spline(problem, []).duration * ways / ways.sum()
     return Curve.straight(problem, basis, durations)
 
@@ -168,9 +169,18 @@ def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: A
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound), axis=(1, 2))
     by_speed = np.max(np.abs(dq) / limits.velocity, axis=(1, 2))
-    least = max(problem.duration_bound(), 1e-6)
+    least = max(problem.duration_bound(), _stopping_time(problem), 1e-6)
     asked = [
         max([constraint.least_duration(problem, path) for constraint in path_constraints_of(problem)], default=least)
         for path in paths
     ]
     return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(asked), np.full(len(paths), least)]))
+
+
+def _stopping_time(problem: MinimumTimeProblem) -> float:
+    """Time [s] that torques of half their ranges need for the change of velocity, each joint alone at the start."""
+    robot, motors = problem.robot, ~problem.limits.passive
+    inertia = np.diag(pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[0])))
+    change = np.abs(np.asarray(problem.v_goal) - np.asarray(problem.v_start))
+    times = change[motors] * inertia[motors] / problem.limits.actuators.half_range[motors]
+    return float(np.max(times))

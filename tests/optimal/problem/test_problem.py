@@ -37,6 +37,13 @@ def test_ill_posed(change, message):
         ad.MinimumTimeProblem(paper_arm("rr"), **given)
 
 
+def test_a_way_back_to_the_start_has_via_points():
+    home, there = POSES["rr"]
+    assert len(ad.MinimumTimeProblem(paper_arm("rr"), q_start=home, q_goal=home, via=[there]).poses) == 3
+    with pytest.raises(ProblemError, match="goes nowhere"):
+        ad.MinimumTimeProblem(paper_arm("rr"), q_start=home, q_goal=home, via=[home])
+
+
 def test_a_joint_without_torque_is_refused_by_name():
     robot = ad.Robot.from_library("double_pendulum")
     with pytest.raises(ProblemError, match="give `effort_limit`"):

@@ -58,6 +58,9 @@ def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
         ({"goal_error": 1.1e-3}, False, True),
         ({"goal_error": 1.1e-3, "landing": 1e-2}, True, True),
         ({"goal_error": np.nan}, False, True),
+        ({"goal_velocity_error": 0.015}, True, True),
+        ({"goal_velocity_error": 0.5}, False, True),  # it passes the goal
+        ({"goal_velocity_error": np.nan}, False, True),
         ({"limit_violation": 1.1e-6}, True, False),
         ({"goal_error": np.inf, "limit_violation": np.inf}, False, False),
     ],

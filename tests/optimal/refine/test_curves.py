@@ -437,3 +437,16 @@ def test_optima_met_are_counted():
     assert (
         several == "3 different optima were met, the best one 2 times of 5 guesses; other seeds may find a faster one"
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", [held, ur5])  # a mesh shrank to a motion of 1e-9 s that passes the goal, "executable"
+def test_a_moving_arm_comes_back_to_where_it_is(arm):
+    speed = 0.5
+    start = START[: len(arm().q_start)]
+    problem = arm(start, start, v_start=np.full(len(start), speed))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False, starts=1, workers=1))
+    assert solution.usable and solution.replay_velocity_error < 1e-6
+    assert solution.duration > 0.02
+    # The given velocity at the start is no limit: its multiplier was counted as one, 474 % of a UR5's time.
+    assert sum(share.part for share in solution.decides if share.limit == "velocity limit") < 0.01
