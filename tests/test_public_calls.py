@@ -81,6 +81,7 @@ INNER = {
         "check",
         "required_distances",
         "derivative_limit",
+        "ends_within",
         "fits",
         "from_table",
         "least_duration",

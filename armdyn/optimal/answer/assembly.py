@@ -229,7 +229,8 @@ def _message(task: Task, status: Status, optimum: Optimum, found: Found) -> str:
             return f"{replay_words(certificate)} {tolerance}"
         return (
             f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal and "
-            f"{certificate.goal_velocity_error:.2g} rad/s from its velocity when replayed {tolerance}; open-loop growth {certificate.growth:.2g}"
+            f"{certificate.goal_velocity_error:.2g} rad/s from its velocity when replayed {tolerance}; "
+            f"open-loop growth {certificate.growth:.2g}"
         )
     said = ended_by_time(task.options.time_limit) if status is Status.TIME_LIMIT else status.replace("_", " ")
     if _moves(task, optimum):

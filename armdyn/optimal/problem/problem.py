@@ -98,8 +98,8 @@ class MinimumTimeProblem:
         poses: start, via points and goal [rad or m], shape (legs + 1, nv); of a via region joint positions within it.
 
     Raises:
-        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal without via points, a
-            joint without a finite torque limit, no joint with a motor, or a goal pose out of reach.
+        ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal without
+            via points, a joint without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
         ArmdynWarning: the actuators cannot hold the goal; see `unheld`.
