@@ -1,7 +1,6 @@
-"""The arm as solid bodies: its collision geometry, and one capsule around each."""
+"""The arm as solid bodies: its collision geometry, and a few balls that contain each."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -18,12 +17,13 @@ from armdyn.models.reading.meshes import geometries, load_meshes, origin
 from armdyn.models.reading.urdf_check import parse_urdf
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts
-from armdyn.models.scene.obstacles import Capsule
 
 _ROUND = 24
 """Corners of the polygon around a cylinder's circle."""
 ROUND_FINE = 128
 """The same of an obstacle or an attached body: 0.03 % larger, and computed once."""
+BALLS = 3
+"""Balls that contain a body: with three a Panda's far pairs are told apart from its near ones."""
 EqualBalls = tuple[Array, float]
 """Centres [m], shape (m, 3), and radius [m]."""
 
@@ -37,9 +37,9 @@ class Body:
         joint: index in `robot.model.joints`; 0 is the world.
         placement: of the geometry in the joint's frame, shape (4, 4) [m].
         geometry: coal's.
-        capsule: that contains it, in the joint's frame.
+        balls: that contain it, in the joint's frame.
         points: in the joint's frame [m], shape (m, 3): balls around them have a convex hull that contains it.
-        radius: of these balls [m].
+        radius: of the balls around these points [m].
         attached: it is the tool's or the payload's.
     """
 
@@ -47,7 +47,7 @@ class Body:
     joint: int
     placement: Array
     geometry: Any
-    capsule: Capsule
+    balls: EqualBalls
     points: Array
     radius: float
     attached: bool = False
@@ -95,8 +95,7 @@ def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBal
     """A body on a frame's joint; the balls are in the geometry's own axes."""
     points, radius = balls
     moved = points @ at[:3, :3].T + at[:3, 3]
-    capsule = _around(moved.tobytes(), radius)
-    return Body(name, int(frame.parentJoint), at, geometry, capsule, moved, radius, attached)
+    return Body(name, int(frame.parentJoint), at, geometry, _in_a_row(moved, radius), moved, radius, attached)
 
 
 def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, EqualBalls]]:
@@ -148,47 +147,23 @@ def balls_around(geometry: Any, corners: int) -> EqualBalls:
     return np.array(geometry.points()), 0.0
 
 
-@built_once(maxsize=1000)  # a link's is the same whatever the arm carries, and takes ten milliseconds
-def _around(centres: bytes, thickness: float) -> Capsule:
-    """The smallest capsule around balls, as found from their centres' principal axes.
+def _in_a_row(points: Array, radius: float) -> EqualBalls:
+    """Balls that contain the convex hull of equal balls: along the axis of a capsule that does, a principal axis.
 
     Args:
-        centres: [m], floats of an array of shape (m, 3).
-        thickness: radius [m].
+        points: centres of the balls [m], shape (m, 3).
+        radius: of them [m].
     """
-    # Loaded here, for a third of a second is much for the many problems without obstacles.
-    from scipy.optimize import minimize
-    from scipy.spatial import ConvexHull, QhullError
-
-    points = np.frombuffer(centres).reshape(-1, 3)
-    with suppress(QhullError, ValueError):  # flat, or too few: all of them then
-        points = points[ConvexHull(points).vertices]
-    centre = points.mean(axis=0)
-    arms = points - centre
-    size = float(np.max(np.ptp(points, axis=0)) + thickness)
-
-    def cost(ends: Array) -> float:
-        radius = float(np.max(_distances(ends, points)) + thickness)
-        return float(np.pi * radius**2 * (np.linalg.norm(ends[3:] - ends[:3]) + 4 / 3 * radius))
-
-    starts = []
-    for axis in np.linalg.svd(arms, full_matrices=False)[2]:
-        along = arms @ axis
-        radius = float(np.max(np.linalg.norm(arms - np.outer(along, axis), axis=1)))
-        low, high = along.min() + radius, along.max() - radius
-        if low > high:
-            low = high = (low + high) / 2
-        starts.append(np.concatenate([centre + low * axis, centre + high * axis]))
-    best = min(starts, key=cost)
-    if len(points) > 2:
-        simplex = np.vstack([best, best + 0.1 * size * np.eye(6)])
-        best = minimize(cost, best, method="Nelder-Mead", options={"maxfev": 1500, "initial_simplex": simplex}).x
-    a, b = (tuple(end.tolist()) for end in (best[:3], best[3:]))
-    return Capsule(a, b, float(np.max(_distances(best, points)) + thickness))
-
-
-def _distances(ends: Array, points: Array) -> Array:
-    """Distances of points from the segment between two ends, shape (6,) together."""
-    a, d = ends[:3], ends[3:] - ends[:3]
-    t = np.clip((points - a) @ d / max(float(d @ d), 1e-300), 0, 1)
-    return np.asarray(np.linalg.norm(points - a - t[:, None] * d, axis=1))
+    mean = points.mean(axis=0)
+    axes = np.linalg.eigh((points - mean).T @ (points - mean))[1].T
+    along = (points - mean) @ axes.T
+    middle, half = (along.max(axis=0) + along.min(axis=0)) / 2, np.ptp(along, axis=0) / 2
+    found: list[tuple[float, int, float]] = []
+    for k, away in enumerate(np.abs(along - middle).T):
+        squares = np.sum((along - middle) ** 2, axis=1) - away**2
+        length = max(float(half[k] - np.sqrt(np.max(squares))), 0.0)  # half the capsule's axis
+        thick = float(np.sqrt(np.max(squares + np.maximum(away - length, 0.0) ** 2)))
+        found.append((thick + length / BALLS, k, length))
+    size, k, length = min(found)
+    parts = ((2 * np.arange(BALLS) + 1) / BALLS - 1)[:, None] * length * axes[k]
+    return mean + middle @ axes + parts, size + radius

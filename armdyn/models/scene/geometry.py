@@ -15,8 +15,6 @@ from armdyn.models.robots.tree import Tree
 from armdyn.models.scene.bodies import ROUND_FINE, Body, balls_around, bodies
 from armdyn.models.scene.obstacles import Obstacle
 
-BALLS = 3
-"""Balls along the axis of every link's capsule: with three a Panda's far pairs are told apart from its near ones."""
 _INFINITE = 1e300
 """Ends of a box beyond this [m] are a half space's."""
 _NONE = np.empty(0)
@@ -46,21 +44,10 @@ def compiled_scene(robot: Robot, solids: Sequence[dict[str, Any]], pairs: Index,
 
 
 def body_solid(body: Body) -> dict[str, Any]:
-    """A body of the arm, with balls around it."""
-    a, b = (np.array(end) for end in (body.capsule.a, body.capsule.b))
-    half_step = float(np.linalg.norm(b - a)) / (2 * BALLS)
-    centers = a + (np.arange(BALLS) + 0.5)[:, None] / BALLS * (b - a)
-    return {
-        "shape": _shape(body.geometry),
-        "joint": body.joint,
-        "placement": _numbers(body.placement),
-        "points": np.ascontiguousarray(body.points, dtype=float),
-        "radius": float(body.radius),
-        "outward": _NONE,
-        "centers": np.ascontiguousarray(centers),
-        "ball": body.capsule.radius + half_step,
-        "box": _NONE,
-    }
+    """A body of the arm, with balls that contain it."""
+    centers, ball = body.balls
+    own = _solid(body.geometry, body.placement, body.points, body.radius)
+    return own | {"joint": body.joint, "centers": np.ascontiguousarray(centers), "ball": ball}
 
 
 def obstacle_solid(placement: Array, geometry: Any) -> dict[str, Any]:
@@ -68,30 +55,28 @@ def obstacle_solid(placement: Array, geometry: Any) -> dict[str, Any]:
     turn, at = placement[:3, :3], placement[:3, 3]
     geometry.computeLocalAABB()
     around = geometry.aabb_local
-    ends = (np.where(np.abs(end) < _INFINITE, end, np.copysign(np.inf, end)) for end in (around.min_, around.max_))
-    outward, radius = _NONE, 0.0
+    ends = [np.where(np.abs(end) < _INFINITE, end, np.copysign(np.inf, end)) for end in (around.min_, around.max_)]
+    box = {"box": np.concatenate(ends)}
     if isinstance(geometry, coal.Halfspace):
         outward = np.ascontiguousarray(turn @ geometry.n)
-        points = (at + geometry.d * outward)[None]
-    else:
-        points, radius = balls_around(geometry, ROUND_FINE)
-        points = points @ turn.T + at
+        return _solid(geometry, placement, (at + geometry.d * outward)[None], 0.0) | {"outward": outward} | box
+    points, radius = balls_around(geometry, ROUND_FINE)
+    return _solid(geometry, placement, points @ turn.T + at, radius) | box
+
+
+def _solid(geometry: Any, placement: Array, points: Array, radius: float) -> dict[str, Any]:
+    """What every solid has; its own joint, or world, and what bounds its distances are to be added."""
     return {
         "shape": _shape(geometry),
         "joint": 0,
-        "placement": _numbers(placement),
-        "points": np.ascontiguousarray(points),
+        "placement": np.concatenate([placement[:3, :3].ravel(), placement[:3, 3]]),  # row after row
+        "points": np.ascontiguousarray(points, dtype=float),
         "radius": float(radius),
-        "outward": outward,
+        "outward": _NONE,
         "centers": np.empty((0, 3)),
         "ball": 0.0,
-        "box": np.concatenate(list(ends)),
+        "box": _NONE,
     }
-
-
-def _numbers(placement: Array) -> Array:
-    """Rotation, row after row, then translation, of a placement of shape (4, 4)."""
-    return np.concatenate([placement[:3, :3].ravel(), placement[:3, 3]])
 
 
 def _shape(geometry: Any) -> Any:
