@@ -181,7 +181,7 @@ def test_an_obstacle_shape(wedge, tmp_path):
     assert len(obstacle_shapes([one])) == 1
     (told,) = obstacles_of(["wedge:0.4,0.2,0.1@0.3,0,-0.05"])
     assert told == wedge(0.4, 0.2, 0.1, [0.3, 0.0, -0.05])
-    assert collision_model(robot, (told,), False).nearest([0.0, 0.0]).distance < 0
+    assert collision_model(robot, (told,), False).nearer([0.0, 0.0], np.inf)[0].distance < 0
     with pytest.raises(ProblemError, match="wedge:L,W,H@X,Y,Z"):
         obstacles_of(["wedge:0.1@0,0,0"])
     with pytest.raises(ProblemError, match="length of obstacle 'wedge' is 0"):

@@ -208,7 +208,7 @@ class _Search:
         """Whether the motion is proven to keep the clearance, between the checked times, too."""
         if self.collision is None:
             return True
-        return prove_clearance(self.collision, self.motion(coefficients), self.options.clearance).nearest.sure
+        return prove_clearance(self.collision, self.motion(coefficients), self.options.clearance)[0].sure
 
     def condition(self, coefficients: Array) -> float:
         """Condition number of the scaled regressor on the combinations that motions tell."""

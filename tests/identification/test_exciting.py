@@ -37,8 +37,8 @@ def test_it_is_clear_of_obstacles():
     motion = exciting_motion(
         robot, 4.0, ExcitingOptions(generations=3, candidates=20, obstacles=[table], self_collision=True)
     )
-    proof = prove_clearance(CollisionModel(robot, [table], True), motion, 0.005)
-    assert proof.nearest.sure and proof.nearest.distance >= 0.005
+    nearest, _ = prove_clearance(CollisionModel(robot, [table], True), motion, 0.005)
+    assert nearest.sure and nearest.distance >= 0.005
     # The upper arm cannot keep away from this plane; it may touch it.
     near = {"candidates": 1, "generations": 0, "obstacles": [Plane((0, 0, 0.05), (0, 0, 1), name="bench")]}
     with pytest.raises(ProblemError, match="none of 1 motions"):

@@ -113,20 +113,8 @@ class CollisionModel:
             q: joint positions.
             least: distances of the `touching` pairs above which these count as free [m], one or shape (m,).
         """
-        return self.free_until(np.asarray(q, dtype=float)[None], least) == 1
-
-    def free_until(self, poses: Array, least: Array | float = 0.0) -> int:
-        """Index of the first of several poses at which a pair overlaps; their number if all are free.
-
-        Args:
-            poses: joint positions [rad or m], shape (poses, nv).
-            least: see `is_free`.
-        """
-        if not isinstance(least, np.ndarray):
-            least = np.full(self.touching.shape, least)
         with one_at_a_time:  # the work space is the scene's
-            free: int = self._scene.first_hit(np.ascontiguousarray(poses, dtype=float), least)
-        return free
+            return bool(self._scene.first_hit(_poses(q), np.full(self.touching.shape, least)) == 1)
 
     def distances(self, q: ArrayLike, within: float = np.inf) -> Array:
         """Distances of all pairs.
@@ -193,7 +181,7 @@ class CollisionModel:
 
         Args:
             motion: joints follow cubics between its samples.
-            bounds: travel and acceleration as of `MotionBounds`, and the reach of every pair, shape (pairs, nv).
+            bounds: travel and acceleration as of `motion_bounds`, and the reach of every pair, shape (pairs, nv).
             required: distances to be kept [m], shape (pairs,).
             work: equal parts of the motion that are looked at first, and pairs looked at again at most.
 
@@ -207,10 +195,6 @@ class CollisionModel:
             nearest = self._clearance(pair, motion(time).q, time)
         return replace(nearest, sure=sure), tuple(missed.tolist())
 
-    def nearest(self, q: ArrayLike, time: float = 0.0) -> Clearance:
-        """The pair that is nearest at joint positions q [rad or m], shape (nv,), at a time [s]."""
-        return self._clearance(int(np.argmin(self.distances(q))), q, time)
-
     def nearer(self, q: ArrayLike, than: float) -> tuple[Clearance, ...]:
         """Pairs of names that are nearer than a clearance and may not be, the nearest first.
 
@@ -221,8 +205,10 @@ class CollisionModel:
         distances = self.distances(q, than)
         distances[self.touching] = np.inf
         found = np.flatnonzero(distances < than)
-        near = [self._clearance(int(k), q, 0.0) for k in found[np.argsort(distances[found], kind="stable")]]
-        return tuple({(one.body, one.other): one for one in reversed(near)}.values())[::-1]
+        nearest = dict[tuple[str, str], Clearance]()
+        for k in found[np.argsort(distances[found], kind="stable")]:
+            nearest.setdefault(self.pairs[k], self._clearance(int(k), q, 0.0))
+        return tuple(nearest.values())
 
     def _clearance(self, k: int, q: ArrayLike, time: float) -> Clearance:
         """The distance of a pair at joint positions."""

@@ -6,8 +6,6 @@ is not enough, the plane between them at either end is moved with the velocities
 falls with the square of the time.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,28 +18,26 @@ from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import cubic_accelerations
 
 
-class MotionBounds:
+def motion_bounds(robot: Robot, motion: Trajectory) -> tuple[Array, Array]:
     """Bounds on the motion of the bodies on every joint between the samples of a trajectory.
 
     The velocity of a cubic lies within its three Bézier coefficients, the acceleration is linear. A point's
     acceleration is J a plus the second derivatives of its position times the velocities, and a second
     derivative by two joints is no longer than the arm to the axis of the outer one.
 
-    Attributes:
-        travel: how far each joint has come until each sample at most [rad or m], shape (n, nv).
-        acceleration: of any point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
+    Returns:
+        How far each joint has come until each sample at most [rad or m], shape (n, nv); largest acceleration of any
+        point of the bodies on each joint in each step [m/s²], shape (n - 1, njoints).
     """
-
-    def __init__(self, robot: Robot, motion: Trajectory):
-        (v, a), h = _joint_bounds(motion), np.diff(motion.t)[:, None]
-        reach, self.acceleration = reaches(robot), np.zeros((len(h), robot.model.njoints))
-        for body in range(1, robot.model.njoints):
-            self.acceleration[:, body] = _point_acceleration(robot, body, reach[body], v, a)
-        self.travel: Array = np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)])
+    (v, a), h = _joint_bounds(motion), np.diff(motion.t)[:, None]
+    reach, acceleration = reaches(robot), np.zeros((len(h), robot.model.njoints))
+    for body in range(1, robot.model.njoints):
+        acceleration[:, body] = _point_acceleration(robot, body, reach[body], v, a)
+    return np.vstack([np.zeros((1, v.shape[1])), np.cumsum(v * h, axis=0)]), acceleration
 
 
 def frame_accelerations(robot: Robot, motion: Trajectory, frame: str) -> tuple[Array, tuple[Array, Array]]:
-    """Bounds on the motion of a frame between the samples of a trajectory, as of `MotionBounds`.
+    """Bounds on the motion of a frame between the samples of a trajectory, as of `motion_bounds`.
 
     Args:
         robot: the arm.
@@ -126,33 +122,25 @@ MOST = 20_000
 """Pairs looked at again before the proof is given up: among shelves it takes a few hundred."""
 
 
-@dataclass(frozen=True, eq=False)
-class ClearanceProof:
-    """Proven smallest distances of a scene's pairs along a motion.
-
-    Attributes:
-        nearest: where the nearest pair is nearest; `sure` if every pair keeps what is asked at all times.
-        missed: times at which a pair is nearer than asked [s], increasing.
-    """
-
-    nearest: Clearance
-    missed: tuple[float, ...]
-
-
-def prove_clearance(model: CollisionModel, motion: Trajectory, required: ArrayLike) -> ClearanceProof:
+def prove_clearance(
+    model: CollisionModel, motion: Trajectory, required: ArrayLike
+) -> tuple[Clearance, tuple[float, ...]]:
     """Prove that every pair keeps its distance along a motion, or find times at which it does not.
 
     Args:
         model: of the scene.
         motion: between its samples joints follow cubics, as `Trajectory` interpolates them.
         required: distances to be kept [m], shape (pairs,) or one for all.
+
+    Returns:
+        Where the nearest pair is nearest, `sure` if every pair keeps what is asked at all times; times at which a pair
+        is nearer than asked [s], increasing.
     """
     if not model.pairs:
-        nowhere = Clearance(np.inf, float(motion.t[0]), "nothing", "nothing", True)
-        return ClearanceProof(nowhere, ())
-    bounds, reach = MotionBounds(model.robot, motion), relative_reach(model)
+        return Clearance(np.inf, float(motion.t[0]), "nothing", "nothing", True), ()
+    bounds = *motion_bounds(model.robot, motion), relative_reach(model)
     distances = np.broadcast_to(np.asarray(required, dtype=float), (len(model.pairs),))
-    return ClearanceProof(*model.prove(motion, (bounds.travel, bounds.acceleration, reach), distances, (PIECES, MOST)))
+    return model.prove(motion, bounds, distances, (PIECES, MOST))
 
 
 @built_once(maxsize=16)

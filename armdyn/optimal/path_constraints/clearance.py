@@ -54,16 +54,16 @@ class KeepsClear(PathConstraint):
         if not model.pairs:
             return ConstraintReport(self.name, "no pair of bodies could touch")
         required = np.where(ends < problem.clearance, ends - _NEARER, np.minimum(problem.clearance, _AT_ENDS * ends))
-        proof = prove_clearance(model, motion, required)
-        clearance, need = proof.nearest, f"clearance is {1e3 * problem.clearance:g} mm"
-        reasons = (f"{clearance}; {need}",) if proof.missed else ()
+        clearance, times = prove_clearance(model, motion, required)
+        need = f"clearance is {1e3 * problem.clearance:g} mm"
+        reasons = (f"{clearance}; {need}",) if times else ()
         if not (reasons or clearance.sure):
             reasons = (f"{clearance}, and it is not proven that {need} at all times",)
         short = problem.clearance - clearance.distance
         worst = Violation("clearance", clearance.body, clearance.time, short) if reasons else None
         marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
-        leg = np.clip(np.searchsorted(marks, proof.missed, side="right") - 1, 0, marks.size - 2)
-        part = (np.array(proof.missed) - marks[leg]) / np.diff(marks)[leg]
+        leg = np.clip(np.searchsorted(marks, times, side="right") - 1, 0, marks.size - 2)
+        part = (np.array(times) - marks[leg]) / np.diff(marks)[leg]
         missed = np.column_stack([leg, part])
         return ConstraintReport(self.name, str(clearance), None, reasons, worst, missed, clearance)
 

@@ -18,7 +18,7 @@ def test_a_payload_keeps_its_place_in_its_frame():
     box = ad.Box((0.1, 0.1, 0.1), (0.2, 0, 0))
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, shapes=[box], name="payload"))
     model = CollisionModel(robot, [ad.Sphere((0, 0, 1.2), 0.1, name="ball")])
-    near = model.nearest([np.pi / 2, 0.0])  # upright, 0.484 m long: the box ends at 0.734 m
+    near = model.nearer([np.pi / 2, 0.0], np.inf)[0]  # upright, 0.484 m long: the box ends at 0.734 m
     assert (near.body, near.other) == ("payload", "ball")
     assert near.distance == pytest.approx(1.1 - 0.484 - 0.25, abs=1e-6)  # GJK's own tolerance
 
@@ -52,7 +52,7 @@ def test_a_long_tool_is_compared_with_the_forearm_on_the_neighbouring_joint():
     model = CollisionModel(robot, self_collision=True)
     assert ("link1", "tool") in model.pairs and ("link1", "link2") not in model.pairs
     straight, bent = ([0.0, 0.0], [0.0, 0.6])  # bent, the stick behind the elbow goes down through the upper arm
-    assert model.nearest(straight).distance > 0.04 and model.nearest(bent).distance < 0
+    assert model.nearer(straight, np.inf)[0].distance > 0.04 and model.nearer(bent, np.inf)[0].distance < 0
     with pytest.raises(ProblemError, match=r"at the goal, 'link1' is .* mm inside 'tool'"):
         ad.MinimumTimeProblem(robot, q_start=straight, q_goal=bent, self_collision=True)
     problem = ad.MinimumTimeProblem(

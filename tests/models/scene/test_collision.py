@@ -40,21 +40,30 @@ def test_distances_in_closed_form():
         Cylinder((0.1, -1, 0.2), (0.1, 1, 0.2), 0.05),
         Cylinder((0.1, 0, 0.15), (0.1, 0, 0.3), 0.05),
     ):
-        near = CollisionModel(robot, [obstacle]).nearest([0.0, 0.0])
+        near = CollisionModel(robot, [obstacle]).nearer([0.0, 0.0], np.inf)[0]
         # GJK on curved shapes stops at 1e-6 of their size.
         assert near.distance == pytest.approx(0.2 - 0.05 - 0.012, abs=1e-6)
         assert (near.body, near.other) == ("link1", obstacle.name)
     # A half space below a plane at 0.2 m, turned upside down: of all solids the ball at the end is nearest.
     ceiling = CollisionModel(robot, [Plane((5, 3, 0.2), (0, 0, -2))])
-    ball = ceiling.nearest([0.0, 0.0])
+    ball = ceiling.nearer([0.0, 0.0], np.inf)[0]
     assert ball.body == "payload" and ball.other == "plane"
-    assert CollisionModel(robot, [Sphere((0.484, 0, 0.25), 0.05)]).nearest([0.0, 0.0]).distance == pytest.approx(
-        ball.distance, abs=1e-6
-    )
-    near = CollisionModel(robot, [Sphere((0.6, 0, 0), 0.1)]).nearest([0.0, 0.0])
+    assert CollisionModel(robot, [Sphere((0.484, 0, 0.25), 0.05)]).nearer([0.0, 0.0], np.inf)[
+        0
+    ].distance == pytest.approx(ball.distance, abs=1e-6)
+    near = CollisionModel(robot, [Sphere((0.6, 0, 0), 0.1)]).nearer([0.0, 0.0], np.inf)[0]
     assert near.body == "payload"
     assert near.distance < 0.6 - 0.484 - 0.1
-    assert "inside" in str(CollisionModel(robot, [Sphere((0.1, 0, 0), 0.05)]).nearest([0.0, 0.0]))
+    assert "inside" in str(CollisionModel(robot, [Sphere((0.1, 0, 0), 0.05)]).nearer([0.0, 0.0], np.inf)[0])
+
+
+def test_the_nearest_pair_comes_first_though_links_have_several_solids():
+    model = collision_model(robot_named("panda"), (Sphere((0.4, 0, 0.4), 0.05),), True)
+    assert len(set(model.pairs)) < len(model.pairs)
+    near = model.nearer(np.zeros(7), np.inf)
+    assert len(near) == len(set(model.pairs))
+    assert [one.distance for one in near] == sorted(one.distance for one in near)
+    assert near[0].distance == pytest.approx(np.min(model.distances(np.zeros(7))), abs=1e-6)  # GJK's tolerance
 
 
 def test_links_that_are_built_touching_are_left_out():
@@ -62,7 +71,7 @@ def test_links_that_are_built_touching_are_left_out():
     assert ("panda_link3", "panda_link4") not in pairs
     assert ("panda_link0", "panda_hand") in pairs
     folded = [0, 1.7, 0, -3.0, 0, 0.5, 0]
-    assert collision_model(robot_named("panda"), (), True).nearest(folded).distance < 0
+    assert collision_model(robot_named("panda"), (), True).nearer(folded, np.inf)[0].distance < 0
 
 
 def test_what_cannot_be_checked_is_an_error(read):
@@ -138,7 +147,6 @@ def test_distances_are_those_of_coal_through_pinocchio():
     assert 0 < sum(hits) < len(hits)
     assert [not model.is_free(q) for q in poses] == hits
     assert [not model.is_free(q) for q in poses[::-1]] == hits[::-1]  # whichever pair overlapped before
-    assert model.free_until(poses[~np.array(hits)]) == len(hits) - sum(hits)
 
 
 def test_another_version_of_coal_is_refused(monkeypatch):

@@ -145,8 +145,8 @@ def test_clearances_from_a_mesh_are_proven():
     )
     around = Mesh.from_triangles(ring.vertices, ring.faces, name="ring")
     model, motion = collision_model(robot, (around,), False), ad.ramp(robot, [-1.0, 0.3], [1.0, -0.2], 1.0)
-    proof = prove_clearance(model, motion, 0.005)
+    nearest, missed = prove_clearance(model, motion, 0.005)
     sampled = min(model.distances(q).min() for q in motion(np.linspace(0, 1, 300)).q)
-    assert proof.nearest.sure and proof.nearest.other == "ring" and not proof.missed
-    assert proof.nearest.distance == pytest.approx(sampled, abs=2e-3)  # what the arm moves between samples
-    assert len(around.parts) > 8 and proof.nearest.distance < 0.2  # the hull of a ring would be full
+    assert nearest.sure and nearest.other == "ring" and not missed
+    assert nearest.distance == pytest.approx(sampled, abs=2e-3)  # what the arm moves between samples
+    assert len(around.parts) > 8 and nearest.distance < 0.2  # the hull of a ring would be full

@@ -22,7 +22,7 @@ RR_BEST = 0.21067170186256495
 
 def nearest(model, motion):
     """Least distance at 3,000 samples [m]: an independent look."""
-    return min(model.nearest(q).distance for q in motion(np.linspace(0, motion.duration, 3000)).q)
+    return min(model.nearer(q, np.inf)[0].distance for q in motion(np.linspace(0, motion.duration, 3000)).q)
 
 
 def rr(**path_constraints):

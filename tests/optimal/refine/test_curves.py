@@ -357,10 +357,10 @@ def test_round_a_ball_that_the_straight_way_hits():
     problem = ur5(*ROUND, obstacles=[NEAR])
     model = CollisionModel(problem.robot, [NEAR])
     straight = solved(ur5(*ROUND)).trajectory
-    assert min(model.nearest(q).distance for q in straight(np.linspace(0, straight.duration, 200)).q) < 0
+    assert min(model.nearer(q, np.inf)[0].distance for q in straight(np.linspace(0, straight.duration, 200)).q) < 0
     optimum = solved(problem, starts=2)
     motion = optimum.trajectory
-    nearest = min(model.nearest(q).distance for q in motion(np.linspace(0, motion.duration, 1000)).q)
+    nearest = min(model.nearer(q, np.inf)[0].distance for q in motion(np.linspace(0, motion.duration, 1000)).q)
     assert nearest >= problem.clearance
     assert motion.duration >= straight.duration * (1 - SAME)
 
