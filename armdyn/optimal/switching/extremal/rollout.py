@@ -166,7 +166,7 @@ class Rollout:
     @property
     def motion(self) -> Trajectory:
         """The states at the steps' ends."""
-        n, lasting = self.shooting.problem.robot.nv, np.append(True, self.h > 0)
+        n, lasting = self.shooting.problem.robot.nv, np.append(True, np.diff(self.times) > 0)  # else rounding
         x, tau = np.vstack([self.start[:1], self.end])[lasting], self.torques.tau
         return Trajectory(self.times[lasting], x[:, :n], x[:, n:], np.vstack([tau[0][:1], tau[1]])[lasting])
 

@@ -42,6 +42,19 @@ def test_a_motion_that_goes_too_far_is_told_where():
     np.testing.assert_allclose(state_at(rollout, 1.77), [0.5 + 0.77 - 0.77**2 / 2, 0.23], atol=1e-9)
 
 
+def test_steps_too_short_for_the_clock_are_no_part_of_the_motion():
+    # Two changes an ulp apart: half of that is no later time, so that the step between is left out.
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[0.5])
+    t = np.linspace(0, 3, 31)
+    guess = ad.Trajectory(t, 0.1 * t[:, None], np.full((31, 1), 0.1), np.zeros((31, 1)))
+    shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), guess)
+    times = np.array([1.0, np.nextafter(1.0, 2.0)])
+    changes = Change(0, L), Change(0, U)
+    rollout = Rollout.of(shooting, SwitchingStructure((U,), changes, times, np.zeros((2, 2)), 3.0))
+    assert np.sum(rollout.h > 0) > np.sum(np.diff(rollout.times) > 0)
+    assert np.all(np.diff(rollout.motion.t) > 0)
+
+
 @pytest.mark.slow
 def test_touches_are_found_on_the_way():
     # Two touches, of the first and the second joint: a descent that forgets limits ends 0.4 rad beyond them, from where
