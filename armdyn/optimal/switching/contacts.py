@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, stretches
 from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Change, Segment
@@ -21,8 +21,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
 
     Where a joint takes more torque than it has, its torque is full and another joint's torque holds it, or it only
     touches. A contact whose multiplier has the wrong sign is let go: inward torque takes the joint off, outward torque
-    brings it back, a bounce. Off a velocity limit the joint is slowed down and sped up again. A contact of a mesh may
-    be a touch alone.
+    brings it back, a bounce. Off a velocity limit the joint is slowed down and sped up again.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
@@ -56,12 +55,10 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
         if is_extremal and (part := contact.unwilling(largest)) is not None:
             if (left := left_at_speed(extremal, structure, segment, part)) is not None:
                 return [left]
-            towards = TOWARDS[mode]
-            away = OPPOSITE[towards]
-            if mode in VELOCITY:
-                return [_let_go(extremal, segment, part, [(0.0, away), (0.5, towards)])]
-            bounce = _let_go(extremal, segment, part, [(0.0, away), (0.25, towards), (0.75, away)])
-            return [bounce, *_as_touch(extremal, segment)]
+            towards, away = TOWARDS[mode], OPPOSITE[TOWARDS[mode]]
+            bounce = [(0.0, away), (0.25, towards), (0.75, away)]
+            steps = [(0.0, away), (0.5, towards)] if mode in VELOCITY else bounce
+            return [_let_go(extremal, segment, part, steps)]
     return []
 
 
@@ -164,20 +161,6 @@ class Contact:
         whole = self.numbers.whole
         begin, end = (self.s[run[0]] + before) / 2, (self.s[run[-1]] + after) / 2
         return (0.0 if begin < whole else float(begin)), (1.0 if end > 1 - whole else float(end))
-
-
-def _as_touch(extremal: Extremal, segment: Segment) -> list[SwitchingStructure]:
-    """Structure with a touch in place of the end of a contact, and the torque that follows from its beginning on."""
-    structure = extremal.structure
-    contact = structure.changes[segment.begin]
-    if segment.end == structure.size or structure.changes[segment.end].mode not in BANG:
-        return []
-    begin, end = structure.span(segment)
-    more = [(begin, Change(contact.joint, structure.changes[segment.end].mode))]
-    more.append((end, Change(contact.joint, contact.mode, touch=True)))
-    if contact.carrier:
-        more.append((begin, Change(contact.carrier.joint, contact.carrier.after)))
-    return [edited(extremal.rollout, structure, [segment.begin, segment.end], more).without(())]
 
 
 def _let_go(

@@ -152,7 +152,7 @@ class _Others:
     def __init__(self) -> None:
         self.left: list[tuple[SwitchingStructure, object]] = []
         self.refused = set[object]()
-        self._seen, self._instead = dict[StructureKey, float](), list[SwitchingStructure]()
+        self._seen = dict[StructureKey, float]()
 
     def add(self, structures: list[SwitchingStructure], reason: object = None) -> None:
         """Add structures to be tried next, the likeliest first, with the reason to try them."""
@@ -167,16 +167,12 @@ class _Others:
         return structure
 
     def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
-        """Structures with corrected contacts; if known and no shorter, the alternatives of the last correction."""
+        """Structures with corrected contacts; none if the structure is known, and no shorter than it was."""
         key, duration = found.structure.key, found.structure.duration
         known = self._seen.get(key, np.inf)
         self._seen[key] = min(duration, known)
-        if duration > (1 - found.shooting.policy.switching.shorter) * known:
-            contacts, self._instead = self._instead, []
-            return contacts
-        contacts = with_contacts(found)
-        self._instead = contacts[1:]
-        return contacts
+        left = duration > (1 - found.shooting.policy.switching.shorter) * known
+        return [] if left else with_contacts(found)
 
     def instead_of_signs(
         self, found: Extremal, wrong: list[WrongSign], carried: CarriedTouches | None, singular: bool

@@ -58,7 +58,7 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
 
 
 def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | None:
-    """The structure with bang arcs on limits where free torques are held on them, or meet a jump; None: none is.
+    """The structure with bang arcs on limits where free torques are held on them; None: none is.
 
     Args:
         extremal: with free torques.
@@ -69,7 +69,7 @@ def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | Non
         if not change.control:
             continue
         along = _FreeTorque.of(extremal, k)
-        bang_arcs = along.kinked(extremal, least) or along.held(max(least, idle_fall(extremal, k)))
+        bang_arcs = along.held(max(least, idle_fall(extremal, k)))
         if bang_arcs:
             pieces = _pieces(extremal, k, bang_arcs)
             now = edited(extremal.rollout, now, [k], pieces)
@@ -119,22 +119,6 @@ class _FreeTorque:
             held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(slack[r]) <= self.numbers.reached]
             out += [(float(self.t[run[0]]), float(self.t[run[-1]]), mode) for run in held]
         return sorted(out)
-
-    def kinked(self, extremal: Extremal, least: float) -> list[tuple[float, float, Mode]]:
-        """Stretches on which another joint meets a state limit, which kinks the switching function; likewise.
-
-        No torque takes the bend away: the arc ends before it, or begins after it.
-        """
-        begin, end = self.t[0], self.t[-1]
-        half = self.numbers.bend * (end - begin)
-        out: list[tuple[float, float, Mode]] = []
-        for k in sorted({k for k, _, _ in extremal.rollout.held_states}):
-            time = float(extremal.structure.times[k])
-            fall = self.fall[np.argmin(np.abs(self.t - time))]
-            if begin < time < end and abs(fall) > least:
-                mode = Mode.LOWER if fall > 0 else Mode.UPPER
-                out.append((max(begin, time - half), min(end, time + half), mode))
-        return out
 
 
 def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:

@@ -109,7 +109,6 @@ class SingularPolicy:
     on_limit: float = tuned(0.9, "of the way to a limit", "at which a torque of a mesh counts as on it")
     reached: float = tuned(1e-4, "of a torque's range", "from a limit that a free torque has reached")
     rise: float = tuned(0.2, "of the rise of H that justifies a bang arc", "at which that arc begins and ends")
-    bend: float = tuned(0.05, "of a segment", "half a bang arc where the switching function bends")
     short: float = tuned(0.05, "of a segment", "a shorter singular control is left to the bang arc next to it")
     samples: int = tuned(200, "samples", "of a segment, that a singular control is fitted to")
     long: float = tuned(0.05, "of the duration", "a shorter stretch of a mesh off all limits is read as bang arcs")
