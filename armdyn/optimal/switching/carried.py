@@ -4,48 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, Mode
-from armdyn.optimal.switching.costates import SampledExtremal
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
+from armdyn.optimal.arcs.arc import BANG, POSITION, Mode
+from armdyn.optimal.switching.extremal.change import Carrier, Change
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_stretch
-
-
-def with_carrier(
-    extremal: Extremal, whole: SampledExtremal, segment: Segment, press: Mode
-) -> SwitchingStructure | None:
-    """Structure in which another joint holds a contact; None if none can, or one does already.
-
-    Of the joints that can, the one whose torque H feels least.
-
-    Args:
-        extremal: whose structure it is.
-        whole: its costates and torques.
-        segment: the contact, of more torque than there is.
-        press: the limit that the torque is beyond.
-    """
-    structure, limits = extremal.structure, extremal.shooting.problem.limits
-    near = extremal.shooting.policy.contacts.near * structure.duration
-    contact, (begin, end) = structure.changes[segment.begin], structure.span(segment)
-    if contact.carrier or contact.mode not in POSITION:
-        return None
-    i, middle = contact.joint, (whole.t[:-1] + whole.t[1:]) / 2
-    own = np.flatnonzero((middle > begin) & (middle < end))
-    less = whole.tau[own, :, i] - (limits.actuators.upper if press is Mode.UPPER else limits.actuators.lower)[i]
-    inverse = np.linalg.inv(whole.inertia[own])
-    found: list[tuple[float, int]] = []
-    for j in range(len(structure.first)):
-        if j == i or not _on_limits(structure, j, begin, end, near):
-            continue
-        more = less * inverse[..., i, i] / inverse[..., i, j]
-        if limits.actuators.lower[j] <= np.median(whole.tau[own, :, j] + more) <= limits.actuators.upper[j]:
-            found.append((float(np.median(np.abs(whole.switching[own, :, j] * more))), j))
-    if not found:
-        return None
-    left = structure.without_changes([segment.begin])
-    return _held(extremal, left, contact, (begin, end), Carrier(min(found)[1], press, Mode.FREE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,61 +67,35 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
     switched = any(change.is_of(touch.joint) and change.mode is not press for change in _within(structure, *ends, near))
     if press not in BANG or switched or not _on_limits(structure, j, *ends, near):
         return None
-    contact = _held(extremal, structure, replace(touch, touch=False), ends, Carrier(j, press, Mode.FREE), press)
-    return CarriedTouches(contact, (touch.joint, j))
-
-
-def with_other_press(structure: SwitchingStructure, wrong: list[WrongSign]) -> SwitchingStructure | None:
-    """Put joints in contact on their other torque limit where signs are wrong; None if no contact changes.
-
-    Args:
-        structure: an extremal's.
-        wrong: its stretches on the wrong limit.
-    """
-    changes = list(structure.changes)
-    for one in wrong:
-        for k, change in enumerate(structure.changes):
-            if not one.carried or change.carrier is None or change.joint != one.joint:
-                continue
-            begin, end = structure.span(Segment(k, structure.end_of(k)))
-            if begin < (one.begin + one.end) / 2 < end:
-                changes[k] = replace(change, carrier=replace(change.carrier, press=OPPOSITE[one.mode]))
-    return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
+    return CarriedTouches(_held(extremal, touch, ends, j, press), (touch.joint, j))
 
 
 def _held(
-    extremal: Extremal,
-    structure: SwitchingStructure,
-    contact: Change,
-    ends: tuple[float, float],
-    carrier: Carrier,
-    leaving: Mode | None = None,
+    extremal: Extremal, touch: Change, ends: tuple[float, float], carrier: int, press: Mode
 ) -> SwitchingStructure:
-    """The structure with a contact that a carrier holds.
+    """The structure with a contact in place of touches.
 
     Args:
-        extremal: which the contact's states come from.
-        structure: without it.
-        contact: the change that begins it.
-        ends: when it begins and ends [s].
-        carrier: of what it does afterwards the structure decides.
-        leaving: the torque that the joint has afterwards; None: the structure says it.
+        extremal: whose structure it is.
+        touch: one of them.
+        ends: when the contact begins and ends [s].
+        carrier: joint whose torque holds it.
+        press: torque limit that the joint in contact is on.
     """
+    structure, (begin, end) = extremal.structure, ends
     near = extremal.shooting.policy.contacts.near * structure.duration
-    begin, end = ends
-    gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier.joint]
+    gone, after = [], structure.modes()[int(np.searchsorted(structure.times, begin - near))][carrier]
     for k in structure.within(begin - near, end + near):
         change = structure.changes[k]
-        if change.is_of(carrier.joint):
+        if change.is_of(carrier):
             gone.append(k)
             after = change.mode
-        elif change.joint == contact.joint and (
-            change.mode if change.touch else structure.modes()[k][change.joint]
-        ) is (contact.mode):
+        elif change.joint == touch.joint and (change.mode if change.touch else structure.modes()[k][change.joint]) is (
+            touch.mode
+        ):
             gone.append(k)  # a touch, or the end of a contact that goes on as this one
-    more = [(begin, replace(contact, carrier=replace(carrier, after=after)))]
-    if leaving is not None:
-        more.append((end, Change(contact.joint, leaving)))
+    contact = replace(touch, touch=False, carrier=Carrier(carrier, press, after))
+    more = [(begin, contact), (end, Change(touch.joint, press))]
     return edited(extremal.rollout, structure, gone, more).without(())
 
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, stretches
-from armdyn.optimal.switching.carried import with_carrier
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -19,16 +18,17 @@ from armdyn.optimal.task.policy.switching import ContactPolicy
 def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
     """Structures without the parts of a contact that cannot be held or should be released, the likeliest first.
 
-    Where a joint takes more torque than it has, its torque is full and another joint's torque holds it, or it only
-    touches. A contact whose multiplier has the wrong sign is let go: inward torque takes the joint off, outward torque
-    brings it back, a bounce. Off a velocity limit the joint is slowed down and sped up again.
+    Where a joint takes more torque than it has, its torque is full: on a velocity limit another joint's torque may hold
+    it, a limit of position it only touches. A contact whose multiplier has the wrong sign is let go: inward torque
+    takes the joint off, outward torque brings it back, a bounce. Off a velocity limit the joint is slowed down and sped
+    up again.
 
     Args:
         extremal: whose contacts are looked at, one at a time.
         is_extremal: it is one, so that its costates say what would rather be let go.
 
     Returns:
-        None where every contact is as it should be.
+        None of them where every contact is as it should be.
     """
     structure = extremal.structure
     held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in TOWARDS]
@@ -41,10 +41,7 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
             if (kept := kept_at_speed(extremal, segment, weak.part, weak.mode)) is not None:
                 left = left_at_speed(extremal, kept, segment)
                 return [kept] if left is None else [kept, left]
-            carried = with_carrier(extremal, whole, segment, weak.mode) if whole is not None else None
-            less = _let_go(extremal, segment, weak.part, [(0.0, weak.mode)])
-            every = [less] if carried is None else [carried, less]
-            return every if weak.part[1] - weak.part[0] >= extremal.shooting.policy.contacts.mostly else every[::-1]
+            return [_let_go(extremal, segment, weak.part, [(0.0, weak.mode)])]
         joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
         alike = [
             other.largest

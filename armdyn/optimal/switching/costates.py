@@ -74,7 +74,6 @@ class SampledExtremal:
         state_multipliers: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
         position: joints on a limit of position, shape (K, nv).
         velocity: on one of velocity, likewise.
-        inertia: M(q), shape (K, stages + 1, nv, nv).
     """
 
     t: Array
@@ -85,7 +84,6 @@ class SampledExtremal:
     state_multipliers: Array
     position: Flags
     velocity: Flags
-    inertia: Array
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
@@ -94,17 +92,7 @@ class SampledExtremal:
         at = _At.of(extremal, grid)
         costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(
-            grid.t,
-            at.x,
-            _torques(at, robot),
-            costate,
-            switching,
-            state_multipliers,
-            at.position,
-            at.velocity,
-            at.inertia,
-        )
+        return cls(grid.t, at.x, _torques(at, robot), costate, switching, state_multipliers, at.position, at.velocity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.switching.carried import CarriedTouches, with_carried_touches, with_other_press
+from armdyn.optimal.switching.carried import CarriedTouches, with_carried_touches
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -185,9 +185,6 @@ class _Others:
             carried: with a contact that another joint holds in place of touches, if there is one.
             singular: a singular arc may be put in, too.
         """
-        pressed = None if "press" in self.refused else with_other_press(found.structure, wrong)
-        if pressed is not None:
-            return pressed, "press"
         if carried is not None:
             return carried.structure, carried.pair
         left = [one for one in wrong if one.joint not in self.refused]

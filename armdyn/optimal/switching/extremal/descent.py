@@ -96,11 +96,7 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
         if not np.all(np.isfinite(model.quadratic.hessian)):
             return NoExtremal("the motion beside it leaves what numbers can hold", linear)
         if linear.gradient_norm <= numbers.flat:
-            other = _other_order(shooting, linear)
-            if other is None:
-                return Extremal(linear)
-            linear = other
-            continue
+            return Extremal(linear)
         step = model.step(radius)
         while True:
             if step.promised < numbers.worth * structure.duration or radius < numbers.narrow * structure.duration:
@@ -118,18 +114,6 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
         assert after is not None  # noqa: S101 - else nothing is gained
         linear = _without_vanished(shooting, _within_limits(shooting, linear, step.by, after))
     return NoExtremal(f"{numbers.steps} steps did not reach an extremal", linear)
-
-
-def _other_order(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout | None:
-    """The same motion with two changes at one time in the other order, if it can be shortened from there."""
-    structure, numbers = linear.rollout.structure, shooting.policy.descent
-    for k, after in linear.ties:
-        swapped = landed(shooting, structure.swapped(k, after), numbers.again)
-        if swapped is None or swapped.rollout.structure.duration > (1 + numbers.vanished) * structure.duration:
-            continue
-        if swapped.gradient_norm > numbers.flat:
-            return swapped
-    return None
 
 
 def _within_limits(

@@ -85,14 +85,14 @@ class LinearizedRollout:
         return null_space(self.jacobian)
 
     @cached_property
-    def _response(self) -> tuple[float, Array, Array]:
-        """Reduced gradient less the active planes' part; multipliers of all equations; multipliers of the planes."""
+    def _response(self) -> tuple[float, Array]:
+        """Norm of the reduced gradient less the active planes' part; multipliers of all equations."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
         multiplier, gradient_norm = held_back(self.tangents @ gradient, tight @ self.tangents.T)
         multipliers = np.linalg.lstsq(self.jacobian.T, multiplier @ tight - gradient, rcond=RANK)[0]
-        return gradient_norm, np.asarray(multipliers, float), multiplier
+        return gradient_norm, np.asarray(multipliers, float)
 
     @property
     def gradient_norm(self) -> float:
@@ -103,18 +103,6 @@ class LinearizedRollout:
     def multipliers(self) -> Array:
         """Multipliers of the equations, shape (equations,)."""
         return self._response[1]
-
-    @property
-    def ties(self) -> list[tuple[int, int]]:
-        """Changes at one time whose order holds the motion back: in the other order it may be shorter."""
-        planes = self.planes
-        tight = np.flatnonzero(planes.now <= TIGHT)
-        first = planes.now.size - len(planes.orders)
-        return [
-            planes.orders[k - first]
-            for k, multiplier in zip(tight, self._response[2], strict=True)
-            if k >= first and multiplier > 0
-        ]
 
     @cached_property
     def costates(self) -> tuple[Array, Array]:

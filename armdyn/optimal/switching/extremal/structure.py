@@ -171,14 +171,6 @@ class SwitchingStructure:
             and not (after == k + 1 and self.changes[after].tied)
         ]
 
-    def swapped(self, k: int, after: int) -> Self:
-        """The structure with two changes at one time, in the other order."""
-        order = [*range(k), after, *range(k + 1, after), k, *range(after + 1, self.size)]
-        times = self.times.copy()
-        times[k : after + 1] = np.mean(times[k : after + 1])
-        changes = tuple(self.changes[each] for each in order)
-        return replace(self, changes=changes, times=times, states=self.states[order])
-
     def span(self, segment: Segment) -> tuple[float, float]:
         """Begin and end of a segment [s]."""
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1

@@ -87,7 +87,6 @@ class ContactPolicy:
     inward: float = tuned(
         5e-5, "of the largest multiplier", "inward pull at which a contact is let go: the certificate's / 2"
     )
-    mostly: float = tuned(0.5, "of a contact", "too weak for more of it, another joint rather holds all of it")
     whole: float = tuned(0.02, "of a contact", "that is left at an end is not worth another contact")
     least: float = tuned(0.1, "of a contact", "that is let go at first, at least")
     end: float = tuned(0.25, "of a contact", "that is let go where its beginning or its end would rather be")
