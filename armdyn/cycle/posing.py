@@ -14,7 +14,7 @@ from armdyn.cycle.stops import limits_of
 from armdyn.errors import CycleError, ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.reaching import GoalPose, frame_placement
+from armdyn.models.scene.reaching import REACHED, GoalPose, deviations_of, frame_placement
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -61,7 +61,10 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
 
 
 def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
-    """Refuse way points and straight segments out of reach, and blends that leave no room to an end of their move.
+    """Refuse moves to where the arm is, way points and straight segments out of reach, and blends without room.
+
+    A blend leaves no room where it holds an end of its move. Of a move to where the arm is only detours would be left:
+    from one branch of the same pose to another.
 
     In a free order a move may begin at several stops, so that only the search knows.
 
@@ -73,6 +76,8 @@ def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
         CycleError: one is refused between all branches that were tried, with the step's number and name.
     """
     for k, leg in enumerate(cycle.moves if cycle.order == "given" else ()):
+        if _stays(leg, cycle.stops[k + 1].target, positions[k]):
+            raise CycleError(leg.step, leg.name, "the arm is there already: leave the step out, or give it a way point")
         refused = None
         for ends in islice(product(positions[k], positions[k + 1]), CyclePolicy().alike):
             try:
@@ -84,6 +89,17 @@ def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
                     raise CycleError(leg.step, leg.name, str(error)) from None
         else:
             raise CycleError(leg.step, leg.name, str(refused))
+
+
+def _stays(leg: Leg, target: Array | GoalPose, begins: Sequence[Array]) -> bool:
+    """Whether a move without way points and straight segments ends wherever it may begin."""
+    move = leg.move
+    if move.via or move.retreat or move.approach:
+        return False
+    if not isinstance(target, GoalPose):
+        return all(np.array_equal(q, target) for q in begins)
+    most = target.deviations + REACHED
+    return all(np.all(np.abs(deviations_of(leg.robot, target, q)) <= most) for q in begins)
 
 
 def _exact(target: object) -> bool:

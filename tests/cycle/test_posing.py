@@ -44,3 +44,21 @@ def test_straight_segments_are_straight_between_their_ends():
         turned = [np.arccos(np.clip((np.trace(each.rotation) - 1) / 2, -1, 1)) for each in off]
         assert max(turned) <= 0.0087 * (1 + 1e-3)
     assert frame_placement(robot, robot.tip, motion(first).q).translation[2] == pytest.approx(0.325, abs=1e-5)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_move_to_where_the_arm_is_takes_no_detour(closed):
+    """Another branch of the same pose was chosen: the arm turned over with its part, and nothing was said."""
+    robot = ad.Robot.from_library("ur5")
+    here, part = ad.GoalPose(robot.tip, down(0.4, 0.2, 0.3)), ad.Payload(mass=1.0, name="part")
+    q = ad.MinimumTimeProblem(robot, q_start="home", goal_pose=here).goals[0]
+    for start, steps, at in (
+        ("home", [ad.Move(here), ad.Grasp(part), ad.Move(here, name="again"), ad.Release()], "step 3 .again."),
+        (q, [ad.Move(here), ad.Move("home")], "step 1 .move."),
+        (q, [ad.Wait(1.0), ad.Move(q), ad.Move("home")], "step 2 .move."),
+    ):
+        cycle = ad.Cycle(robot, start=start, steps=steps, closed=closed)
+        with pytest.raises(ad.CycleError, match=f"{at}: the arm is there already: leave the step out"):
+            ad.solve_cycle(cycle)
+    there_and_back = ad.Cycle(robot, start=q, steps=[ad.Move(q, via=["home"])])
+    assert problem_of(there_and_back, there_and_back.moves[0], q, q).via
