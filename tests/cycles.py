@@ -7,7 +7,7 @@ import numpy as np
 import armdyn as ad
 
 PART = ad.Payload(mass=0.1, name="bolt")
-HERE, THERE = (0.06, 0.0, 0.05), (-0.05, 0.0, 0.06)
+HERE, THERE = (0.3, 0.0, -0.1), (0.1, 0.0, -0.3)
 
 BOLT = """
 [robot]

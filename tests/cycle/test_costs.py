@@ -5,7 +5,7 @@ import pytest
 import armdyn as ad
 from armdyn.cycle.costs import _simpler
 from armdyn.errors import ProblemError
-from cycles import planar, planar_solved
+from cycles import HERE, planar, planar_solved
 
 QUICK = ad.MinimumTimeOptions(search="quick", bound=False)
 
@@ -67,7 +67,7 @@ def test_a_stop_that_nobody_needs_costs_the_time_that_passing_saves():
 
 
 def test_costs_are_of_usable_cycles():
-    broken = ad.solve_cycle(planar(obstacles=[ad.Sphere((0.06, 0.0, 0.05), 0.02)]), QUICK)
+    broken = ad.solve_cycle(planar(obstacles=[ad.Sphere(HERE, 0.02)]), QUICK)
     with pytest.raises(ProblemError, match="usable"):
         ad.cycle_costs(broken)
 

@@ -90,7 +90,7 @@ def test_a_free_order_is_the_best_of_all_orders():
 
 
 def test_a_cycle_in_which_every_branch_touches_something_says_where():
-    cycle = planar(obstacles=[ad.Sphere((0.06, 0.0, 0.05), 0.02)])
+    cycle = planar(obstacles=[ad.Sphere(HERE, 0.02)])
     solved = ad.solve_cycle(cycle, QUICK)
     assert not solved.usable
     assert solved.status == "infeasible"
