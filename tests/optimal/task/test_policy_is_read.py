@@ -117,7 +117,7 @@ SOLVES = {
         [("smooth", {"refined": 1000, "worth": 100.0}), ("same", {"coarse_cost": 0.0})],
         starts=2,
     ),
-    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=4),
+    "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=2),
     "a fine mesh for time and energy": lambda: noted(
         between("rr", effort_weight=1.0, effort_limit=30.0), [("smooth", {"settled": 1e-12})], starts=2
     ),
@@ -145,11 +145,6 @@ SOLVES = {
         [ARCS, ("switching", {"rounds": 0}), ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly": 1.0})],
         starts=1,
     ),
-    "motions that are not resolved": lambda: noted(
-        between("rr", **INSIDE),
-        [("switching", {"rounds": 0}), ("motion_mesh", {"rounds": 0})],
-        starts=2,
-    ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
     "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),
     "a replay far from its curve": lambda: noted(
@@ -167,7 +162,7 @@ SOLVES = {
     "changes of optima": lambda: noted(paper_problem("rrr", 0.1505), starts=16),
     "contacts": lambda: noted(random_problem(53), starts=40),
     "contacts that are too weak": lambda: noted(random_problem(68), starts=40),
-    "contacts that another joint holds": lambda: noted(CARRIED, starts=40),
+    "contacts that another joint holds": lambda: noted(CARRIED, starts=6),
     "a search that is done again": lambda: noted(between("rr"), [("search", {"too_coarse": 0.5})], starts=2),
     "a ball in the way, with steps that are not taken at once": lambda: noted(
         between("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), [("sequential", {"eager": 0})], starts=1
