@@ -50,11 +50,6 @@ class ClearanceRows:
     within: float
     most: int
 
-    @property
-    def poses(self) -> int:
-        """Number of poses of all legs."""
-        return sum(len(places) for _, places in self.legs)
-
     @cached_property
     def _weights(self) -> Array:
         """Weights of the control points that a pose depends on, shape (poses, WINDOW)."""

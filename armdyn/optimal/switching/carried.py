@@ -1,6 +1,6 @@
 """Contacts with a limit of position that another joint's torque holds, while the joint's own torque is full."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,20 +12,9 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 
 
-@dataclass(frozen=True, eq=False)
-class CarriedTouches:
-    """A structure with a contact in place of touches.
-
-    Attributes:
-        structure: with the contact.
-        pair: the joint that touches, and the one whose torque holds it.
-    """
-
-    structure: SwitchingStructure
-    pair: tuple[int, int]
-
-
-def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
+def with_carried_touches(
+    extremal: Extremal, wrong: list[WrongSign], refused: set[object]
+) -> tuple[SwitchingStructure, tuple[int, int]] | None:
     """The structure with touches that become a contact, held by a joint whose torque is on the wrong limit about them.
 
     A touch bends the switching functions of the other joints: where one of them asks for the other limit just then, and
@@ -35,6 +24,9 @@ def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: se
         extremal: whose touches they are.
         wrong: stretches on the wrong limit, the worst first.
         refused: pairs of joints, the one that touches and the other, of which nothing came.
+
+    Returns:
+        The structure and its pair; None if there is none.
     """
     for j in dict.fromkeys(one.joint for one in wrong):
         found = _carried_touches(extremal, [one for one in wrong if one.joint == j], refused)
@@ -43,7 +35,9 @@ def with_carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: se
     return None
 
 
-def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[object]) -> CarriedTouches | None:
+def _carried_touches(
+    extremal: Extremal, wrong: list[WrongSign], refused: set[object]
+) -> tuple[SwitchingStructure, tuple[int, int]] | None:
     """Contacts of stretches of one joint."""
     structure, j = extremal.structure, wrong[0].joint
     near = extremal.shooting.policy.contacts.near * structure.duration
@@ -67,7 +61,7 @@ def _carried_touches(extremal: Extremal, wrong: list[WrongSign], refused: set[ob
     switched = any(change.is_of(touch.joint) and change.mode is not press for change in _within(structure, *ends, near))
     if press not in BANG or switched or not _on_limits(structure, j, *ends, near):
         return None
-    return CarriedTouches(_held(extremal, touch, ends, j, press), (touch.joint, j))
+    return _held(extremal, touch, ends, j, press), (touch.joint, j)
 
 
 def _held(

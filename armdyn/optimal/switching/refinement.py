@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.switching.carried import CarriedTouches, with_carried_touches
+from armdyn.optimal.switching.carried import with_carried_touches
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
@@ -101,8 +101,8 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
         carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
             best = best.or_else(found.linear, "limits of position are not settled")
-            others.add(contacts, carried.pair if carried else None)
-            structure = carried.structure if carried else others.next()
+            others.add(contacts, carried[1] if carried else None)
+            structure = carried[0] if carried else others.next()
             continue
         idle = max([0.0, *(idle_fall(found, k) for k in found.structure.controls)])
         worst = max([idle, *(one.value for one in wrong[:1])])
@@ -119,7 +119,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             continue
         if not wrong:
             return best
-        instead = others.instead_of_signs(found, wrong, carried, mended)
+        instead = carried or (others.singular_of(found, wrong) if mended else None)
         structure, mended = with_signs(found, wrong), True
         if instead is not None:
             others.add([structure], instead[1])
@@ -174,21 +174,15 @@ class _Others:
         left = duration > (1 - found.shooting.policy.switching.shorter) * known
         return [] if left else with_contacts(found)
 
-    def instead_of_signs(
-        self, found: Extremal, wrong: list[WrongSign], carried: CarriedTouches | None, singular: bool
-    ) -> tuple[SwitchingStructure, object] | None:
-        """A structure that may correct wrong signs better than bang arcs, and its reason; None: none is left.
+    def singular_of(self, found: Extremal, wrong: list[WrongSign]) -> tuple[SwitchingStructure, object] | None:
+        """A structure with a singular arc in place of wrong signs, and its joint; None: none is left.
 
         Args:
             found: the extremal.
             wrong: its stretches on the wrong limit, the worst first.
-            carried: with a contact that another joint holds in place of touches, if there is one.
-            singular: a singular arc may be put in, too.
         """
-        if carried is not None:
-            return carried.structure, carried.pair
         left = [one for one in wrong if one.joint not in self.refused]
-        smooth = with_singular(found, left) if singular and left else None
+        smooth = with_singular(found, left) if left else None
         return None if smooth is None else (smooth, left[0].joint)
 
 

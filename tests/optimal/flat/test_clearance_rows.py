@@ -45,7 +45,7 @@ def test_slopes_by_the_control_points_against_differences(swing):
     moved[shape.points(0)] += 1e-3 * change
     every = replace(rows, within=np.inf, most=len(asked.model.pairs))
     before, after = every.at(shape, x), every.at(shape, moved)
-    poses = (rows.poses, len(asked.model.pairs))
+    poses = (before.missing.size, len(asked.model.pairs))
     expected = np.sort((before.spare + before.jacobian @ (moved - x)).reshape(poses), axis=1)
     found, unmoved = (np.sort(one.spare.reshape(poses), axis=1) for one in (after, before))
     # Some millimetres of motion, to second order and GJK's 1e-6 m; nearest points that change add a few hundredths.
