@@ -233,9 +233,9 @@ def deviations_of(robot: Robot, goal: GoalPose, q: Array) -> Array:
     return out
 
 
-def moving_directions(robot: Robot, goal: GoalPose, seed: int = 0) -> Flags:
+def moving_directions(robot: Robot, goal: GoalPose) -> Flags:
     """Directions along and about the axes of a goal in which the frame can move, shape (6,): of a planar arm three."""
-    fixed, data, random = robot.frame(goal.frame), robot.model.createData(), np.random.default_rng(seed)
+    fixed, data, random = robot.frame(goal.frame), robot.model.createData(), np.random.default_rng(0)
     most, back = np.zeros(6), goal.pose.rotation.T
     for q in random.uniform(-1, 1, (3, robot.nv)):
         frame, own = _placed(robot, fixed, data, q), _jacobian(robot, fixed, data)
