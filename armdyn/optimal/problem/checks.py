@@ -18,6 +18,9 @@ from armdyn.optimal.problem.planning_limits import kept_words
 _TYPED = 1e-9
 """So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
 
+_STILL = 1e-3
+"""Velocity across a position limit that is none [rad/s or m/s]: a motion that slides along its limit may have it."""
+
 _ROUNDING = 1e-9
 """Of the size of a torque: what gravity takes of an upright pole is not quite zero."""
 
@@ -39,6 +42,14 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
             raise ProblemError(
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
                 f"{limits.velocity[i]:.6g} rad/s{kept_words(reserve[i], limits.velocity[i], 'rad/s')}"
+            )
+        outward = -v[i] if name == "goal" else v[i]  # at the goal it comes from there
+        on_upper, on_lower = q[i] >= limits.position_upper[i], q[i] <= limits.position_lower[i]
+        if (on_upper and outward > _STILL) or (on_lower and outward < -_STILL):
+            unit = "m" if robot.slides[i] else "rad"
+            raise ProblemError(
+                f"{name} of joint {joint!r} (index {i}) is on its position limit {q[i]:.6g} {unit}, and its velocity "
+                f"{v[i]:.6g} {unit}/s {'comes from' if name == 'goal' else 'leads'} beyond: no motion keeps the limit"
             )
 
 

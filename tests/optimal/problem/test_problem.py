@@ -22,6 +22,11 @@ from problems import POSES, paper_arm, paper_problem
         ({"q_start": [-3.3, 0.0]}, "start of joint 'joint1'"),
         ({"v_start": [2000.0, 0.0]}, "start velocity of joint 'joint1'.*1000 rad/s"),
         ({"q_goal": POSES["rr"][0]}, "start and goal are the same state"),
+        (
+            {"q_start": [np.pi, 0], "v_start": [0.5, 0]},
+            "start of joint 'joint1'.* 3.14159 rad, .* 0.5 rad/s leads beyond",
+        ),
+        ({"q_goal": [0, -np.pi], "v_goal": [0, 0.5]}, "goal of joint 'joint2'.* comes from beyond: no motion"),
         ({"effort_limit": 0.0}, "no joint has a motor: all torque limits are zero .joint1, joint2."),
         ({"effort_limit": [3.0, np.inf]}, "joint 'joint2' has torque limits"),
         ({"effort_limit": [3.0, 3.0, 3.0]}, "effort_limit has shape"),
@@ -35,6 +40,13 @@ def test_ill_posed(change, message):
     given = {"q_start": POSES["rr"][0], "q_goal": POSES["rr"][1], **change}
     with pytest.raises(ProblemError, match=message):
         ad.MinimumTimeProblem(paper_arm("rr"), **given)
+
+
+def test_a_motion_may_leave_a_limit_and_end_on_one():
+    ends = {"q_start": [np.pi, 0], "v_start": [-0.5, 0], "q_goal": [0, -np.pi], "v_goal": [0, -0.5]}
+    assert ad.MinimumTimeProblem(paper_arm("rr"), **ends).v_goal[1] == -0.5
+    sliding = {**ends, "v_start": [1e-6, 1.0], "v_goal": [0, 0]}
+    assert ad.MinimumTimeProblem(paper_arm("rr"), **sliding).v_start[0] == 1e-6
 
 
 def test_a_way_back_to_the_start_has_via_points():
