@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import VELOCITY, Mode, stretches
+from armdyn.optimal.arcs.arc import OPPOSITE, TOWARDS, VELOCITY, Mode, stretches
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -34,7 +34,8 @@ def beyond_position(rollout: Rollout) -> float:
 def with_limits(rollout: Rollout) -> SwitchingStructure | None:
     """The structure with touches of the position limits that a rollout exceeds; None: it exceeds no limit.
 
-    Where it is exceeded beside a touch of the same limit the joint does not leave: the touch becomes a contact. A joint
+    Where it is exceeded beside a touch of the same limit the joint does not leave: the touch becomes a contact. Torque
+    that presses a joint beyond its limit just before a contact, or just after one, goes. A joint
     that exceeds its velocity limit is held on it for that time.
     """
     structure, gone, more = rollout.structure, set[int](), list[tuple[float, Change, Array]]()
@@ -43,6 +44,9 @@ def with_limits(rollout: Rollout) -> SwitchingStructure | None:
             gone.update(over.changes(structure))
             for time, change in ((over.begin, Change(over.joint, over.mode)), (over.end, over.after(structure))):
                 more.append((time, change, _at_speed(rollout, time, over.joint, over.bound)))
+            continue
+        if (pressed := over.pressed_beside_contact(structure)) is not None:
+            gone.add(pressed)
             continue
         near = [k for k in over.touched(structure) if k not in gone]
         times = [over.worst, *(float(structure.times[k]) for k in near)]
@@ -68,6 +72,7 @@ class _Overlooked:
         begin: a step before it [s].
         end: a step after it [s].
         worst: when it is farthest beyond [s].
+        short: length of an arc that may be taken out [s].
     """
 
     joint: int
@@ -76,12 +81,26 @@ class _Overlooked:
     begin: float
     end: float
     worst: float
+    short: float
 
     def touched(self, structure: SwitchingStructure) -> list[int]:
         """Indices of the touches of the same limit in that time."""
         touch = self.joint, self.mode, True
         near = [(k, structure.changes[k]) for k in structure.within(self.begin, self.end)]
         return [k for k, change in near if (change.joint, change.mode, change.touch) == touch]
+
+    def pressed_beside_contact(self, structure: SwitchingStructure) -> int | None:
+        """The change that begins a short arc of outward torque between a contact and inward torque; None: none does."""
+        own = [k for k, change in enumerate(structure.changes) if change.is_of(self.joint)]
+        last = int(np.searchsorted(structure.times[own], self.worst, side="right")) - 1
+        if not 0 <= last < len(own) - 1:
+            return None
+        begin, end = own[last], own[last + 1]
+        modes = structure.modes()[begin][self.joint], structure.changes[end].mode
+        pressed = structure.changes[begin].mode is TOWARDS[self.mode] and self.mode in modes
+        inward = OPPOSITE[TOWARDS[self.mode]] in modes
+        short = structure.times[end] - structure.times[begin] <= self.short
+        return begin if pressed and inward and short else None
 
     def changes(self, structure: SwitchingStructure) -> list[int]:
         """Indices of the changes of the joint's mode in that time."""
@@ -97,6 +116,7 @@ class _Overlooked:
 def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
     """Stretches of a rollout that exceed position and velocity limits, joint by joint."""
     limits, t, n = rollout.shooting.problem.limits, rollout.times, len(rollout.structure.first)
+    short = rollout.shooting.policy.descent.short * rollout.structure.duration
     for i in range(n):
         q, upper, lower = rollout.end[:, i], float(limits.position_upper[i]), float(limits.position_lower[i])
         v, fastest = rollout.end[:, n + i], float(limits.velocity[i])
@@ -110,7 +130,7 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
             for run in stretches(np.flatnonzero(beyond > rollout.shooting.policy.rollout.beyond)):
                 worst = float(t[1 + run[np.argmax(beyond[run])]])
                 begin, end = float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)])
-                yield _Overlooked(i, mode, bound, begin, end, worst)
+                yield _Overlooked(i, mode, bound, begin, end, worst, short)
 
 
 def _mode_after(structure: SwitchingStructure, joint: int, time: float) -> Mode:

@@ -16,7 +16,7 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
-from problems import cart, random_problem
+from problems import cart, paper_arm, random_problem
 
 U, L = Mode.UPPER, Mode.LOWER
 
@@ -96,3 +96,12 @@ def test_changes_pass_each_other_unless_a_joint_is_held():
     structure = SwitchingStructure((U, U), changes, np.array([1.0, 1.1, 3.0]), states, 4.0)
     assert structure.orders(0.5) == [(0, 1)]
     assert replace(structure, changes=(changes[0], Change(1, L), changes[2])).orders(4.0) == []
+
+
+@pytest.mark.slow
+def test_torque_that_presses_beyond_a_limit_beside_a_contact_goes():
+    ends = {"q_start": [-0.5136696604371498, 2.8241964993549318], "q_goal": [1.0571266663392307, 2.8241964993546724]}
+    problem = ad.MinimumTimeProblem(paper_arm("rr", 0.1), **ends)
+    solution = ad.solve_minimum_time(problem, MinimumTimeOptions(search="quick", bound=False))
+    assert solution.certified
+    assert solution.arcs  # the motion of a mesh, which has none, is 4e-7 slower
