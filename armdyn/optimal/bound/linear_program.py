@@ -79,12 +79,14 @@ class LinearProgram:
         bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
         order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
         right, matrix = np.concatenate(self.right, axis=None)[order], _matrix(self.entries, len(bounds))[order]
-        found = marginals_in_boxes(matrix.tocsc(), right, np.concatenate(self.costs), bounds, tolerance)
-        return None if found is None else found[np.argsort(order)]
+        found, marginals = marginals_in_boxes(matrix.tocsc(), right, np.concatenate(self.costs), bounds, tolerance)
+        return marginals[np.argsort(order)] if found else None
 
 
-def marginals_in_boxes(matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float) -> Array | None:
-    """The marginals of the equations matrix x = right, at the x within bounds of the least cost; None: not found.
+def marginals_in_boxes(
+    matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float
+) -> tuple[bool, Array]:
+    """The marginals of the equations matrix x = right, at the x within bounds of the least cost.
 
     Args:
         matrix: rows that have an unknown in common are near each other, or among the last few.
@@ -92,6 +94,9 @@ def marginals_in_boxes(matrix: csc_matrix, right: Array, cost: Array, bounds: Ar
         cost: of each unknown.
         bounds: of each unknown, finite, shape (unknowns, 2).
         tolerance: of the cost, relative to 1 and to its size.
+
+    Returns:
+        Whether they are right to the tolerance, and the marginals; if not, those that proved the largest least cost.
     """
     matrix.sort_indices()
     found, _, _, marginals = enclosure.solve(
@@ -105,7 +110,7 @@ def marginals_in_boxes(matrix: csc_matrix, right: Array, cost: Array, bounds: Ar
         tolerance=tolerance,
         most=_MOST,
     )
-    return np.asarray(marginals) if found else None
+    return found, np.asarray(marginals)
 
 
 def _matrix(entries: Sequence[Entries], columns: int) -> csr_matrix:

@@ -180,7 +180,7 @@ class _StationarityProgram:
             numbers=numbers,
         )
 
-    def solved(self) -> MeshCostates | None:
+    def solved(self) -> MeshCostates:
         """Solve the linear program, and integrate the adjoint equations with its multipliers.
 
         Its unknowns are changes of the motion in boxes, its equations say how the states' follow and what limits leave,
@@ -201,11 +201,7 @@ class _StationarityProgram:
             np.append(cost, np.zeros(len(states) + E)),
             np.concatenate([bounds, states, np.stack([np.zeros(E), spare], axis=1)]),
         )
-        tries = (marginals_in_boxes(*program, tolerance) for tolerance in self.numbers.converged)
-        found = next((one for one in tries if one is not None), None)
-        if found is None:
-            return None
-        marginals[order] = found
+        _, marginals[order] = marginals_in_boxes(*program, self.numbers.converged)  # any costates give a bound
         multipliers = np.maximum(marginals[own:], 0.0)
         costates = _nearest(matrix[1], marginals[:own], multipliers)
         return self._measured(stretches, costates.reshape(G + 1, 2 * n), multipliers)

@@ -110,7 +110,13 @@ class _Meshes:
             max_iterations=numbers.first_iterations,
             barrier=numbers.barrier,
         )
-        near = replace(rough, max_iterations=numbers.iterations, barrier=numbers.near_barrier, push=numbers.push)
+        near = replace(
+            rough,
+            max_iterations=numbers.iterations,
+            barrier=numbers.near_barrier,
+            push=numbers.push,
+            convex=numbers.convex,
+        )
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
             first = knots.size - 1 == numbers.intervals
@@ -157,7 +163,8 @@ class _Meshes:
             max_iterations=numbers.sharp_iterations,
             barrier=numbers.sharp_barrier,
             push=numbers.push,
-            acceptable=Acceptable(numbers.tolerance, numbers.tolerance),
+            convex=numbers.convex,
+            acceptable=Acceptable(numbers.close, numbers.close, numbers.still, numbers.patience),
         )
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:

@@ -34,6 +34,8 @@ class SolverSettings:
         push: how far the start may be moved off its bounds, whose multipliers the stagewise method then takes from the
             barrier; None: as the solver has it.
         warm: start from the multipliers of a nearly equal program, too.
+        convex: least curvature that the stagewise method gives the torques of an interval along which the cost has no
+            minimum; 0: it gives as much to all unknowns, as IPOPT does.
     """
 
     tolerance: float
@@ -44,3 +46,4 @@ class SolverSettings:
     exact: bool = False
     push: float | None = None
     warm: bool = False
+    convex: float = 0.0

@@ -103,13 +103,14 @@ def test_what_time_leaves_idle_does_not_count():
 
 
 @pytest.mark.slow
-def test_a_program_that_comes_no_nearer_is_solved_less_closely():
+def test_costates_of_a_program_that_is_not_solved_give_a_bound_too():
     task, motion, replay, costates = fast()
-    unreached = 1e-20  # beyond rounding
-    for tolerances, found in (((unreached,), False), ((unreached, 1e-6), True)):
-        policy = task.policy.changed("shooting", converged=tolerances)
-        other = mesh_costates(FAST, motion, replay, policy)
-        assert (other is not None and other.saving == costates.saving) == found
+    beyond, rough = (
+        mesh_costates(FAST, motion, replay, task.policy.changed("shooting", converged=tolerance))
+        for tolerance in (1e-20, 1e-1)  # beyond rounding; after a few iterations
+    )
+    assert beyond.saving == pytest.approx(costates.saving, abs=2e-6)  # twice the tolerance
+    assert rough.saving > costates.saving
 
 
 def test_a_joint_without_a_motor_has_no_torque_to_change():

@@ -9,11 +9,14 @@ enum { ACCEPTED_AFTER = 15 };
 
 /* How a program is solved: E_0 <= `tolerance`, after so many iterations at most; `barrier`: the first mu. A start near
    the solution is moved off its bounds by `push` as in section 3.6, with multipliers of that mu; 0: as IPOPT has it.
-   Ours: where iterations end without a solution the best iterate of E_0 <= `close` will do: joints that time leaves idle
-   make the way from 1e-7 to 1e-9 a long one. */
+   Ours is what joints need that time leaves idle, or nearly: along their torques the cost is flat, or curved either way.
+   Where it has no minimum along an interval's torques, those alone get a curvature of at least `convex` (0: all
+   unknowns get more, as by section 3.1). Where the barrier function falls by no more than `still` in `after`
+   iterations the next mu is taken. Where iterations end so, or without a solution, the best iterate of E_0 <= `close`
+   will do. */
 typedef struct {
-    double tolerance, barrier, push, close;
-    int iterations;
+    double tolerance, barrier, push, close, still, convex;
+    int iterations, after;
 } Settings;
 
 /* Told where it stands; not zero: stop. */
@@ -164,10 +167,19 @@ static int closest(Solve *s, int ended) {
     return ACCEPTED;
 }
 
+/* Whether the barrier function hardly falls any more, of this mu, at iteration k. */
+static int stalled(Solve *s, const Settings *how, int k) {
+    double phi = barrier_function(s, s->w, s->cost);
+    if (s->mu == s->watched_mu && k < s->watched + how->after) return 0;
+    int hardly = s->mu == s->watched_mu && s->watched_phi - phi < how->still;
+    s->watched_mu = s->mu, s->watched = k, s->watched_phi = phi;
+    return hardly;
+}
+
 /* Iterations; returns how they ended, and in `k` after how many. */
 static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k) {
     double least_mu = how->tolerance / 11, cost, alpha, tau, error;
-    int acceptable = 0, tiny = 0;
+    int acceptable = 0, tiny = 0, still;
     for (*k = 0;; ++*k) {
         differentiate(&s->it, s->w, s->lam, s->gradient);
         transposed(&s->it, s->lam, s->d);
@@ -180,9 +192,11 @@ static int iterate(Solve *s, const Settings *how, int asked, Watch watch, int *k
         if (acceptable == ACCEPTED_AFTER) return ACCEPTED;
         if (*k >= how->iterations) return ITERATIONS;
         if (*k % asked == 0 && watch(*k, s->cost, s->theta, error, s->mu)) return STOPPED;
-        while (s->mu > least_mu && (tiny || error_of(s, s->mu) <= 10 * s->mu)) {
+        still = how->after && stalled(s, how, *k) && s->closest_mu <= s->mu;
+        if (still && s->mu <= least_mu) return ACCEPTED;
+        while (s->mu > least_mu && (tiny || still || error_of(s, s->mu) <= 10 * s->mu)) {
             s->mu = larger(least_mu, smaller(0.2 * s->mu, pow(s->mu, 1.5))); /* (7) */
-            s->filtered = tiny = 0;
+            s->filtered = tiny = still = 0;
         }
         if (tiny) return acceptable ? ACCEPTED : NO_STEP;
         tau = larger(0.99, 1 - s->mu);
@@ -262,6 +276,7 @@ int solve(int N, int bounded, const double *parameters, const double *lower, con
     double *memory = calloc(17 * (size_t)n + 6 * (size_t)m, sizeof *memory), *next = memory;
     char *open = calloc(n, 1);
     s.it.stages = calloc(N, sizeof *s.it.stages), s.it.open = open;
+    s.it.convex = how->convex;
     if (s.it.stages && memory && open) {
         double **wide[] = {&s.zl, &s.zu, &s.gradient, &s.d, &s.dw, &s.dzl, &s.dzu, &s.trial, &s.other_dw,
                            &s.it.bent, &s.it.reduced, &s.best_w, &s.best_zl, &s.best_zu};

@@ -30,6 +30,7 @@ typedef struct {
     const double *parameters; /* fractions of the N intervals, then what all share */
     Stage *stages;
     double *bent, *reduced; /* what is added to the diagonal of H; room for a gradient */
+    double convex;          /* at least so much is added along the torques of an interval that has no minimum; 0: none */
 } Program;
 
 /* An interval's unknowns and parameters; beyond the last interval, its own again. */

@@ -27,8 +27,8 @@ class Settings(ctypes.Structure):
     """`Settings` of `interior_point.c`."""
 
     _fields_ = (
-        *((name, ctypes.c_double) for name in ("tolerance", "barrier", "push", "close")),
-        ("iterations", ctypes.c_int),
+        *((name, ctypes.c_double) for name in ("tolerance", "barrier", "push", "close", "still", "convex")),
+        *((name, ctypes.c_int) for name in ("iterations", "after")),
     )
 
 

@@ -16,7 +16,8 @@ typedef struct {
     double cost, theta, mu, last;                           /* theta: sum of |c|; last: what was added to H last */
     double least_theta, most_theta, descent, phi;             /* of the search: phi is the barrier function */
     double filter[FILTER][2];
-    int filtered;
+    double watched_mu, watched_phi; /* where it was last asked whether phi still falls */
+    int filtered, watched;
 } Solve;
 
 static double absolute_sum(const double *a, int n) {

@@ -53,9 +53,23 @@ static void pulled_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + s->B[place(i)][place(j)];
 }
 
+/* Cholesky's factor of the torques' curvature, with as much on its diagonal as a minimum takes: `least`, or ten times as
+   much again and again; 0: nothing helps. */
+static int factor_convex(double L[NU][NU], double least) {
+    double own[NU][NU];
+    memcpy(own, L, sizeof own);
+    for (double more = least; !cholesky(&L[0][0], NU); more *= 10) {
+        if (!(more > 0 && more < 1e6)) return 0;
+        memcpy(L, own, sizeof own);
+        for (int i = 0; i < NU; i++) L[i][i] += more;
+    }
+    return 1;
+}
+
 /* One interval backwards, from P, S and G (negative) at its end to those at its beginning; 0: no minimum.
-   `bent` is what is added to the diagonal of H along (x_k, u_k). */
-static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *bent) {
+   `bent` is what is added to the diagonal of H along (x_k, u_k); `convex`: along u_k where that is no minimum. */
+static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *bent,
+                        double convex) {
     double F[NV][NV], SM[NV][NX];
     if (!solved_for_next(s)) return 0;
     for (int i = 0; i < NX; i++) {
@@ -70,7 +84,7 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
         for (int j = 0; j < NZ; j++) s->K[i][j] = F[NZ + i][j];
         for (int j = 0; j < NX; j++) s->Kn[i][j] = SM[NZ + i][j];
     }
-    if (!cholesky(&s->L[0][0], NU)) return 0;
+    if (!factor_convex(s->L, convex)) return 0;
     forward(&s->L[0][0], NU, &s->K[0][0], NZ);
     forward(&s->L[0][0], NU, &s->Kn[0][0], NX);
     for (int i = 0; i < NZ; i++) {
@@ -107,7 +121,7 @@ static int factor(const Program *it, End *end) {
     double P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
     for (int i = 0; i < NX; i++) P[i][i] = HELD, S[i][i] = 1;
     for (int k = it->N - 1; k >= 0; k--)
-        if (add_bound_hessian(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k)) return 0;
+        if (add_bound_hessian(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k, it->convex)) return 0;
     memcpy(end->G, G, sizeof G), memcpy(end->S, S[NX], sizeof end->S), memcpy(a, end->S, sizeof a);
     if (!cholesky(&end->G[0][0], NX)) return 0;
     forward(&end->G[0][0], NX, a, 1);

@@ -124,8 +124,12 @@ class Stagewise:
     @property
     def _settings(self) -> Settings:
         own = self.settings
-        close = 0.0 if own.acceptable is None else own.acceptable.tolerance
-        return Settings(own.tolerance, own.barrier, own.push or 0.0, close, own.max_iterations)
+        close, still, after = 0.0, 0.0, 0
+        if (accepted := own.acceptable) is not None:
+            close = accepted.tolerance
+            still, after = (0.0, 0) if accepted.cost is None else (accepted.cost, accepted.after)
+        push = own.push or 0.0
+        return Settings(own.tolerance, own.barrier, push, close, still, own.convex, own.max_iterations, after)
 
     @property
     def _equations(self) -> int:

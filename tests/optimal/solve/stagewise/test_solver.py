@@ -192,3 +192,26 @@ def test_a_start_at_the_solution_is_hardly_left():
     assert near.status is far.status is ad.Status.SOLVED
     assert 2 * near.iterations < far.iterations
     assert near.x[-1] == pytest.approx(exact.x[-1], rel=1e-7)  # the last barrier, 1e-9, of eighty bounds
+
+
+def test_curvature_along_an_intervals_torques_alone_leads_to_the_same_optimum():
+    task = Task.of(paper_problem("rrr"))
+    guess = spline(task.problem, [])
+    alike = [
+        solve_quickly(replace(task, scheme=CONSTANT), guess, N, replace(TIGHT, convex=convex)) for convex in (0.0, 1e-5)
+    ]
+    assert alike[0].iterations != alike[1].iterations  # it was needed
+    assert alike[0].usable and alike[1].usable
+    assert alike[1].trajectory.duration == pytest.approx(alike[0].trajectory.duration, rel=1e-8)
+
+
+def test_where_the_cost_hardly_falls_the_best_iterate_will_do():
+    task = Task.of(paper_problem("rr"))
+    start, p, sides = program(task)
+    exact = solver(task).solve(data(start, p, sides), Stop())
+    for cost, message in ((1.0, "Solved To Acceptable Level"), (-1.0, "Solve Succeeded")):
+        settings = replace(TIGHT, acceptable=Acceptable(1e-2, 1e-2, cost, after=1))
+        found = solver(task, settings).solve(data(start, p, sides), Stop())
+        assert found.status is ad.Status.SOLVED and found.message == message
+        assert (found.iterations < exact.iterations) == (cost > 0)
+        assert found.x[-1] == pytest.approx(exact.x[-1], rel=1e-4)
