@@ -68,6 +68,8 @@ def solve_cycle(
             programs = options.bound_programs or BoundPolicy().chain_programs
             effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))
+    if stop.interrupted:
+        answer = replace(answer, status=stop.status, message=stop.word)
     return replace(answer, solve_time=time.perf_counter() - started)
 
 
@@ -119,8 +121,12 @@ def _solve(
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
     options = replace(options, time_limit=max(stop.deadline - time.perf_counter(), 1e-3))
     alone = report if len(posed) == 1 else None
-    jobs = [partial(_solved, Task.of(problem, options, progress=alone), bounds.get(edge)) for edge, problem in posed]
+    jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge)) for edge, problem in posed]
     for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
+        if solution.status is Status.INTERRUPTED:
+            stop.interrupt()
+            if not solution.usable:
+                continue  # that says nothing of the edge
         leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge
         graph.solutions[edge] = solution
         if solution.lower_bound is not None:
@@ -128,8 +134,6 @@ def _solve(
         outcome = f"{solution.duration:.6f} s" if solution.usable else solution.message
         report(f"step {leg.step} ({leg.name}), branch {i + 1} to {j + 1}: {outcome}")
         graph.learn(edge, solution.duration if solution.usable else np.inf, exact=True)
-        if solution.status is Status.INTERRUPTED:
-            stop.interrupt()
 
 
 def _solved(task: Task, bound: float | None) -> Solution:

@@ -81,7 +81,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
     limit, numbers = task.options.time_limit if seconds is None else seconds, task.policy.landing
     with one_blas_thread():
         with (
-            stopping(limit - min(numbers.check_part * limit, numbers.check_time)) as stop,
+            stopping(limit - min(numbers.check_part * limit, numbers.check_time), task.stop) as stop,
             _bounded(replace(task, stop=stop)) as task,
         ):
             optima, found = refined(task)

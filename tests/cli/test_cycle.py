@@ -3,13 +3,18 @@
 import csv
 import io
 import json
+import signal
+import subprocess
+import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 import armdyn as ad
 from armdyn.optimal.task.policy.bound import BoundPolicy
-from cli.command import run_here, run_json
+from armdyn.parallel import core_count
+from cli.command import COMMAND, answer, run_here, run_json
 from cycles import BOLT
 
 
@@ -96,6 +101,22 @@ def test_options_override_the_file_s(tmp_path):
     facts = run_json("cycle", "bolt.toml", "--out", "out", "--time-limit", "0.001", code=3, cwd=tmp_path)
     assert facts["status"] == "time_limit" and facts["duration"] is None
     assert [Path(file).name for file in facts["files"]] == ["result.json"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(core_count() < 2, reason="workers are forked where there are cores for them")
+def test_an_interrupt_of_the_command_alone_reaches_its_workers(tmp_path):
+    run_json("cycle", "--example", cwd=tmp_path)
+    arguments = ["cycle", "cell.toml", "--json", "--no-report", "--no-figure", "--out", "out"]
+    process = subprocess.Popen([*COMMAND, *arguments], stdout=-1, stderr=-1, text=True, cwd=tmp_path)
+    workers = list[psutil.Process]()
+    while process.poll() is None and sum(one.cpu_times().user for one in workers) < 0.5:
+        time.sleep(0.01)
+        workers = psutil.Process(process.pid).children()
+    process.send_signal(signal.SIGINT)  # a terminal would tell the workers, too
+    facts = answer(subprocess.CompletedProcess((), process.wait(60), *process.communicate()), code=130)
+    assert facts["status"] == facts["message"] == "interrupted" and not facts["success"]
+    assert (tmp_path / "out" / "result.json").exists()
 
 
 def test_without_a_file_the_example_is_named(tmp_path):

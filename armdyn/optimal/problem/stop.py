@@ -22,10 +22,11 @@ class Stop:
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
         hurried: there was no time to compile a program, and there will be none for others.
+        within: stop of the work that this is a part of, whose interruption is also this one's; None: of none.
     """
 
-    def __init__(self, deadline: float = np.inf, interrupted: bool = False):
-        self.deadline, self.hurried = deadline, False
+    def __init__(self, deadline: float = np.inf, interrupted: bool = False, within: "Stop | None" = None):
+        self.deadline, self.hurried, self.within = deadline, False, within
         self._flags = mmap.mmap(-1, 2)
         self._flags[0] = interrupted
 
@@ -36,7 +37,7 @@ class Stop:
     @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C was pressed."""
-        return bool(self._flags[0])
+        return bool(self._flags[0]) or (self.within is not None and self.within.interrupted)
 
     @property
     def late(self) -> bool:
@@ -78,7 +79,7 @@ class Budget(Stop):
     """
 
     def __init__(self, stop: Stop, steps: float = np.inf):
-        super().__init__(stop.deadline)
+        super().__init__(stop.deadline, within=stop.within)
         self._flags, self.left = stop._flags, steps
 
     def spend(self, steps: float) -> None:
@@ -95,20 +96,26 @@ class Budget(Stop):
 
 
 @contextmanager
-def stopping(seconds: float) -> Iterator[Stop]:
+def stopping(seconds: float, within: Stop | None = None) -> Iterator[Stop]:
     """Context in which Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
 
     Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays so.
+
+    Args:
+        seconds: time limit [s].
+        within: see `Stop`; a process that was forked hears by it that its parent was interrupted.
     """
-    stop = Stop(time.perf_counter() + seconds)
+    stop, pressed = Stop(time.perf_counter() + seconds, within=within), False
     in_main_thread = threading.current_thread() is threading.main_thread()  # which alone gets signals
     if not in_main_thread or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield stop
         return
 
     def on_interrupt(number: int, frame: FrameType | None) -> None:
-        if stop.interrupted:
+        nonlocal pressed
+        if pressed:
             raise KeyboardInterrupt
+        pressed = True
         stop.interrupt()
         abandon()
 

@@ -49,6 +49,15 @@ def test_other_threads_leave_signals_alone():
     assert seen == [(False, before)]
 
 
+def test_a_part_of_some_work_is_interrupted_with_it():
+    whole = Stop()
+    with stopping(3600.0, whole) as part:
+        assert not part
+        whole.interrupt()
+        assert part.interrupted and not part.late
+        os.kill(os.getpid(), signal.SIGINT)  # a terminal tells both; the first of a process never raises
+
+
 def test_forks_see_an_interruption():
     stop, (ours, theirs) = Stop(), multiprocessing.Pipe()
 
