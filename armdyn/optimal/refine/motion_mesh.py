@@ -179,7 +179,8 @@ class _Meshes:
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """Result of one solve on a mesh."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        most = min(settings.max_iterations, max(numbers.fewest, int(self.resolved.left // size)))
+        granted = max(numbers.fewest, int(max(self.resolved.left, numbers.rest) // size))
+        most = min(settings.max_iterations, granted)
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
         self.resolved.left -= found.iterations * size
         return found

@@ -166,6 +166,9 @@ class MotionMeshPolicy:
         "random arms (RRR)",
     )
     spare: int = tuned(200_000, "intervals", "times iterations that are left for divided meshes", "random arms (RRR)")
+    rest: int = tuned(
+        80_000, "intervals", "times iterations of a mesh that is solved again when none are left", "random arms (RRR)"
+    )
     fewest: int = tuned(60, "iterations", "that must be left for a mesh: it is not begun else", "random arms (RRR)")
     again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
     falls: float = tuned(
