@@ -4,6 +4,7 @@ import json
 import os
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
@@ -79,7 +80,21 @@ def source_name(source: str) -> str:
     return path.rpartition("/")[2] if _ABSOLUTE.match(path) else source
 
 
-def result_head(robot: Robot) -> dict[str, object]:
+def _file_from(folder: Path, source: str) -> str:
+    """Path from a folder to the file that a robot was read from; empty: it comes with a package, or is of no file.
+
+    Args:
+        folder: of the result.
+        source: of the robot.
+    """
+    if source_name(source) not in (source, Path(source).name) or not Path(source).is_file():
+        return ""
+    with suppress(ValueError):  # another drive
+        return Path(os.path.relpath(Path(source).resolve(), folder.resolve())).as_posix()
+    return ""
+
+
+def result_head(robot: Robot) -> dict[str, Any]:
     """Head of every result: format, package versions, units, arm."""
     return {
         "format": _FORMAT,
@@ -106,6 +121,7 @@ def save_result(path: str | os.PathLike[str], robot: Robot, facts: dict[str, obj
         ValueError: a number is not finite, or a fact has a name that is taken.
     """
     head = result_head(robot)
+    head["model"] |= {"file": _file_from(Path(path).parent, robot.source)}
     if taken := head.keys() & facts.keys():
         raise ValueError(f"facts must not be called {', '.join(sorted(taken))}")
     return write_whole(path, (json.dumps(head | facts, indent=1, allow_nan=False) + "\n").encode())

@@ -296,6 +296,11 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
     np.savetxt("other.csv", table, delimiter=",", header="t,q1,q2", comments="")
     told = answer(run_here("compare", "a", "other.csv", "--json", "--out", "both"))
     assert told["warnings"] == [] and len(told["motions"]) == 2
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir("elsewhere")
+    told = answer(run_here("compare", "../a", "../other.csv", "--json", "--out", "both"))
+    assert told["warnings"] == [] and len(told["motions"]) == 2
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "rr.urdf").write_text((tmp_path / "rr.urdf").read_text().replace('mass value="', 'mass value="1'))
     done = run_here("compare", "a", "other.csv", "--json", "--out", "both")
     assert "rr.urdf is not the arm that moved" in answer(done, 2)["warnings"][0]

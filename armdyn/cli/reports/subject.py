@@ -6,6 +6,7 @@ names only if it makes the very arm that moved.
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Sequence
@@ -72,8 +73,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    said = options.text("robot")
-    named = spec.robot or (said if _NAME.fullmatch(said) or _is_file(said) else None)
+    named = spec.robot or _robot_of(saved, options.text("robot"), model.text("file"))
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, joints)
@@ -97,6 +97,20 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         _warn(f"{saved.path}: {named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))
+
+
+def _robot_of(saved: Saved, said: str, file: str) -> str | None:
+    """The robot that a result names: a name, or a file that exists; None: neither.
+
+    Args:
+        saved: the result.
+        said: as the user named the robot, perhaps in another working folder.
+        file: path of the robot's file from the result's folder.
+    """
+    if _NAME.fullmatch(said):
+        return said
+    folder = (saved.path if saved.path.is_dir() else saved.path.parent).resolve()
+    return next((name for name in (os.path.normpath(folder / file), said) if _is_file(name)), None)
 
 
 def _is_file(name: str) -> bool:
