@@ -36,8 +36,8 @@ _ENDED = (
 class Stagewise:
     """A condensed program with constant torques on a mesh, solved interval by interval.
 
-    The method is IPOPT's with IPOPT's constants, and takes the same iterations to the same optimum from nearly every
-    guess; one takes a tenth of the time. It is reentrant.
+    Without `settings.convex` the method is IPOPT's with IPOPT's constants, and takes the same iterations to the same
+    optimum from nearly every guess; one takes a tenth of the time. It is reentrant.
 
     Attributes:
         library: of the arm.
