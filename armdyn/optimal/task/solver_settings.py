@@ -10,8 +10,8 @@ class Acceptable:
     Attributes:
         tolerance: of the optimality conditions, on the scaled problem.
         equations: of the equations.
-        cost: largest relative change of the cost; None: any. The stagewise method asks for that of the barrier function in
-            `after` iterations; with None it ends at its tolerance or its iteration limit alone.
+        cost: largest relative change of the cost; None: any. The stagewise method asks for that of the barrier
+            function in `after` iterations; with None it ends at its tolerance or its iteration limit alone.
         after: iterations in a row.
     """
 
