@@ -18,6 +18,8 @@ Class = TypeVar("Class", bound=type)
 
 MOST_LETTERS = 200
 """Letters of a line."""
+USELESS_GAP = 1.0
+"""A lower bound that a motion is farther above, as a part of it, says nothing of the motion."""
 _MOST_NUMBERS = 8
 """Numbers of an array that are written; of a larger one its shape is."""
 _MOST_OF_A_NAME = 40
@@ -56,6 +58,17 @@ def percent(part: float) -> str:
         return f"{100 * part:g} %"
     scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
     return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
+
+
+def gap_words(gap: float) -> str:
+    """A proven gap to the lower bound as a predicate ("It is …"): how much slower than possible a motion is at most.
+
+    Args:
+        gap: as a part of the lower bound.
+    """
+    if gap > USELESS_GAP:
+        return "not known to be near the fastest possible, as no useful lower bound is known"
+    return f"proven to be at most {percent(max(gap, 0.0))} slower than the fastest possible"
 
 
 def several_numbers(array: Any) -> str:

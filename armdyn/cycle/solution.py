@@ -16,7 +16,7 @@ from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.sensitivity import Share
-from armdyn.reprs import brief, called, percent
+from armdyn.reprs import brief, called, gap_words, percent
 from armdyn.trajectory import Trajectory
 
 _LANDING = 1e-4
@@ -199,7 +199,7 @@ def _paragraph(solution: CycleSolution) -> str:
     if not solution.usable:
         parts.append(f"It is not executable: {solution.message}.")
     elif solution.gap is not None:
-        parts.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
+        parts.append(f"It is {gap_words(solution.gap)}.")
     if most := solution.decides[:_MOST_LIMITS]:
         parts.append(f"Its time is decided by {', '.join(f'{what} ({percent(part)})' for what, part in most)}.")
     if solution.lower_bound is not None:

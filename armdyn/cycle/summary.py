@@ -11,7 +11,7 @@ from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.files import attributes
 from armdyn.models.scene.attached import payload_entry
 from armdyn.models.values.spec import Payload
-from armdyn.reprs import percent
+from armdyn.reprs import gap_words, percent
 
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""
@@ -159,11 +159,10 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
         text = f"{nearest.body} {f'is {away:.1f} mm from' if away > _TOUCHING else 'touches'} {nearest.other}"
         yield "clear of obstacles", sure, text + ("" if sure else "; not proven between samples")
     if solution.gap is not None and solution.lower_bound is not None:
-        text = f"at most {percent(max(solution.gap, 0.0))} slower than the fastest possible"
         yield (
             "near the fastest possible",
             True if solution.gap <= NEAR else None,
-            f"{text}: no cycle is faster than {solution.lower_bound:.4f} s",
+            f"{gap_words(solution.gap)}: no cycle is faster than {solution.lower_bound:.4f} s",
         )
 
 

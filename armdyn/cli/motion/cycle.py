@@ -227,7 +227,7 @@ def _cells(step: dict[str, Any]) -> list[str]:
 
 def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
     """The whole cycle as `facts_table` shows it."""
-    from armdyn.reprs import percent
+    from armdyn.reprs import gap_words
 
     words = {}
     if not solution.success:
@@ -236,7 +236,7 @@ def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
         rests = summary["dwell"]
         words["cycle"] = f"{duration:.6f} s, {rests:g} s of it at rest; {3600 / duration:.0f} cycles an hour"
     if solution.gap is not None:
-        words["verdict"] = f"executable, proven to be at most {percent(max(solution.gap, 0.0))} slower than possible"
+        words["verdict"] = f"executable, {gap_words(solution.gap)}"
     else:
         words["verdict"] = "executable; no bound is known" if solution.usable else "not executable"
     if solution.lower_bound is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.reprs import percent
+from armdyn.reprs import gap_words, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -56,7 +56,7 @@ def assessment(solution: Solution) -> str:
     elif certificate.extremal:
         said.append("Pontryagin's conditions hold along it: no small change makes it faster.")
     if solution.gap is not None and solution.gap_proven:
-        said.append(f"It is proven to be at most {percent(max(solution.gap, 0.0))} slower than the fastest possible.")
+        said.append(f"It is {gap_words(solution.gap)}.")
     elif not solution.certified:
         said.append(f"It is not certified: {'; '.join(certificate.reasons)}.")
     return " ".join(said)

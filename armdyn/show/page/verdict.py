@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.reprs import percent
+from armdyn.reprs import USELESS_GAP, percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -122,7 +122,8 @@ def _of_cycle(facts: Facts) -> Verdict:
 
     gap = facts.number("gap")
     level: Level = "bad" if not facts.true("usable") else "good" if gap is not None and gap <= NEAR else "fair"
-    headline = "Executable" if gap is None else f"Executable, at most {percent(max(gap, 0.0))} above the fastest"
+    near = gap is not None and gap <= USELESS_GAP
+    headline = f"Executable, at most {percent(max(gap or 0.0, 0.0))} above the fastest" if near else "Executable"
     return Verdict(level, headline if level != "bad" else "Not executable", facts.text("assessment"), _checks(facts))
 
 

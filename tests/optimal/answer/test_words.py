@@ -33,6 +33,14 @@ def test_print_says_the_bound(solution):
     assert f"No motion is faster than {bound:.6f} s." in words
 
 
+def test_a_bound_that_is_far_below_says_nothing(solution):
+    """As a cycle's, which was "proven to be at most 12000 % slower"."""
+    for times, useless in ((1.9, False), (121.0, True)):
+        far = dataclasses.replace(solution.certificate, lower_bound=solution.duration / times, gap=times - 1)
+        words = str(dataclasses.replace(solution, certificate=far))
+        assert ("no useful lower bound is known" in words, "% slower" in words) == (useless, not useless)
+
+
 def test_what_is_certified_by_its_bound_says_so(solution):
     bound = solution.duration / 1.0005
     near = dataclasses.replace(
