@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
+from armdyn.cli.options.results import OutputOptions
 from armdyn.models import Robot
 from armdyn.paper.outcomes.store import load_outcome
 from armdyn.paper.plan import Plan
@@ -174,3 +175,12 @@ def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_pat
     told = " ".join(done.output.split())
     # The time of Table 4, which comes out again, and the torque of Table 7, which does not.
     assert "of 2 numbers in the paper's tables 1 come out again, 0 come near, and 1 come out of no reading" in told
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [("mein arm ü.urdf", "mein_arm_ü"), ("腕.urdf", "腕"), ("робот-2.urdf", "робот-2"), ("a\udcff/../b:\n.urdf", "b_")],
+)
+def test_a_folder_has_the_letters_of_its_robot_s_name_in_any_script(name, folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert OutputOptions(out=None, json=False).folder("mintime", name) == Path("results", f"mintime-{folder}")

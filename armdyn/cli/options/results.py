@@ -42,7 +42,7 @@ class OutputOptions:
             FileError: that cannot be written there.
             DiskFullError: there is no room.
         """
-        slug = re.sub(r"[^A-Za-z0-9._-]+", "_", Path(name).stem) or "robot"
+        slug = re.sub(r"[^\w.-]+", "_", Path(name).stem) or "robot"
         return probe_folder(self.out or Path("results") / f"{command}-{slug}", *files)
 
 
