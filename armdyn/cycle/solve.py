@@ -123,10 +123,8 @@ def _solve(
     alone = report if len(posed) == 1 else None
     jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge)) for edge, problem in posed]
     for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
-        if solution.status is Status.INTERRUPTED:
-            stop.interrupt()
-            if not solution.usable:
-                continue  # that says nothing of the edge
+        if solution.status is Status.INTERRUPTED and not solution.usable:
+            continue  # that says nothing of the edge
         leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge
         graph.solutions[edge] = solution
         if solution.lower_bound is not None:

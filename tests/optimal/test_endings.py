@@ -185,3 +185,20 @@ def test_walled_in_between_balls():
     assert solution.status is ad.Status.INFEASIBLE and solution.message.startswith("no collision-free path was found")
     near = replace(BALL, radius=0.03)
     assert ad.solve_minimum_time(paper_problem("rr", obstacles=[near])).usable
+
+
+@pytest.mark.slow
+def test_an_interrupt_after_the_first_of_several_goals_ends_all():
+    """The first goal's solution is the answer, and says that it was interrupted."""
+    told: list[str] = []
+
+    def press(text):
+        if told and told[-1].startswith("goal 2 of the"):
+            os.kill(os.getpid(), signal.SIGINT)
+        told.append(text)
+
+    robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
+    problem = ad.MinimumTimeProblem(robot, q_start=[0.1, 0.2], goal_pose=ad.GoalPose(robot.tip, (0.3, 0.0, -0.1)))
+    found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", workers=1), press)
+    assert found.status is ad.Status.INTERRUPTED and found.usable and not found.success
+    assert found.message.startswith("interrupted; ")

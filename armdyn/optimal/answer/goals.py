@@ -32,11 +32,11 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
     """
     started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
     until = started + options.time_limit
-    task = replace(task, stop=Stop(until))
+    task = replace(task, stop=Stop(until, within=task.stop))
     tasks, tried = screened(task)
     solutions: list[Solution] = []
     for i, branch in enumerate(tasks):
-        if solutions and (task.stop or solutions[-1].status is Status.INTERRUPTED):
+        if solutions and task.stop:
             break
         task.progress(f"goal {i + 1} of the {len(tasks)} best")
         solutions.append(solve(branch, max(until - time.perf_counter(), 1e-3)))
@@ -54,6 +54,9 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
     tried.sort(key=lambda goal: goal.duration)
     elapsed = time.perf_counter() - started
     answer = replace(with_certificate(best, certificate), goals=tuple(tried), solve_time=elapsed)
+    if task.stop.interrupted and answer.status is not Status.INTERRUPTED:
+        said = f"{task.stop.word}; {answer.message}"
+        answer = replace(answer, success=False, status=Status.INTERRUPTED, message=said)
     return ended_in_time(answer, options.time_limit) if task.stop.cut_short else answer
 
 
@@ -111,7 +114,7 @@ def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> floa
     """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
     if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
         return None
-    with stopping(seconds) as stop:
+    with stopping(seconds, task.stop) as stop:
         bound = least_duration(task.problem, stop.__bool__, task.policy.bound)
     if stop.cut_short:
         task.stop.cut()

@@ -22,7 +22,7 @@ class Stop:
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
         hurried: there was no time to compile a program, and there will be none for others.
-        within: stop of the work that this is a part of, whose interruption is also this one's; None: of none.
+        within: stop of the work that this is a part of: what interrupts one of the two interrupts both; None: of none.
     """
 
     def __init__(self, deadline: float = np.inf, interrupted: bool = False, within: "Stop | None" = None):
@@ -33,6 +33,8 @@ class Stop:
     def interrupt(self) -> None:
         """Record that Ctrl-C was pressed."""
         self._flags[0] = True
+        if self.within is not None:
+            self.within.interrupt()
 
     @property
     def interrupted(self) -> bool:

@@ -78,7 +78,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
     """
     problem, numbers, whole = task.problem, task.policy.goals, task.stop
     sampled: list[_Screened] = []
-    with stopping(numbers.tried * task.options.time_limit) as stop:
+    with stopping(numbers.tried * task.options.time_limit, whole) as stop:
         task = replace(task, stop=stop)
         goals = [*slid_goals(problem, numbers), *problem.goals]
         for i, q in enumerate(goals, start=1):
