@@ -88,7 +88,7 @@ def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> lis
     if goals.continuous:
         parts = [boxes[k : k + 1] for k in range(len(boxes.lower))]
     else:
-        parts = [goals.shrunk(part, stop) for part in clusters(boxes)]
+        parts = [goals.shrunk(part, stop) for part in clusters(boxes, stop)]
     turned = ((k, one) for k, part in enumerate(parts) if len(part.lower) for one in goals.turned(part))
     return [Region(boxes, goals, (k, turns)) for k, (boxes, turns) in turned]
 

@@ -272,10 +272,15 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
     return boxes.meet(inner)[possible], left[possible]
 
 
-def clusters(boxes: Interval) -> list[Interval]:
-    """Groups of boxes, shape (boxes, nv), each of whose hull touches that of no other."""
+def clusters(boxes: Interval, stop: StopCondition) -> list[Interval]:
+    """Groups of boxes, shape (boxes, nv), each of whose hull touches that of no other; a single one when stopped.
+
+    Thousands of boxes take seconds.
+    """
     groups: list[tuple[Array, Array, list[int]]] = []
     for k, (lower, upper) in enumerate(zip(boxes.lower, boxes.upper, strict=True)):
+        if stop():
+            return [boxes]
         members, apart = [k], []
         for first, last, others in groups:
             if np.all((first <= upper) & (lower <= last)):

@@ -77,7 +77,8 @@ def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopC
     whole, longest = goals.whole, goals.within.duration
     if whole is None:
         return known
-    boxes = [one for each in clusters(goals.enclosed(whole, leg.policy.size, stop)) for one, _ in goals.turned(each)]
+    enclosed = goals.enclosed(whole, leg.policy.size, stop)
+    boxes = [one for each in clusters(enclosed, stop) for one, _ in goals.turned(each)]
     regions = [(known, Region(part, goals), False) for part in boxes]
     tries = 0
     while regions and tries < leg.policy.regions and not stop():

@@ -11,7 +11,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.enclosure.interval import Interval, joined
-from armdyn.optimal.bound.goal_set import GoalSet, Within
+from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 
@@ -152,3 +152,11 @@ def test_the_answer_beats_a_known_member_and_its_gap_is_one_of_the_set():
     # The program chooses its end among all joint positions that reach the place: 2.6 % faster than the known member.
     assert solution.lower_bound < solution.duration < 0.98 * known.duration
     assert solution.certified == (solution.gap <= 1e-3) and not solution.certificate.extremal
+
+
+def test_boxes_apart_are_groups_unless_the_grouping_is_stopped():
+    """It takes seconds where boxes are many, which Ctrl-C would wait for."""
+    lower = np.array([[0.0], [2.0], [0.5]])
+    boxes = Interval(lower, lower + 1.0)
+    assert sorted(len(group.lower) for group in clusters(boxes, lambda: False)) == [1, 2]
+    assert [len(group.lower) for group in clusters(boxes, lambda: True)] == [3]
