@@ -20,10 +20,11 @@ _TOUCHES = 5e-5
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest distance along a motion: its value, time and bodies.
+    """Smallest distance at the times of a motion that were looked at: its value, time and bodies.
 
     Attributes:
-        distance: between the two bodies [m]; negative: they overlap.
+        distance: between the two bodies [m]; negative: they overlap. At times between, bodies may be nearer, but keep
+            what is asked if that is `sure`.
         time: in the motion [s].
         body: name of the arm's link.
         other: of the obstacle, or of another link.
