@@ -59,7 +59,7 @@ class MeshCostates:
 def mesh_costates(
     problem: MinimumTimeProblem, motion: Shooting, replay: Trajectory, policy: Policy
 ) -> MeshCostates | None:
-    """Costates that violate Pontryagin's conditions least; None if a step of that was not solved.
+    """Costates that violate Pontryagin's conditions least; None if the adjoint equations were not integrated.
 
     Args:
         problem: whose motion it is; time alone counts.

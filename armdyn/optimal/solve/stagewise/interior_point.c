@@ -169,9 +169,10 @@ static int closest(Solve *s, int ended) {
 
 /* Whether the barrier function hardly falls any more, of this mu, at iteration k. */
 static int stalled(Solve *s, const Settings *how, int k) {
+    int same = s->mu == s->watched_mu;
+    if (same && k < s->watched + how->after) return 0;
     double phi = barrier_function(s, s->w, s->cost);
-    if (s->mu == s->watched_mu && k < s->watched + how->after) return 0;
-    int hardly = s->mu == s->watched_mu && s->watched_phi - phi < how->still;
+    int hardly = same && s->watched_phi - phi < how->still;
     s->watched_mu = s->mu, s->watched = k, s->watched_phi = phi;
     return hardly;
 }

@@ -89,7 +89,9 @@ class MotionMeshPolicy:
         "the next tie takes 6 to 50",
         "random arms (RRR)",
     )
-    sharp_iterations: int = tuned(120, "iterations", "of the last mesh, at most: the same took 80", "random arms (RRR)")
+    sharp_iterations: int = tuned(
+        120, "iterations", "of the last mesh, at most: certified motions took 80", "random arms (RRR)"
+    )
     tolerance: float = tuned(
         1e-7,
         "scaled",
