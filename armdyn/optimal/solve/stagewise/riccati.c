@@ -103,16 +103,21 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
     return 1;
 }
 
-/* The curvature of an interval with that which bounds of its middle add. */
+/* The curvature of an interval with that which bounds of its middle add: row by row, so that registers hold a row. */
 static void add_bound_hessian(const Program *it, int k) {
     Stage *s = it->stages + k;
     s->B = it->all > it->size ? s->bounded : s->H;
     if (it->all == it->size) return;
-    memcpy(s->bounded, s->H, sizeof s->H);
-    for (int l = 0; l < NX; l++) {
-        int slack = it->size + NX * k + l;
-        for (int i = 0; it->open[slack] && i < NY; i++)
-            for (int j = 0; j < NY; j++) s->bounded[i][j] += s->Jm[l][i] * it->bent[slack] * s->Jm[l][j];
+    const char *open = it->open + it->size + NX * k;
+    const double *bent = it->bent + it->size + NX * k;
+    for (int i = 0; i < NY; i++) {
+        double row[NY];
+        memcpy(row, s->H[i], sizeof row);
+        for (int l = 0; l < NX; l++) {
+            double weight = open[l] ? s->Jm[l][i] * bent[l] : 0;
+            for (int j = 0; j < NY; j++) row[j] += weight * s->Jm[l][j];
+        }
+        memcpy(s->bounded[i], row, sizeof row);
     }
 }
 
