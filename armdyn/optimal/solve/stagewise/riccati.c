@@ -112,12 +112,12 @@ static void add_bound_hessian(const Program *it, int k) {
     const double *bent = it->bent + it->size + NX * k;
     for (int i = 0; i < NY; i++) {
         double row[NY];
-        memcpy(row, s->H[i], sizeof row);
+        for (int j = 0; j < NY; j++) row[j] = s->H[i][j];
         for (int l = 0; l < NX; l++) {
             double weight = open[l] ? s->Jm[l][i] * bent[l] : 0;
             for (int j = 0; j < NY; j++) row[j] += weight * s->Jm[l][j];
         }
-        memcpy(s->bounded[i], row, sizeof row);
+        for (int j = 0; j < NY; j++) s->bounded[i][j] = row[j];
     }
 }
 
