@@ -216,23 +216,26 @@ class _StationarityProgram:
                 ends.append(k + 1)
                 length = 0.0
         flows, places, sources, distances = [], [], [], []
+        held = [self._held(one) for one in self.limits]
         for g, (first, last) in enumerate(pairwise(ends)):
             flow = np.eye(2 * n)
-            held = [self._held(one)[first:last] for one in self.limits]
-            added = np.zeros((len(self.limits), 2 * n))
+            near = [j for j, one in enumerate(held) if np.any(one[first:last])]
+            added = np.zeros((len(near), 2 * n))
             for k in range(last - 1, first - 1, -1):
                 flow = self.carried[k] @ flow
                 added = added @ self.carried[k].T
-                for j, one in enumerate(self.limits):
-                    if held[j][k - first]:
-                        added[j] += one.side / one.size * self.added[k, :, one.state]
+                for row, j in enumerate(near):
+                    if held[j][k]:
+                        one = self.limits[j]
+                        added[row] += one.side / one.size * self.added[k, :, one.state]
             flows.append(flow)
-            for j, one in enumerate(self.limits):
-                if np.any(held[j]):
-                    room = (one.room[first:last] + one.room[first + 1 : last + 1]) / 2
-                    places.append((g, j))
-                    sources.append(added[j])
-                    distances.append((h[first:last] * held[j]) @ room)
+            for row, j in enumerate(near):
+                room = self.limits[j].room
+                places.append((g, j))
+                sources.append(added[row])
+                distances.append(
+                    (h[first:last] * held[j][first:last]) @ (room[first:last] + room[first + 1 : last + 1]) / 2
+                )
         return _Stretches(
             np.array(ends), np.array(flows), np.array(places, int).reshape(-1, 2).T,
             np.array(sources).reshape(-1, 2 * n), np.array(distances),
