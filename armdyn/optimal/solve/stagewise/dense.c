@@ -30,7 +30,7 @@ static int lu_factor(double A[NX][NX], int *pivot) {
 }
 
 /* A B = B in place, B of `columns` columns. */
-INLINE void lu_solve(double LU[NX][NX], const int *pivot, double *B, int columns) {
+INLINE void lu_solve(double LU[NX][NX], const int *pivot, double *restrict B, int columns) {
     for (int j = 0; j < NX; j++)
         if (pivot[j] != j)
             for (int l = 0; l < columns; l++) {
@@ -79,7 +79,7 @@ INLINE int cholesky(double *A, int n) {
 }
 
 /* L B = B in place. */
-INLINE void forward(const double *L, int n, double *B, int columns) {
+INLINE void forward(const double *L, int n, double *restrict B, int columns) {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
             for (int l = 0; l < columns; l++) B[i * columns + l] -= L[i * n + j] * B[j * columns + l];
