@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
+from scipy.special import expit, exprel
 
 import armdyn as ad
 from problems import cart, paper_problem, solve
@@ -22,19 +23,24 @@ def viscous(damping):
 
 
 def dry(damping, coulomb, width):
-    """The same with Coulomb friction, smooth as it is: dt = dv / (±1 - tau_f(v)), the peak velocity by root search."""
+    """The same with Coulomb friction, smooth as it is: dt = dv / (±1 - tau_f(v)), the peak velocity by root search.
+
+    Near the terminal velocity (1 - c) / d, where 1 / (1 - tau_f) has a pole, v(u) = (1 - exp(-k u)) / k with
+    k = d / (1 - c) takes it away: 1 - d v - c tanh(v / w) is (1 - c) exp(-k u) + c (1 - tanh(v / w)), dv = exp(-k u) du.
+    """
+    k = damping / (FORCE - coulomb)
 
     def phase(peak, sign):
-        def force(v):
-            return abs(sign * FORCE - damping * v - coulomb * np.tanh(v / width))
+        def time(u):
+            v, slope = u * exprel(-k * u), np.exp(-k * u)
+            speeding_up = (FORCE - coulomb) * slope + 2 * coulomb * expit(-2 * v / width)
+            return v, slope / (speeding_up if sign > 0 else FORCE + damping * v + coulomb * np.tanh(v / width))
 
-        points = [v for v in (width, 5 * width) if v < peak]
+        points = [u for u in (width, 5 * width) if u < peak]
         options = {"points": points, "epsabs": 1e-12, "epsrel": 1e-12, "limit": 200}
-        way = quad(lambda v: v / force(v), 0, peak, **options)[0]
-        return way, quad(lambda v: 1 / force(v), 0, peak, **options)[0]
+        return quad(lambda u: np.prod(time(u)), 0, peak, **options)[0], quad(lambda u: time(u)[1], 0, peak, **options)[0]
 
-    fastest = (FORCE - coulomb) / damping * (1 - 1e-9) if damping else 10.0
-    peak = brentq(lambda v: phase(v, 1)[0] + phase(v, -1)[0] - DISTANCE, 1e-3, fastest, xtol=1e-14, rtol=1e-14)
+    peak = brentq(lambda u: phase(u, 1)[0] + phase(u, -1)[0] - DISTANCE, 1e-3, 10.0, xtol=1e-14, rtol=1e-14)
     return phase(peak, 1)[1] + phase(peak, -1)[1]
 
 
