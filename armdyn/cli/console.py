@@ -55,7 +55,7 @@ class Terminal:
         """Rich's console."""
         from rich.console import Console
 
-        return Console(stderr=self._stderr, highlight=False)
+        return Console(stderr=self._stderr, highlight=False, emoji=False)
 
     @property
     def is_terminal(self) -> bool:

@@ -106,6 +106,10 @@ def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
     assert done.returncode == 2 and json.loads(done.stdout)["message"].startswith(message)
 
 
+def test_words_between_colons_are_no_pictures():
+    assert run_here("mintime", "rr", "--require", "gap:abc:").stderr == "armdyn: --require gap:abc:: 'abc:' is not a number\n"
+
+
 def test_a_long_path_is_not_echoed_whole():
     done = run_here("mintime", "rr", "--out", 40 * f"/{250 * 'a'}", "--json")
     assert done.returncode == 2 and len(json.loads(done.stdout)["message"]) < 500
