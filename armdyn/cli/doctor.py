@@ -31,7 +31,7 @@ _AGREE = 1e-10
 def doctor(
     *,
     robot: str | None = argument(
-        "[ROBOT]", "r, rr, rrr, a URDF file or a library name; none: the installation.", default=None
+        "ROBOT", "r, rr, rrr, a URDF file or a library name; none: the installation.", default=None
     ),
     part: PartOptions,
     policy: bool = flag("Show every tuned number of a minimum-time solve of ROBOT, and its reason."),

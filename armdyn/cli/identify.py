@@ -77,7 +77,7 @@ def identify(
     *,
     robot: RobotArgument,
     logs: list[str] | None = argument(
-        "[LOG]...",
+        "LOG",
         "Tables .csv with columns t, q1, …, tau1, … and perhaps v1, …; .npz of arrays t, q, v, tau; ROS bags.",
         default=None,
         show_default=False,

@@ -50,6 +50,10 @@ class Command(TyperCommand):
 
         console.rich.print(*_page(self, ctx), sep="\n")
 
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Words of the usage line, which help and errors begin with."""
+        return [piece.translate(_BARE) for piece in super().collect_usage_pieces(ctx)]
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command's own words: all that follows --then is another command's, one value."""
         at = args.index(THEN) + 1 if THEN in args else len(args)
@@ -91,7 +95,7 @@ def _head(command: Any, ctx: Any, about: str) -> list[RenderableType]:
     from rich.padding import Padding
     from rich.text import Text
 
-    used = _escaped(command.get_usage(ctx).removeprefix("Usage: ").translate(_BARE))
+    used = _escaped(command.get_usage(ctx).removeprefix("Usage: "))
     texts = (Text.from_markup(text) for text in (f"[bold]Usage:[/] {used}", about.strip()))
     return ["", *(part for text in texts for part in (Padding(text, (0, 1)), ""))]
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def presets(
     name: str | None = argument(
-        "[NAME|FILE.toml]",
+        "NAME|FILE.toml",
         "Show its limits, sources, and what is not public; none: all presets.",
         default=None,
         autocompletion=known_presets,

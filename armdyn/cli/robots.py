@@ -22,7 +22,7 @@ _MARKS, _PLAIN_MARKS = "●◐○", "*+-"
 
 def robots(
     name: str | None = argument(
-        "[ROBOT]",
+        "ROBOT",
         "Its named poses, such as --q-start takes; none: all robots.",
         default=None,
         autocompletion=known_names,

@@ -47,6 +47,14 @@ def test_every_value_has_a_name_of_its_own():
             assert not re.match(r"│ \S.*<\w+>", line), line
 
 
+@pytest.mark.parametrize("command", COMMANDS)
+def test_usage_has_each_argument_once_in_help_and_in_errors(command):
+    usage = " ".join(help_of(command, columns=200).split("\n\n")[0].split())
+    assert re.fullmatch(rf"Usage: armdyn {command} \[OPTIONS\]( (\[[\w.|]+\]|[\w.|]+)(\.\.\.)?)*", usage), usage
+    wrong = CliRunner().invoke(app, [command, "--no-such-option"], prog_name="armdyn", env={"COLUMNS": "200"})
+    assert wrong.output.splitlines()[0] == usage
+
+
 def test_a_motion_s_options_are_by_kind():
     panels = dict(re.findall(r"^╭─ (.+?) ─+╮\n(.*?)╰", help_of("mintime"), flags=re.M | re.S))
     where = {"--q-start": "Task", "--lock": "Robot", "--jerk-limit": "Limits", "--obstacle": "Scene",

@@ -22,7 +22,7 @@ def replay(
     *,
     robot: RobotArgument,
     trajectories: list[Path] = argument(
-        "RESULT…",
+        "RESULT",
         "Folders or trajectory.npz that mintime, pid or track wrote; or files of other planners, as optimality reads "
         "them.",
     ),

@@ -30,7 +30,7 @@ class ShownOptions:
     panel: ClassVar[str] = "Contents"
 
     results: list[Path] = argument(
-        "RESULT…",
+        "RESULT",
         "Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
         "them: .csv, .npz, ROS 2's .json and .yaml.",
     )
