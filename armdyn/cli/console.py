@@ -73,7 +73,7 @@ class Terminal:
     def print(self, what: str | Table) -> None:
         """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
-            self.rich.print(what)
+            self.rich.print(what, crop=False)  # the terminal folds what does not fit
 
 
 console, errors = Terminal(), Terminal(stderr=True)
@@ -248,6 +248,10 @@ def progress_bar(name: str, total: int) -> Iterator[Bar]:
         yield own
 
 
+_LONGEST_WORD = 14
+"""Longer words of a table are folded, such as paths [letters]."""
+
+
 def table(
     title: str,
     heads: Sequence[str],
@@ -261,20 +265,26 @@ def table(
     Args:
         title: above it.
         heads: of the columns; one that begins with ">" is of numbers, which stand at the right and are never folded.
+            Other columns are folded between words.
         rows: their cells.
         styles: of the rows, as rich names them; none: all are plain.
         caption: below it.
     """
+    from rich.cells import cell_len
     from rich.table import Table
 
     made = Table(
         title=escape(title), caption=escape(caption), title_justify="left", caption_justify="left",
         title_style="bold", header_style="bold", box=None, pad_edge=False,
     )  # fmt: skip
-    for head in heads:
-        numbers = head.startswith(">")
+    rows = list(rows)
+    for k, head in enumerate(heads):
+        numbers, head = head.startswith(">"), head.removeprefix(">")
+        texts = [head, *(cells[k] for cells in rows)]
+        whole = texts if numbers else " ".join(texts).split()
+        least = min(max(map(cell_len, whole), default=0), _LONGEST_WORD)
         justify: Literal["left", "right"] = "right" if numbers else "left"
-        made.add_column(escape(head.removeprefix(">")), justify=justify, no_wrap=numbers, overflow="fold")
+        made.add_column(escape(head), justify=justify, no_wrap=numbers, overflow="fold", min_width=least)
     for i, cells in enumerate(rows):
         made.add_row(*map(escape, cells), style=styles[i] if styles else None)
     return made

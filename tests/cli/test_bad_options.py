@@ -107,7 +107,8 @@ def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
 
 
 def test_words_between_colons_are_no_pictures():
-    assert run_here("mintime", "rr", "--require", "gap:abc:").stderr == "armdyn: --require gap:abc:: 'abc:' is not a number\n"
+    said = run_here("mintime", "rr", "--require", "gap:abc:").stderr
+    assert said == "armdyn: --require gap:abc:: 'abc:' is not a number\n"
 
 
 def test_a_long_path_is_not_echoed_whole():

@@ -7,6 +7,7 @@ import pytest
 from typer.main import get_command
 from typer.testing import CliRunner
 
+from armdyn.cli.console import Terminal, table
 from armdyn.cli.layout import place
 from cli.command import app
 
@@ -80,3 +81,13 @@ def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
             name, *rest = line.split()[1:]
             options = {word.partition("=")[0] for word in rest if word.startswith("--")}
             assert name in COMMANDS and all(option in help_of(name, columns=300) for option in options), line
+
+
+def test_words_of_a_table_stay_whole_in_a_narrow_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
+    rows = [("PID (acceleration)", "4.5535 s", "+2061.4 %", "2.115 J", "0.249 %", "47.2 %", "Certified")]
+    Terminal().print(table("motions", heads, rows))
+    told = capsys.readouterr().out.split()
+    words = [word.removeprefix(">") for row in (heads, *rows) for cell in row for word in cell.split()]
+    assert sorted(told) == sorted(["motions", *words])

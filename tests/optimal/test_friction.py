@@ -26,7 +26,7 @@ def dry(damping, coulomb, width):
     """The same with Coulomb friction, smooth as it is: dt = dv / (±1 - tau_f(v)), the peak velocity by root search.
 
     Near the terminal velocity (1 - c) / d, where 1 / (1 - tau_f) has a pole, v(u) = (1 - exp(-k u)) / k with
-    k = d / (1 - c) takes it away: 1 - d v - c tanh(v / w) is (1 - c) exp(-k u) + c (1 - tanh(v / w)), dv = exp(-k u) du.
+    k = d / (1 - c) takes it away: dv = exp(-k u) du, 1 - d v - c tanh(v / w) = (1 - c) exp(-k u) + c (1 - tanh(v / w)).
     """
     k = damping / (FORCE - coulomb)
 
@@ -38,7 +38,8 @@ def dry(damping, coulomb, width):
 
         points = [u for u in (width, 5 * width) if u < peak]
         options = {"points": points, "epsabs": 1e-12, "epsrel": 1e-12, "limit": 200}
-        return quad(lambda u: np.prod(time(u)), 0, peak, **options)[0], quad(lambda u: time(u)[1], 0, peak, **options)[0]
+        way = quad(lambda u: np.prod(time(u)), 0, peak, **options)[0]
+        return way, quad(lambda u: time(u)[1], 0, peak, **options)[0]
 
     peak = brentq(lambda u: phase(u, 1)[0] + phase(u, -1)[0] - DISTANCE, 1e-3, 10.0, xtol=1e-14, rtol=1e-14)
     return phase(peak, 1)[1] + phase(peak, -1)[1]
