@@ -31,7 +31,7 @@ import pinocchio as pin
 import yaml
 
 import armdyn as ad
-from armdyn.codegen.background import awaited
+from armdyn.codegen.background import is_building
 
 CLEARANCE = 1e-3
 SAMPLES = 5_000
@@ -184,7 +184,7 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
     row: dict[str, Any] = {"set": name, "problem": k}
     try:
         problem = problem_of(folder, name, k)
-        while awaited():  # a compiler that the last problem has begun would count here
+        while is_building():  # a compiler that the last problem has begun would count here
             time.sleep(0.1)
         before, started = cpu(), time.perf_counter()
         solution = ad.solve_minimum_time(problem)

@@ -117,6 +117,15 @@ class Answer:
         """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)
 
+    def cut_short(self, message: str) -> None:
+        """Record an interrupt after the result was found, if there was one.
+
+        Args:
+            message: says what is missing.
+        """
+        if interrupts.pressed():
+            self.failed("interrupted", message, INTERRUPTED)
+
     def failed(self, status: str, message: str, code: int) -> None:
         """Record a failure."""
         self.facts |= {"success": False, "status": status, "message": message}

@@ -41,7 +41,9 @@ class _State:
     working = False
     """A command is running: an interrupt raises `KeyboardInterrupt` in it."""
     pressed = False
-    """Ctrl-C was pressed."""
+    """Ctrl-C was pressed, and `KeyboardInterrupt` raised."""
+    heard = False
+    """Ctrl-C was pressed while a command was running, perhaps within a solve, which ends without an exception."""
     doing = ""
     """The command's current step, in words."""
 
@@ -104,7 +106,7 @@ def at(what: str) -> None:
 
 def pressed() -> bool:
     """Whether Ctrl-C was pressed: exceptions since then may be its consequence."""
-    return _State.pressed
+    return _State.pressed or _State.heard
 
 
 def leave() -> NoReturn:
@@ -127,6 +129,7 @@ def _watch(signals: int) -> None:
     presses = 0
     while presses < 2:
         presses += os.read(signals, 1) == bytes([_signal.SIGINT])
+        _State.heard = presses > 0
         time.sleep(_PATIENCE)
         if presses == 1 and _State.working:
             line = f"armdyn: interrupted; still finishing {_State.doing or 'its work'} (Ctrl-C again ends it at once)\n"

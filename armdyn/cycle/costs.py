@@ -66,6 +66,9 @@ def cycle_costs(
         options: of the solves; by default a quick search.
         progress: called with a line of text before each solve.
 
+    Returns:
+        The costs; after Ctrl-C those so far.
+
     Raises:
         ProblemError: the solution is none, or not usable.
     """
@@ -93,7 +96,7 @@ def _limits(solution: CycleSolution) -> Iterator[CycleCost]:
 def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callable[[str], None]) -> Iterator[CycleCost]:
     """Costs that need further solves, until these are interrupted."""
     cycle, legs = solution.cycle, solution.legs
-    with suppress(_Interrupted):
+    with suppress(_Interrupted, KeyboardInterrupt):
         for one in legs:
             for condition, move in _simpler(one.leg.move):
                 report(f"step {one.leg.step} ({one.leg.name}) without its {condition}")

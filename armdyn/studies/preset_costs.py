@@ -1,6 +1,7 @@
 """Costs of a controller's conditions: how much faster the motion is without each of them."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,6 +69,9 @@ def condition_costs(
         options: options of the solves; by default a quick search.
         progress: called with a line of text before each solve.
 
+    Returns:
+        The costs; after Ctrl-C those so far.
+
     Raises:
         ProblemError: the problem has no preset, or the solution is not usable.
     """
@@ -78,18 +82,19 @@ def condition_costs(
     limit = max(LEAST, LONGEST * solution.solve_time)
     chosen = replace(options or MinimumTimeOptions(search="quick"), time_limit=limit)
     costs = []
-    for condition, share in _shares(solution).items():
-        freed = problem.variant(preset=problem.preset.without(condition))
-        if share < REACHED or (reason := _as_strict(problem, freed)):
-            reason = "the motion stays below its limit" if share < REACHED else reason
-            costs.append(ConditionCost(condition, share, reason=reason))
-            continue
-        report(f"without the {condition.replace('_', ' ')} limit")
-        found = solve_minimum_time(freed, chosen)
-        if found.status is Status.INTERRUPTED:
-            break
-        gained = max(0.0, solution.duration - found.duration) if found.usable else None
-        costs.append(ConditionCost(condition, share, found.duration if found.usable else None, gained))
+    with suppress(KeyboardInterrupt):
+        for condition, share in _shares(solution).items():
+            freed = problem.variant(preset=problem.preset.without(condition))
+            if share < REACHED or (reason := _as_strict(problem, freed)):
+                reason = "the motion stays below its limit" if share < REACHED else reason
+                costs.append(ConditionCost(condition, share, reason=reason))
+                continue
+            report(f"without the {condition.replace('_', ' ')} limit")
+            found = solve_minimum_time(freed, chosen)
+            if found.status is Status.INTERRUPTED:
+                break
+            gained = max(0.0, solution.duration - found.duration) if found.usable else None
+            costs.append(ConditionCost(condition, share, found.duration if found.usable else None, gained))
     return tuple(costs)
 
 

@@ -8,6 +8,8 @@ import time
 
 import pytest
 
+from cycles import BOLT
+
 MARK = "here\n"
 BEGIN = f"import sys; from armdyn.cli import main; sys.stderr.write({MARK!r}); sys.stderr.flush(); main()"
 """The command line, which says when it is there. What is before belongs to Python's own start, but for some 4 ms."""
@@ -151,3 +153,45 @@ def test_at_many_moments(arguments, moments):
         command.send_signal(signal.SIGINT)
         _, said = command.communicate(timeout=120)
         assert (command.returncode, said) in ((130, "armdyn: interrupted\n"), (0, ""))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "module"),
+    [
+        (["cycle", "bolt.toml", "--costs"], "armdyn.cycle.costs"),
+        (
+            [
+                "mintime",
+                "panda",
+                "--q-start",
+                "ready",
+                "--q-goal",
+                "0.1,-0.8,0,-2.3,0,1.6,0.7",
+                "--preset",
+                "franka-panda",
+            ],
+            "armdyn.studies.preset_costs",
+        ),
+    ],
+    ids=["cycle", "mintime"],
+)
+def test_while_conditions_cost_is_computed_keeps_the_motion(tmp_path, arguments, module):
+    (tmp_path / "bolt.toml").write_text(BOLT)
+    arguments = [str(tmp_path / one) if one == "bolt.toml" else one for one in arguments]
+    code = f"""
+import os, signal, sys, {module} as costs
+solve = costs.solve_minimum_time
+def pressed(*a):
+    signal.setitimer(signal.ITIMER_REAL, 0.01)
+    return solve(*a)
+signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
+costs.solve_minimum_time = pressed
+sys.argv[1:] = {[*arguments, "--json", "--no-report", "--no-figure", "--out", str(tmp_path / "out")]!r}
+from armdyn.cli import main; main()
+"""
+    done = python(code)
+    facts = json.loads(done.stdout)
+    assert (done.returncode, facts["status"], facts["usable"]) == (130, "interrupted", True), done.stderr
+    assert facts["message"] == "interrupted; not all costs are known"
+    assert (tmp_path / "out" / "trajectory.npz").exists()
