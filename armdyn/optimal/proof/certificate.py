@@ -157,7 +157,7 @@ class Certificate:
     @property
     def on_goal(self) -> bool:
         """Whether the replay ends close enough to the goal to have the duration of a motion to the goal."""
-        return self.ends_within(GOAL_TOLERANCE)
+        return self.ends_within(min(GOAL_TOLERANCE, self.landing))
 
     @property
     def extremal(self) -> bool:

@@ -16,6 +16,11 @@ MAX_CALM = 0.5
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
 up for."""
+WAY_TOLERANCE = 1e-2
+"""Goal error that counts as landed, at most, as a part of the way from rest to rest: of 1e-5 rad, or an arm that stays
+where it is would land."""
+LEAST_TOLERANCE = 1e-10
+"""Of the replay [rad or m], whatever the way: ten times what integrators of relative tolerance 1e-10 leave."""
 
 
 def _motions(value: object, name: str) -> tuple[Trajectory, ...]:
@@ -50,7 +55,8 @@ class MinimumTimeOptions:
         intervals: of the mesh on which the arcs are read.
         max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
         arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
-        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed.
+        replay_tolerance: largest goal error of the replay [rad or m] that counts as landed; from rest to rest at most
+            a hundredth of the way.
         method: collocation tableau; "lobatto3" is Hermite-Simpson.
         control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
         dynamics: "forward", accelerations by the articulated-body algorithm; "inverse", torques by recursive

@@ -5,11 +5,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
+import numpy as np
+
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.options import LEAST_TOLERANCE, WAY_TOLERANCE, MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
@@ -20,6 +22,14 @@ Result = TypeVar("Result")
 
 def _silently(text: str) -> None:
     """Ignore a progress message."""
+
+
+def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
+    """Largest goal error that counts as landed [rad or m]."""
+    if not problem.from_rest_to_rest:
+        return options.replay_tolerance
+    way = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
+    return min(options.replay_tolerance, max(WAY_TOLERANCE * way, LEAST_TOLERANCE))
 
 
 def _unknown() -> None:
@@ -81,7 +91,7 @@ class Task:
             problem,
             dynamics,
             policy.scheme(options),
-            options,
+            replace(options, replay_tolerance=_landing(problem, options)),
             policy,
             Stop() if stop is None else stop,
             progress or _silently,
