@@ -180,12 +180,11 @@ def test_while_conditions_cost_is_computed_keeps_the_motion(tmp_path, arguments,
     (tmp_path / "bolt.toml").write_text(BOLT)
     arguments = [str(tmp_path / one) if one == "bolt.toml" else one for one in arguments]
     code = f"""
-import os, signal, sys, {module} as costs
+import os, signal, sys, threading, {module} as costs
 solve = costs.solve_minimum_time
 def pressed(*a):
-    signal.setitimer(signal.ITIMER_REAL, 0.01)
+    threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()
     return solve(*a)
-signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
 costs.solve_minimum_time = pressed
 sys.argv[1:] = {[*arguments, "--json", "--no-report", "--no-figure", "--out", str(tmp_path / "out")]!r}
 from armdyn.cli import main; main()
