@@ -209,7 +209,7 @@ def _show(estimate: ad.Estimate, file: Path) -> None:
             (joint, *(f"{value:.3g}" for value in row))
             for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True)
         ]
-        title = "root mean square on the end of the logs"
+        title = "root mean square on the end of the logs [N m; of sliding joints N]"
         console.print(table(title, ("joint", ">torque", ">error before", ">after"), rows))
     measured = [one for one in estimate.parameters if one.measured]
     rows = [

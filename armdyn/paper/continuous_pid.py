@@ -169,8 +169,8 @@ def simulate(
 def _outcome(settled: float | None, tolerance: float, error: float) -> tuple[Status, str]:
     """Status of a run that is whole, and its message."""
     if settled is not None:
-        return "settled", f"all joints within {tolerance:g} of the goal from t = {settled:.6g} s on"
-    return "not_settled", f"not settled: {error:.4g} from the goal at the end"
+        return "settled", f"all joints within {tolerance:g} rad or m of the goal from t = {settled:.6g} s on"
+    return "not_settled", f"not settled: {error:.4g} rad or m from the goal at the end"
 
 
 class _Followed(NamedTuple):

@@ -206,14 +206,18 @@ def _status(
 ) -> tuple[Status, str]:
     """Status and message."""
     worst = int(np.argmax(last))
-    where = f"{robot.joint_names[worst]} is {last[worst]:.4g} from the goal"
+    unit = "m" if robot.slides[worst] else "rad"
+    where = f"{robot.joint_names[worst]} is {last[worst]:.4g} {unit} from the goal"
     if driven.ended == "diverged":
         speed = np.abs(driven.v[-1]).max()
-        return "diverged", f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed:.4g}"
+        return (
+            "diverged",
+            f"diverged at t = {end:.6g} s: {where}, the fastest joint's speed is {speed:.4g} rad/s or m/s",
+        )
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if settled is not None:
-        return "settled", f"all joints within {tolerance:g} of the goal from t = {settled:.6g} s on"
+        return "settled", f"all joints within {tolerance:g} rad or m of the goal from t = {settled:.6g} s on"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
     held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]
     tail = f"; the torque of {', '.join(held)} is on its limit to the end" if held else ""

@@ -139,7 +139,9 @@ def test_a_motor_that_does_not_hold_the_arm_is_told():
     robot = paper_arm("rr")
     weak = robot.with_limits(0.2, None)
     run = ad.track(robot, ad.set_point(robot, [0.0, 0.0]), ad.Lqr(), weak, q_start=[0.0, 0.0])
-    assert run.status == "not_settled" and "on its limit to the end" in run.message
+    assert (
+        run.status == "not_settled" and "rad from the goal" in run.message and "on its limit to the end" in run.message
+    )
 
 
 @pytest.mark.parametrize(
