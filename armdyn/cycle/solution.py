@@ -201,7 +201,7 @@ def _paragraph(solution: CycleSolution) -> str:
     elif solution.gap is not None:
         parts.append(f"It is {gap_words(solution.gap)}.")
     if most := solution.decides[:_MOST_LIMITS]:
-        parts.append(f"Its time is decided by {', '.join(f'{what} ({percent(part)})' for what, part in most)}.")
+        parts.append(f"Its time is decided by {', '.join(f'{what} ({100 * part:.3g} %)' for what, part in most)}.")
     if solution.lower_bound is not None:
         parts.append(f"No cycle is faster than {solution.lower_bound:.6f} s.")
     parts.append(f"It was solved in {solution.solve_time:.1f} s; {solution.branches} motions were solved on the way.")

@@ -194,8 +194,8 @@ def _unseen_section(estimate: Estimate) -> Section:
     unseen = [one for one in estimate.parameters if not one.measured]
     facts = [
         ("joints not moved", ", ".join(estimate.unmoved) or "none"),
-        ("combinations", f"{estimate.combinations - estimate.measured_combinations} of {estimate.combinations} that a "
-         "motion could tell are the robot's file's rather than the logs'"),
+        ("combinations", f"{estimate.measured_combinations} of {estimate.combinations} that a motion can tell are "
+         "measured; any others stay as in the robot's file"),
         ("noise", ", ".join(f"{one:.2g}" for one in estimate.noise) + " N m (standard deviation, joint by joint)"),
         ("sensor offset", ", ".join(_signed(one) for one in estimate.offset) + " N m: no part of the robot"),
     ]  # fmt: skip

@@ -69,6 +69,8 @@ def test_the_whole_cycle_is_one_motion_that_each_piece_s_own_arm_repeats():
 def test_a_cycle_says_its_verdict():
     said = str(planar_solved())
     assert "3 moves" in said
+    for what, part in planar_solved().decides[:2]:
+        assert f"{what} ({100 * part:.3g} %)" in said  # a share, not a bound, which is rounded up
     assert "rests of 0.3 s" in said
     assert "rr" in repr(planar_solved())
 

@@ -125,7 +125,7 @@ def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
     """Tiles of several motions: the time at which each is at the goal."""
     tiles = []
     for k, row in enumerate(rows):
-        beside = "" if k == 0 or row.later is None else f"{100 * row.later:+.3g} %, ".replace("-", "−")
+        beside = "" if k == 0 or row.later is None else f"{_later(row)}, ".replace("-", "−")
         verdict = row.verdict[:1].lower() + row.verdict[1:] if beside else row.verdict
         tiles.append(Tile(row.name, seconds(row.there), beside + verdict))
     return tiles
@@ -139,7 +139,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
     body = [
         [
             th(one.name, "row"), td(seconds(one.there)),
-            td("–" if k == 0 or one.later is None else f"{100 * one.later:+.1f} %"), td(seconds(one.duration)),
+            td("–" if k == 0 else _later(one)), td(seconds(one.duration)),
             td(f"{one.work:.4g} J"), _share(one.speed), _share(one.torque), td(one.verdict),
         ]
         for k, one in enumerate(rows)
@@ -164,6 +164,10 @@ def most_used(x: Array, lower: Array, upper: Array) -> float | None:
         used = np.where(x > 0, x / upper, np.where(x < 0, x / lower, 0.0))
     known = np.isfinite(np.broadcast_to(upper, x.shape)) & np.isfinite(used)
     return float(np.max(used[known])) if np.any(known) else None
+
+
+def _later(row: Compared) -> str:
+    return "–" if row.later is None else f"{100 * row.later:+.1f} %"
 
 
 def _share(part: float | None) -> Html:

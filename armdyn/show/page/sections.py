@@ -230,8 +230,9 @@ def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | No
     rows = [("armdyn", facts.text("armdyn"))]
     rows += [(name, facts.part("versions").text(name)) for name in facts.part("versions").values]
     if (solve := facts.number("solve_time")) is not None:
-        count = facts.number("iterations") or 0
-        rows.append(("solved in", f"{solve:.2f} s, {count:.0f} iterations of the solver"))
+        count = facts.number("iterations")
+        steps = "" if count is None else f", {count:.0f} iterations of the solver"
+        rows.append(("solved in", f"{solve:.2f} s{steps}"))
     rows = [(name, value) for name, value in rows if value]
     if rows:
         parts.append(listed(rows[:30]))
@@ -279,7 +280,7 @@ def th(text: str, scope: str = "col", **attributes: str) -> Html:
 
 def td(text: str, **attributes: str) -> Html:
     """A cell."""
-    return element("td", text.replace("-", "−") if text[:1] == "-" else text, **attributes)
+    return element("td", re.sub(r"(?<![^\s(±])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text), **attributes)
 
 
 def _shown(value: object) -> str:

@@ -91,8 +91,8 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
         ("settling_time", "all joints settled", 1.0, " s", ""),
         ("settled_time", "settled", 1.0, " s", ""),
         ("reference_duration", "reference", 1.0, " s", ""),
-        ("error_at_end", "error at its end", 1.0, " rad", ""),
-        ("peak_error", "largest error", 1.0, " rad", "on the way"),
+        ("error_at_end", "error at its end", 1.0, " rad or m", ""),
+        ("peak_error", "largest error", 1.0, " rad or m", "on the way"),
         ("saturated", "torque on its limit", 100.0, " %", "of the time"),
     ):
         if name in facts:
@@ -207,7 +207,7 @@ def _of_tracking(facts: Facts) -> Verdict:
         ("stays with its reference", wrong is None, "all the way" if wrong is None else f"lost it at {seconds(wrong)}"),
     ]
     if fastest is not None:
-        checks.append(("keeps speed limits", fastest <= 1, f"largest speed {100 * fastest:.1f} % of its limit"))
+        checks.append(("keeps speed limits", fastest <= 1, f"largest speed {100 * fastest:.3g} % of its limit"))
     stability = facts.part("stability")
     if "stable" in stability:
         checks.append(("stable at the goal", stability.true("stable"), stability.text("message")))

@@ -201,11 +201,20 @@ def test_the_numbers_are_those_of_the_moment(chromium, tmp_path):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_phone_shows_all_of_it(chromium, tmp_path, scheme):
     robot, move = judged()
-    with open_page(chromium, written(tmp_path, robot, move), **PHONE, drawn=True) as (page, _, errors):
+    loop = replace(move, name="loop", facts=Facts({"arrival_time": 4.5535}))  # 2068.3 % later
+    with open_page(chromium, written(tmp_path, robot, move, loop), **PHONE, drawn=True) as (page, _, errors):
         page.emulate_media(color_scheme=scheme)
         first, second = (screenshot(page, time) for time in (0.0, 0.2))
         assert first != second
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert (
+            page.evaluate("""[...document.querySelectorAll(".stacked td:not(.words)")].filter(cell => {
+          const text = document.createRange();
+          text.selectNodeContents(cell);
+          return text.getClientRects().length > 1;
+        }).map(cell => cell.textContent)""")
+            == []
+        )  # no number is apart from its unit
         for selector in ("#clock", "#scrubber", "#toggle", "#speed"):
             box = page.locator(selector).bounding_box()
             assert box["x"] >= 0 and box["x"] + box["width"] <= 390 and box["y"] + box["height"] <= 844

@@ -14,6 +14,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Report, Subject, report_html, report_of
+from armdyn.show.page.sections import td
 from armdyn.show.page.verdict import verdict_of
 from show.motions import quintic
 from show.page.runs import judged
@@ -85,6 +86,28 @@ def of_a_pid_loop(arrival):
 def test_verdicts_of_loops_and_of_planners(facts, level, headline):
     verdict = verdict_of(Facts(facts))
     assert (verdict.level, verdict.headline) == (level, headline)
+
+
+def test_a_number_has_the_same_digits_wherever_it_stands():
+    robot, move = judged()
+    loop = {"arrival_rule": "last_entry_first_joint", "arrival_time": 4.5535}
+    report = report_of(Subject.of(robot), [move, replace(move, name="loop", facts=Facts(loop))])
+    said = text_of(report_html(report))
+    assert said.count("+2068.3 %") == 2 and "e+03" not in said
+    tracked = verdict_of(Facts({"peak_error": 0.1, "settled_time": 0.3, "peak_velocity": 0.04664}))
+    assert ("keeps speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
+
+
+def test_iterations_that_nobody_counted_are_not_said():
+    robot, move = judged(solve_time=9.7)
+    assert "iterations" not in text_of(page_of(move, robot=robot))
+    assert "9.70 s, 5 iterations" in text_of(page_of(judged(solve_time=9.7, iterations=5)[1], robot=robot))
+
+
+def test_minus_signs_of_cells_are_minus_signs():
+    for number, shown in (("-2.5e-05", "−2.5e−05"), ("2.5e-05", "2.5e−05"), ("-1 to -3", "−1 to −3")):
+        assert td(number) == f"<td>{shown}</td>"
+    assert td("2025-01-16, ur5-3") == "<td>2025-01-16, ur5-3</td>"
 
 
 def test_a_bare_motion_is_not_judged():
@@ -186,7 +209,7 @@ def test_of_several_motions_their_times_are_seen_first():
     moves = [move, ShownMotion("PID", loop, Facts({"arrival_time": 0.42, "arrival_rule": "all_joints"}))]
     report = report_of(Subject.of(robot), moves)
     assert [(tile.label, tile.value) for tile in report.tiles] == [("minimum time", "0.2100 s"), ("PID", "0.4200 s")]
-    assert report.tiles[1].note == "+100 %, arrived"
+    assert report.tiles[1].note == "+100.0 %, arrived"
     # The loop was watched for 10 s and is there after 0.42: a fifth more of it is seen at first.
     assert report.data["seen"] == pytest.approx(1.2 * 0.42)
     assert report_of(Subject.of(robot), moves, end=0.5).data["seen"] is None
