@@ -70,9 +70,23 @@ def check(program: StepProgram, points: Array, duration: float, torque: StateFun
     other = max(
         float(np.max(np.abs(v) / limits.velocity)) - 1,
         float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
-        float(np.max(np.abs(a) / program.acceleration)) - 1,
+        acceleration_excess(duration * mesh.samples, q, v, program.acceleration),
     )
     return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)
+
+
+def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
+    """Largest excess over limits of acceleration, as a part of them, of the cubics between samples.
+
+    Args:
+        t: times of the samples [s], shape (samples,).
+        q: positions [rad or m], shape (samples, nv).
+        v: velocities [rad/s or m/s], likewise.
+        limits: [rad/s² or m/s²], shape (nv,), inf: none.
+    """
+    if np.all(np.isinf(limits)):
+        return -1.0
+    return float(np.max(np.abs(cubic_accelerations(t, q, v)) / limits)) - 1
 
 
 def between_samples(seen: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:

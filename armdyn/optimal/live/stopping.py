@@ -7,6 +7,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
+from armdyn.optimal.live.checking import acceleration_excess
 from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.improving import LimitedArm
 from armdyn.optimal.live.mesh import Places
@@ -143,6 +144,7 @@ def _holds(arm: LimitedArm, q: Array) -> bool:
 
 
 def _kept(arm: LimitedArm, motion: Trajectory, distances: Distances | None) -> bool:
-    """Whether a motion keeps limits of torque, velocity and position, and distances."""
-    kept = limit_violation(arm.program.limits, motion) <= LIMIT_TOLERANCE
+    """Whether a motion keeps limits of torque, velocity, position and acceleration, and distances."""
+    faster = acceleration_excess(motion.t, motion.q, motion.v, arm.program.acceleration)
+    kept = max(limit_violation(arm.program.limits, motion), faster) <= LIMIT_TOLERANCE
     return kept and (distances is None or distances.kept(motion))

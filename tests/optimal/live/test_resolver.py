@@ -15,6 +15,7 @@ from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.optimal.live import improving
 from armdyn.optimal.live import resolver as live_resolver
 from armdyn.optimal.live.checking import Checked, between_samples
+from armdyn.trajectory.interpolation import cubic_accelerations
 from problems import CART
 
 READY = np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785])
@@ -136,8 +137,8 @@ def test_limits_may_change_between_calls(limits):
     assert after.duration > before.duration
     assert excess(panda(), after.trajectory, np.random.default_rng(2), after.problem.limits) <= 0
     if "acceleration_limit" in limits:
-        a = np.diff(after.trajectory.v, axis=0) / np.diff(after.trajectory.t)[:, None]
-        assert np.max(np.abs(a)) <= 8.0 * (1 + 1e-6)  # mean accelerations between samples
+        motion = after.trajectory
+        assert np.max(np.abs(cubic_accelerations(motion.t, motion.q, motion.v))) <= 8.0 * (1 + 1e-6)
 
 
 def test_without_time_it_follows_the_last_motion():
@@ -171,6 +172,17 @@ def test_a_last_motion_of_another_payload_is_not_followed():
     solution = resolver.solve(at.q, at.v, READY, deadline=1e-9)
     assert solution.status == "stopped"
     assert excess(resolver.robot, solution.trajectory, np.random.default_rng(3)) <= 0
+
+
+def test_a_last_motion_that_accelerates_more_than_it_now_may_is_not_followed():
+    resolver, at = ad.Resolver(panda()), first_motion().trajectory(0.3)
+    resolver.begin_with(first_motion())
+    resolver.acceleration_limit = 8.0
+    solution = resolver.solve(at.q, at.v, READY, deadline=1e-9)
+    motion = solution.trajectory
+    assert solution.status in ("stopped", "failed")
+    if solution.status == "stopped":
+        assert np.max(np.abs(cubic_accelerations(motion.t, motion.q, motion.v))) <= 8.0 * (1 + 1e-6)
 
 
 def test_at_rest_without_time_it_stays():

@@ -272,7 +272,7 @@ def motions_from_moving_states():
         first = resolver.solve(ready, np.zeros(7), there)
         at = first.trajectory(0.3)
         resolver.solve(at.q, at.v, ready, deadline=1e-9)
-        ad.Resolver(arm).solve(at.q, at.v, ready, deadline=1e-9)
+        ad.Resolver(arm, acceleration_limit=100.0).solve(at.q, at.v, ready, deadline=1e-9)
         stuck = {"eager": 0, "enough": 1e9, "stuck": 2.0}
         for numbers in (stuck, {"eager": 0, "enough": 0.0}, {"torque": 1e-3}):  # for curves that resist
             patched.setattr(

@@ -67,6 +67,9 @@ class LivePolicy:
         "of half the range",
         "left free by a motion that is handed out: cubics between its samples take up to 1e-4",
     )
+    acceleration_spare: float = tuned(
+        5e-4, "of the limit", "acceleration left free by a curve: cubics between its samples take up to 3e-4"
+    )
     strict: float = tuned(1.1, "-", "times a torque's excess between the points is taken off its limit there")
     forget: float = tuned(0.45, "of a margin", "kept where nothing is exceeded, while the curve still changes")
     most_margin: float = tuned(0.9, "of half the range", "that is taken off a torque limit")
