@@ -275,7 +275,7 @@ def table(
         title: above it.
         heads: of the columns; one that begins with ">" is of numbers, which stand at the right and are never folded.
             Other columns are folded between words.
-        rows: their cells.
+        rows: their cells; those that a row has not are empty.
         styles: of the rows, as rich names them; none: all are plain.
         caption: below it.
     """
@@ -289,8 +289,8 @@ def table(
     rows = list(rows)
     for k, head in enumerate(heads):
         numbers, head = head.startswith(">"), head.removeprefix(">")
-        texts = [head, *(cells[k] for cells in rows)]
-        whole = texts if numbers else " ".join(texts).split()
+        texts = "\n".join([head, *(cells[k] for cells in rows if k < len(cells))])
+        whole = texts.split("\n") if numbers else texts.split()
         least = min(max(map(cell_len, whole), default=0), _LONGEST_WORD)
         justify: Literal["left", "right"] = "right" if numbers else "left"
         made.add_column(escape(head), justify=justify, no_wrap=numbers, overflow="fold", min_width=least)

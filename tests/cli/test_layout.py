@@ -86,8 +86,14 @@ def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
 def test_words_of_a_table_stay_whole_in_a_narrow_terminal(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "60")
     heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
-    rows = [("PID (acceleration)", "4.5535 s", "+2061.4 %", "2.115 J", "0.249 %", "47.2 %", "Certified")]
+    rows = [("PID (acceleration)", "4.5535 s", "+2061.4 %", "2.115 J", "0.249 %", "47.2 %", "Certified"), ("toppra",)]
     Terminal().print(table("motions", heads, rows))
     told = capsys.readouterr().out.split()
     words = [word.removeprefix(">") for row in (heads, *rows) for cell in row for word in cell.split()]
     assert sorted(told) == sorted(["motions", *words])
+
+
+def test_a_column_of_numbers_is_as_wide_as_the_widest_line(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    Terminal().print(table("", ("joint", ">position\n[rad or m]"), [("joint1", "±3.142")]))
+    assert max(map(len, capsys.readouterr().out.rstrip().splitlines())) == len("joint1  [rad or m]")
