@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import re
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -190,7 +191,14 @@ def differences(there: Mapping[str, Any], here: Mapping[str, Any], within: str =
         if isinstance(old, dict) and isinstance(new, dict):
             yield from differences(old, new, f"{within}{name}.")
         elif old != new:
-            yield f"{within}{name} is {json.dumps(old)[:80]} there and {json.dumps(new)[:80]} here"
+            yield f"{within}{name} is {_shown(old)} there and {_shown(new)} here"
+
+
+def _shown(value: object) -> str:
+    """A value as JSON, cut off where it is long; of a checksum the first letters."""
+    if isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value):
+        return f"{value[:8]}…"
+    return json.dumps(value)[:80]
 
 
 def _dumped(row: StudyRow) -> list[object]:
@@ -217,7 +225,8 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
             listed = [one for one in different if not one.startswith("places ")] or different  # places are a checksum
             more = f"; and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
             raise ResultError(
-                f"{path}: its rows answer another study: {'; '.join(listed[:_SHOWN])}{more}. Ask the same, or elsewhere"
+                f"{path} has the rows of another study: {'; '.join(listed[:_SHOWN])}{more}. Repeat that one, or choose "
+                "another folder"
             )
     with connection:
         connection.execute("BEGIN IMMEDIATE")

@@ -115,8 +115,8 @@ def test_another_question_is_refused(tmp_path):
         ),
         ({"loop": ad.Loop()}, "loop.noise is 2e-05 there and 0.0 here"),
         ({"options": replace(few, tolerance=0.01)}, "tolerance is 0.005 there and 0.01 here"),
-        ({"reference": ramped(duration=0.31)[1]}, "reference is"),
-        ({"robot": paper_arm("r", 0.2)}, "robot.model is"),
+        ({"reference": ramped(duration=0.31)[1]}, r"reference is [0-9a-f]{8}… there and [0-9a-f]{8}… here"),
+        ({"robot": paper_arm("r", 0.2)}, r"robot.model is [0-9a-f]{8}… there"),
         ({"robot": robot.with_limits(2.0, None)}, r'robot.effort is \["-3", "3"\] there and \["-2", "2"\] here'),
     ):
         with pytest.raises(ResultError, match=message):
