@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.errors import FileError
+from armdyn.errors import FileError, TrajectoryError
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
 from armdyn.trajectory import Trajectory
@@ -86,8 +86,11 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
     if is_own(file):
         return Trajectory.load(file)
     planned = read_planned(file, robot.joint_names)
-    a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
-    motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
+    try:
+        a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
+        motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{file}: {error}") from None
     return motion if planned.tau is None else replace(motion, tau=planned.tau)
 
 
