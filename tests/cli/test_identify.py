@@ -186,4 +186,4 @@ def test_a_file_with_a_robot_alone_is_a_robot(tmp_path):
     file.write_text("[robot]\nname = 'ur5'\npayload = { mass = 0.5 }\n")
     assert answer(run_here("bound", file, "--q-goal", "1,0,0,0,0,0", "--q-start", "0,0,0,0,0,0", "--json"))["bound"] > 0
     done = answer(run_here("bound", file, "--lock", "elbow_joint=1", "--json"), code=2)
-    assert "--lock" in done["message"] and "says this itself" in done["message"]
+    assert "--lock" in done["message"] and "read from the file alone" in done["message"]

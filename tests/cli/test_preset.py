@@ -63,7 +63,7 @@ def test_wrong_presets(here):
         '[robot]\nname = "r"\n[problem]\nq_start = [0]\nq_goal = [1]\npreset = "own.toml"\n'
     )
     said = answer(run_here("mintime", "problem.toml", "--preset", "own.toml", "--json"), 2)["message"]
-    assert "--preset: problem.toml says this itself" in said
+    assert "--preset: with a file it is read from the file alone; write it into problem.toml" in said
     assert answer(run_here("mintime", "problem.toml", "--no-costs", *QUICK, "--json"))["controller"]["accepted"]
 
 

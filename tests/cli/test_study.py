@@ -54,7 +54,7 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (["--payload", "1"], "says this itself; write it there"),
+        (["--payload", "1"], "read from the file alone"),
         (["--q-start", "1"], "--q-start: "),
         (["--reserve", "0.1"], "--reserve: "),
         (["--lock", "a=1"], "--lock: "),

@@ -107,7 +107,7 @@ class PartOptions:
 
         for given, value in (("lock", self.lock), ("arm", self.part), ("tool", self.tool)):
             if value:
-                raise ProblemError(f"--{given}: {name} says this itself; write it there")
+                raise ProblemError(f"--{given}: with a file it is read from the file alone; write it into {name}")
         robot = robot_from(read_toml(name).table("robot"))
         return robot if payload is None else robot.with_payload(payload)
 

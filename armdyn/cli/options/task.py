@@ -67,7 +67,7 @@ def refuse_beside_a_file(name: str, *groups: Any) -> None:
                 refuse_beside_a_file(name, value)
             elif field.default is not MISSING and value != field.default:
                 option = "arm" if field.name == "part" else field.name.replace("_", "-")
-                raise ProblemError(f"--{option}: {name} says this itself; write it there")
+                raise ProblemError(f"--{option}: with a file it is read from the file alone; write it into {name}")
 
 
 @dataclass(frozen=True, kw_only=True)
