@@ -1,6 +1,8 @@
 """What is said of a solution on a terminal."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -28,6 +30,12 @@ def test_a_success_has_all_of_them():
     solution = solved("r")
     assert solution_words(solution, wrap=False)["duration"] == f"{solution.duration:.9f} s"
     assert title_words(solution) == f"minimum time {solution.duration:.4f} s, certified"
+
+
+def test_the_tutorial_explains_lines_that_there_are():
+    steps = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text().partition("## 2.")[0]
+    explained = re.findall(r"^- \*\*(.+?)\*\*", steps, flags=re.M)
+    assert len(explained) == 5 and set(explained) <= set(solution_words(solved("rr"), wrap=False))
 
 
 def test_the_best_so_far_is_called_so():
