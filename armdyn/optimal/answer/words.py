@@ -39,7 +39,7 @@ def assessment(solution: Solution) -> str:
     if solution.status in (Status.FOLLOWED, Status.STOPPED):
         return f"It keeps all limits and comes to rest, but not at the goal: {solution.message}."
     if not solution.moves:
-        return f"No motion was found: {solution.message}."
+        return f"No motion was found: {solution.message.removeprefix('no motion was found: ')}."
     if not solution.feasible:
         return f"The motion is not executable: {solution.message}."
     said = ["The motion is executable."]

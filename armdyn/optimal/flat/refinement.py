@@ -199,6 +199,18 @@ def _within_limits(
     return curve, over
 
 
+def slowed_until_kept(task: Task, refined: RefinedCurve) -> RefinedCurve:
+    """A refined curve slowed down by as much as its limits ask, where refinement left them exceeded.
+
+    Args:
+        task: a problem whose motions can be slowed down.
+        refined: the curve, whose path constraints are checked anew.
+    """
+    curve, over = _within_limits(task, refined.curve, excesses_of(task, refined.curve), np.inf)
+    reports = reports_on(task, curve, refined.spec.constraints)
+    return replace(refined, curve=curve, excess=worst_excess(over), reports=reports)
+
+
 def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     """The fastest curve near a guess that keeps its distances, slowed down to keep its limits: the best of some rounds.
 

@@ -22,6 +22,7 @@ from armdyn.optimal.flat.refinement import (
     reports_on,
     sampled,
     settled,
+    slowed_until_kept,
 )
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
@@ -40,6 +41,7 @@ from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
+from armdyn.reprs import percent
 
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Of the derivatives of the positions, by their order."""
@@ -64,6 +66,8 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     found.sort(
         key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
     )
+    if found[0].excess > numbers.hopeless and can_be_slowed(task.problem) and not task.stop:
+        found[0] = slowed_until_kept(task, found[0])
     if found[0].excess > numbers.hopeless:
         failed = failed or (_failed(task, found[0]),)
         return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
@@ -214,6 +218,9 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     hold, limits = problem.holding_torque(), problem.limits
     over = limits.actuators.excess(hold, np.asarray(problem.q_goal), np.zeros_like(hold))
     message, j = result.message, int(np.argmax(over))
+    if result.status is Status.SOLVED:
+        beyond = f"exceed their limits by {percent(refined.excess)} between its points"
+        message = f"a curve of {motion.duration:.4g} s is the best; its torques, or how fast they change, {beyond}"
     if over[j] > 0:
         name, most = problem.robot.joint_names[j], abs(hold[j]) - over[j]
         message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"

@@ -9,10 +9,12 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import CollisionModel
+from armdyn.optimal.flat.excess import excesses_of, worst_excess
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.rollout import replay_torques
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.refine import curves as curves_module
 from armdyn.optimal.refine.curves import curves, optima_met
 from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.task.task import Task
@@ -450,3 +452,33 @@ def test_a_moving_arm_comes_back_to_where_it_is(arm):
     assert solution.duration > 0.02
     # The given velocity at the start is no limit: its multiplier was counted as one, 474 % of a UR5's time.
     assert sum(share.part for share in solution.decides if share.limit == "velocity limit") < 0.01
+
+
+def too_fast(monkeypatch, problem, factor):
+    """The curves of a problem whose refinement ends too fast, by a factor on their durations."""
+    refined = curves_module._refined
+
+    def refined_badly(*given):
+        fast = [replace(one, curve=one.curve.slower(factor)) for one in refined(*given)]
+        over = (worst_excess(excesses_of(given[0], one.curve)) for one in fast)
+        return [replace(one, excess=excess) for one, excess in zip(fast, over, strict=True)]
+
+    monkeypatch.setattr(curves_module, "_refined", refined_badly)
+    task = Task.of(problem, ad.MinimumTimeOptions(search="quick", starts=1, calm=0.0))
+    return task, *curves(task)
+
+
+@pytest.mark.slow
+def test_a_curve_that_refinement_leaves_too_fast_is_slowed_down(monkeypatch):
+    problem = held(path_constraints=[ad.TorqueRateLimit(5000.0)])
+    task, (optimum, *_), _ = too_fast(monkeypatch, problem, 0.9)
+    motion = slowed(task, optimum).trajectory
+    assert limit_violation(problem.limits, motion, dense=20) <= 1e-6
+    assert np.max(np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None]) <= 5000.0 * (1 + 1e-4)
+
+
+@pytest.mark.slow
+def test_a_curve_that_cannot_be_slowed_says_what_it_exceeds(monkeypatch):
+    _, optima, found = too_fast(monkeypatch, held(v_goal=0.2 * np.array(V[:3])), 0.5)
+    assert not optima
+    assert "exceed their limits by" in found.failed[0].message
