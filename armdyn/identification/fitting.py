@@ -190,8 +190,14 @@ def autocorrelation(residual: Array, limit: Array, least: float) -> Array:
 
 
 def _covariance(unknowns: Unknowns, x: Array, columns: Array, inflated: Array, normal: Normal, weight: float) -> Array:
-    """Sandwich covariance: scores of the residuals with their autocorrelation, and the prior's spread."""
+    """Sandwich covariance H⁻¹ M H⁻¹: scores of the residuals with their autocorrelation, and the prior's spread.
+
+    Of a log without noise H and M are large where it tells much and the prior's where it tells nothing; by their
+    factors the covariance stays positive definite.
+    """
     _, hessian = unknowns.derivatives(x)
-    inverse = np.linalg.inv(normal.matrix + weight * hessian)
     scores = Normal.of(columns, np.zeros(inflated.shape), inflated).matrix
-    return np.asarray(inverse @ (scores + weight * hessian) @ inverse)
+    lower = np.linalg.cholesky(normal.matrix + weight * hessian)
+    middle = np.linalg.solve(lower, np.linalg.cholesky(scores + weight * hessian))
+    root = np.linalg.solve(lower.T, middle)
+    return np.asarray(root @ root.T)

@@ -53,6 +53,7 @@ def test_noise_free_logs_give_the_arm_back(name):
     assert np.all(error < 2e-3 * np.sqrt(np.mean(expected**2, axis=0)) + 1e-3 * np.abs(expected).max(axis=0))
     np.testing.assert_allclose(estimate.robot.friction.coulomb, true.friction.coulomb, rtol=0.03)
     np.testing.assert_allclose(estimate.robot.friction.damping, true.friction.damping, rtol=0.05)
+    assert len(estimate.likely(3)) == 3  # the covariance is positive definite, from 1e-10 to 1e3
 
 
 @pytest.mark.slow
