@@ -70,7 +70,7 @@ def test_people_are_told_how_many_settle(tmp_path):
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        (("--friction-range", "1"), "--friction-range: '1' has 1 numbers; give the least and the greatest"),
+        (("--friction-range", "1"), "--friction-range: '1' is no pair of numbers; give the least and the greatest"),
         (("--payload-range", "1.2,0.8"), "payload goes from 1.2 to 0.8 times its mass; the least comes first"),
         (("--count", "0"), "count is 0; it must be at least 1"),
         (("--within", "-1"), "--within is -1.0; it must be positive and finite"),
@@ -110,6 +110,12 @@ def test_tune_writes_what_it_has_chosen(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("option", [("--form", "torque"), ("--per-joint",)])
+def test_options_of_another_controller_are_refused(tmp_path, option):
+    done = run_here("tune", "rr", "--controller", "lqr", *option, "--json", "--out", tmp_path)
+    assert f"{option[0]} is an option of --controller pid, not of lqr" in answer(done, 2)["message"]
+
+
 def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(tmp_path):
     arms = "".join(f"[[robot.likely]]\npayload = {{ mass = {0.1 + k / 1000} }}\n" for k in range(5))
     file = tmp_path / "identified.toml"

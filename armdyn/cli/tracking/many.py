@@ -61,7 +61,7 @@ def range_of(text: str, name: str) -> tuple[float, float]:
     """
     ends = numbers(text, name)
     if len(ends) != 2:
-        raise ProblemError(f"{name}: {text!r} has {len(ends)} numbers; give the least and the greatest")
+        raise ProblemError(f"{name}: {text!r} is no pair of numbers; give the least and the greatest")
     return ends[0], ends[1]
 
 

@@ -8,13 +8,21 @@ from pathlib import Path
 from typing import ClassVar
 
 import armdyn as ad
+from armdyn.arguments import number as checked
 from armdyn.cli.console import Answer, answering, console, errors, escape, facts_table, working
+from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
 from armdyn.errors import ProblemError
+
+_UNUSED = {
+    "reference": ("q_start", "q_goal", "reserve", "velocity_reserve"),
+    "ramp": ("reserve", "velocity_reserve"),
+}
+"""Options that the motion of a reference does not depend on."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,14 +44,18 @@ class ReferenceOptions:
             progress: called with a line of text per step.
 
         Raises:
-            ArmdynError: a file is no trajectory, or two references are requested.
+            ArmdynError: a file is no trajectory, two references are requested, or options of another one are given.
         """
         if self.reference is not None and self.ramp is not None:
             raise ProblemError("--reference and --ramp both give a reference: give one of them")
+        for name, unused in _UNUSED.items():
+            others = [f"--{other.replace('_', '-')}" for other in unused if is_given(other)]
+            if others and getattr(self, name) is not None:
+                raise ProblemError(f"{others[0]} does not change the motion of --{name}: leave it out")
         if self.reference is not None:
             return ad.Trajectory.load(self.reference)
         if self.ramp is not None:
-            return ad.ramp(task.arm, *task.ends(), self.ramp)
+            return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
         solution = ad.solve_minimum_time(*task.fastest(), progress)
         return solution.trajectory if solution.usable else solution
 

@@ -9,11 +9,13 @@ from typing import Any, ClassVar
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
 from armdyn.cli.tracking.controllers import LoopOptions
 from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
+from armdyn.errors import ProblemError
 from armdyn.files import as_json, attributes
 
 _CHOSEN_ON = 10
@@ -40,6 +42,11 @@ class FamilyOptions:
         from armdyn.studies.tuning.families import family_named
 
         one_of(self.controller, ("lqr", "computed-torque", "pid"), "--controller")
+        for name in ("form", "per_joint"):
+            if self.controller != "pid" and is_given(name):
+                raise ProblemError(
+                    f"--{name.replace('_', '-')} is an option of --controller pid, not of {self.controller}"
+                )
         form: Any = self.form
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
