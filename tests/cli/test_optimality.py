@@ -1,11 +1,13 @@
 """Any planner's motion beside the fastest, from its file."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.cli.motion.optimality import _could
 from cli.command import answer, run_here
 
 QUICK = ("--search", "quick", "--no-report", "--no-figure", "--json")
@@ -122,3 +124,16 @@ def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, 
         for limit in ((), ("--acceleration-limit", "30"))
     )
     assert 2 * np.sqrt(1.7 / 30) < bound < motion.duration and free < 0.7 * bound
+
+
+@pytest.mark.parametrize(
+    ("taken", "words"),
+    [
+        (0.2 - 7e-15, "no faster: it takes as long as the fastest that was found"),
+        (0.2 + 7e-15, "no faster: it takes as long as the fastest that was found"),
+        (0.25, "50 ms faster: 20 % less time"),
+        (0.199, "no faster: it takes 1 ms less than the fastest that was found: it breaks a limit"),
+    ],
+)
+def test_rounding_is_no_gain_of_time(taken, words):
+    assert _could(SimpleNamespace(gap=taken - 0.2, duration=taken, optimal_duration=0.2, feasible=False)) == words

@@ -115,8 +115,14 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     return words
 
 
+_ROUNDING = 1e-9
+"""Durations that differ by less are equal, as a part of them: the replay is aimed to 1e-9."""
+
+
 def _could(found: ad.TimeOptimality) -> str:
     """Possible gain of time; a motion that is faster than the fastest found one exceeds a limit."""
+    if abs(found.gap) <= _ROUNDING * found.duration:
+        return "no faster: it takes as long as the fastest that was found"
     if found.gap >= 0:
         saved = 100 * (1 - found.optimal_duration / found.duration)
         return f"{1e3 * found.gap:.4g} ms faster: {saved:.3g} % less time"

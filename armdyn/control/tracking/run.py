@@ -104,7 +104,7 @@ class Run:
         return {
             "error at the reference's end": f"{self.error_at_end:.4g} rad or m",
             "largest error on the way": f"{self.peak_error:.4g} rad or m",
-            "largest speed": f"{100 * self.peak_velocity:.1f} % of its limit",
+            "largest speed": f"{100 * self.peak_velocity:.3g} % of its limit",
             "torque on its limit": f"{100 * self.saturated:.0f} % of the time",
         }
 
