@@ -74,6 +74,8 @@ def test_people_are_told_how_many_settle(tmp_path):
         (("--payload-range", "1.2,0.8"), "payload goes from 1.2 to 0.8 times its mass; the least comes first"),
         (("--count", "0"), "count is 0; it must be at least 1"),
         (("--within", "-1"), "--within is -1.0; it must be positive and finite"),
+        (("--within", "5"), "--within is 5 s, but arms are simulated for 0.6 s only: --duration"),
+        (("--at-least", "95"), "--at-least is 95; it is a part of the arms, 0 to 1"),
     ],
 )
 def test_ranges_that_are_none_are_bad_input(tmp_path, more, message):

@@ -73,7 +73,20 @@ class CountOptions:
 
     count: int = option("N", "Arms.", default=1000)
     within: float | None = option("S", "That an arm has to settle \\[s]; by default --duration.")
-    at_least: float | None = option("PART", "Of the arms that must settle, or the exit code is 4.")
+    at_least: float | None = option("PART", "Of the arms that must settle, 0 to 1, or the exit code is 4.")
+
+    def time(self, duration: float) -> float:
+        """Time that an arm has to settle [s], of a simulation of `duration` [s].
+
+        Raises:
+            ProblemError: no arms can meet the requirement.
+        """
+        if self.at_least is not None and not 0 <= self.at_least <= 1:
+            raise ProblemError(f"--at-least is {self.at_least:g}; it is a part of the arms, 0 to 1")
+        within = duration if self.within is None else checked(self.within, "--within", sign="positive")
+        if within > duration:
+            raise ProblemError(f"--within is {within:g} s, but arms are simulated for {duration:g} s only: --duration")
+        return within
 
 
 def monte_carlo(
@@ -102,7 +115,7 @@ def monte_carlo(
         model = task.arm
         law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, likely_arms(task))
         options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
-        within = reference.duration if study.within is None else checked(study.within, "--within", sign="positive")
+        within = study.time(reference.duration)
         drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
         folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
