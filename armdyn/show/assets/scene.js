@@ -74,18 +74,29 @@ const armdynScene = (pane, data, options) => {
     turn.set(p[a + 3], p[a + 4], p[a + 5], p[a + 6]);
     if (weight > 0) turn.slerp(next.set(p[b + 3], p[b + 4], p[b + 5], p[b + 6]), weight);
   };
-  const places = [];
+  const places = [], outer = [];  // outer: corners of the last link, which may reach beyond the tip
   for (const arm of data.arms) {
-    const end = tip.get(data.tip), stride = Math.max(1, Math.floor(arm.frames / 150));
-    const mine = [new Vector3()];
+    const end = tip.get(data.tip), stride = Math.max(1, Math.floor(arm.frames / 150)), group = arm.groups[end.joint - 1];
+    const mine = [new Vector3()], box = new THREE.Box3(), ends = [];
+    group?.updateMatrixWorld(true);
+    group?.traverse(node => {
+      if (!node.isMesh) return;
+      node.geometry.computeBoundingBox();
+      const within = group.matrixWorld.clone().invert().multiply(node.matrixWorld);
+      box.union(node.geometry.boundingBox.clone().applyMatrix4(within));
+    });
+    const sides = [box.min, box.max], corners = box.isEmpty() ? [] : [0, 1, 2, 3, 4, 5, 6, 7]
+      .map(i => new Vector3(sides[i & 1].x, sides[i >> 1 & 1].y, sides[i >> 2].z));
     for (let frame = 0; frame < arm.frames; frame += stride) {
       for (let j = 0; j < joints; j++) {
         pose(arm, frame, j, 0);
         mine.push(position.clone());
-        if (end.joint === j + 1) mine.push(end.at.clone().applyQuaternion(turn).add(position));
+        if (end.joint !== j + 1) continue;
+        for (const [points, to] of [[[end.at], mine], [corners, ends]]) to.push(...points.map(at => at.clone().applyQuaternion(turn).add(position)));
       }
     }
     places.push(mine);
+    outer.push(ends);
   }
   // A line between the nearest points of two bodies, seen through all else, with their distance.
   const marks = (data.marks ?? []).map((mark, k) => {
@@ -114,7 +125,7 @@ const armdynScene = (pane, data, options) => {
   data.arms.forEach((arm, k) => {
     const y = lanes === 1 ? 0 : lane * (k - (lanes - 1) / 2) * (data.planar ? 1 : -1);
     viewer.set_transform(root(k), new Matrix4().makeTranslation(0, y, 0).toArray());
-    places[k].forEach(p => { p.y += y; });
+    [...places[k], ...outer[k]].forEach(p => { p.y += y; });
   });
   // A wall behind planar arms, else a floor: a grid and the arms' shadow.
   const spacing = 10 ** Math.floor(Math.log10(.4 * data.reach)), wall = lane * lanes / 2 + .10 * data.reach;
@@ -176,8 +187,9 @@ const armdynScene = (pane, data, options) => {
     }
     const high = Math.tan(viewer.camera.fov * Math.PI / 360), wide = high * pane.clientWidth / pane.clientHeight;
     const cover = options.room();
-    const away = Math.max(...all.map(p => off.copy(p).sub(middle).dot(look) + Math.max(
+    const from = (points, pad) => Math.max(0, ...points.map(p => off.copy(p).sub(middle).dot(look) + Math.max(
       (Math.abs(off.dot(up)) + pad) / (cover.high * high), (Math.abs(off.dot(right)) + pad) / (cover.wide * wide))));
+    const away = Math.max(from(all, pad), from(outer.flat(), 0));
     middle.addScaledVector(up, -cover.up * away * high);
     middle.addScaledVector(right, -cover.right * away * wide);
     viewer.controls.target.copy(drawn(middle));

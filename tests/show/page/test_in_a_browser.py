@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from armdyn.models.scene.obstacles import Box
+import armdyn as ad
+from armdyn.models.scene.obstacles import Box, Capsule
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Subject, report_html, report_of
@@ -196,6 +197,18 @@ def test_the_numbers_are_those_of_the_moment(chromium, tmp_path):
         assert [float(scale[7:-1]) for scale in scales] == pytest.approx([full, -full])
         assert "Executable, not certified" in page.locator(".verdict").inner_text()
         assert not errors
+
+
+def test_a_last_link_that_reaches_beyond_the_tip_is_in_view(chromium, tmp_path):
+    away = []
+    for length in (0.01, 0.02, 0.6):
+        stick = ad.Payload(mass=0.1, shapes=[Capsule([0, 0, 0], [0, 0, length], 0.01)])
+        robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=stick)
+        move = ShownMotion("swing", quintic(robot, [0, 0], [1, 1], 0.5), Facts())
+        with open_page(chromium, written(tmp_path, robot, move)) as (page, _, errors):
+            away.append(abs(page.evaluate("armdyn.camera")[1]))
+            assert not errors
+    assert away[0] == pytest.approx(away[1], rel=1e-9) and away[0] < 0.7 * away[2]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
