@@ -117,13 +117,10 @@ class Answer:
         """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)
 
-    def cut_short(self, message: str) -> None:
-        """Record an interrupt after the result was found, if there was one.
-
-        Args:
-            message: says what is missing.
-        """
+    def cut_short(self) -> None:
+        """Record an interrupt after the motion was found, if there was one: of its costs, or of other reserves."""
         if interrupts.pressed():
+            message = "interrupted after the motion was found; what else was asked for is not complete"
             self.failed("interrupted", message, INTERRUPTED)
 
     def failed(self, status: str, message: str, code: int) -> None:

@@ -192,5 +192,5 @@ from armdyn.cli import main; main()
     done = python(code)
     facts = json.loads(done.stdout)
     assert (done.returncode, facts["status"], facts["usable"]) == (130, "interrupted", True), done.stderr
-    assert facts["message"] == "interrupted; not all costs are known"
+    assert facts["message"].startswith("interrupted after the motion was found")
     assert (tmp_path / "out" / "trajectory.npz").exists()

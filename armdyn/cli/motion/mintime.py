@@ -213,7 +213,7 @@ def mintime(
         stopped = solution.status is ad.Status.INTERRUPTED
         answer.judge(solution.usable and not found.verdict.refused, interrupted=stopped, as_required=not missing)
         if not stopped:
-            answer.cut_short("interrupted; not all costs are known")
+            answer.cut_short()
         words = found.words | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
 

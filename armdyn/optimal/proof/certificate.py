@@ -80,7 +80,7 @@ class Certificate:
             along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
             the costates are not known. None: the goal is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
-            replay, relative to the limit (position: to the range).
+            replay, relative to the limit (position: to the range, or 1 rad or m where that is less).
         exceeded: which limit that is, of which joint, and when; None: all are kept.
         singular: some arc has a joint on no limit.
         idle: joints that time does not determine for most of the motion: their costates are zero.
