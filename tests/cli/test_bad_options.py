@@ -106,6 +106,12 @@ def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
     assert done.returncode == 2 and json.loads(done.stdout)["message"].startswith(message)
 
 
+def test_an_empty_file_is_no_tool(tmp_path):
+    (tmp_path / "tool.toml").write_text("")
+    done = run_here("mintime", "rr", "--tool", "tool.toml", cwd=tmp_path)
+    assert done.returncode == 2 and "says nothing of a tool" in done.stderr
+
+
 def test_words_between_colons_are_no_pictures():
     said = run_here("mintime", "rr", "--require", "gap:abc:").stderr
     assert said == "armdyn: --require gap:abc:: 'abc:' is not a number\n"

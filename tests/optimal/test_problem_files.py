@@ -96,6 +96,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write_problem, tmp_path):
         ("mass = 0.1006", "mass = -1", "line 3: payload mass is -1"),
         ("{ mass = 0.1006 }", "1", "line 3: payload is 1; it is a table"),
         ('name = "rr"', "name = 1", "line 2: name of the robot is 1"),
+        ('name = "rr"', "", "line 1: there is no robot; write [robot] and name = 'panda', or a file"),
         ('name = "rr"', 'name = "rrrr"', "line 2: no robot named 'rrrr'; did you mean 'rrr'?"),
         ("q_start = ", "wrap = 1\nq_start = ", "line 6: wrap is 1; it must be True or False"),
         ("q_start = ", "via = 1\nq_start = ", "line 6: via is 1; it must be a list"),

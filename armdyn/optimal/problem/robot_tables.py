@@ -142,8 +142,10 @@ def _source(table: Table) -> RobotSource:
     given, folder = [key for key in _SOURCES if key in table.values], Path(table.path).parent
     if len(given) > 1:
         raise table.error(given[1], f"[robot] has {' and '.join(given)}; give one of them")
-    key = given[0] if given else "name"
-    value = table.values.get(key)
+    if not given:
+        raise table.error("name", "there is no robot; write [robot] and name = 'panda', or a file")
+    key = given[0]
+    value = table.values[key]
     if key == "spec":
         own = _inner(table, "spec", tuple(field.name for field in fields(ArmSpec)))
         links, numbers = own.get("links"), [field.name for field in fields(LinkSpec)]
