@@ -106,7 +106,8 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
         raise TrajectoryError(str(error)) from None
     missing = [what for what in ("t", "q") if what not in found]
     if missing:
-        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}; {_USAGE}")
+        joints = f" of {', '.join(joint_names)}" if "q" in missing else ""
+        raise TrajectoryError(f"{file}: there is no {' and no '.join(missing)}{joints}; {_USAGE}")
     try:
         return Planned(**{what: npz.bounded(array, what) for what, array in found.items()})
     except TrajectoryError as error:

@@ -87,6 +87,7 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
         (["rrr", "own.npz"], "the trajectory has 2 joints; rrr has 3"),
         (["rr", "nowhere.csv"], "nowhere.csv: no such file"),
         (["rr", "bad.csv"], "bad.csv: there is no t"),
+        (["rr", "other.csv"], "other.csv: there is no q of joint1, joint2"),
         (["rr", "short.csv"], "short.csv: t must be at least three increasing times"),
         (["rr", "own.npz", "--reserve", "2"], "reserve of joint 'joint1' is 2"),
     ],
@@ -94,6 +95,7 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
 def test_what_is_no_motion(motion, here, arguments, words):
     motion.save(here / "own.npz")
     (here / "bad.csv").write_text("x,y\n1,2\n")
+    (here / "other.csv").write_text("t,q_arm1,q_arm2\n0,0,0\n1,1,1\n")
     (here / "short.csv").write_text("t,q1,q2\n0,0,0\n1,1,1\n")
     (here / "moveit.json").write_text(json.dumps({"joint_names": ["a", "b"], "points": [{}, {}]}))
     assert words in answer(run_here("optimality", *arguments, *QUICK), 2)["message"]
