@@ -169,6 +169,7 @@ def answering(as_json: bool, *, last: bool = True) -> Iterator[Answer]:
                 answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
         finally:
             console.quiet = False
+    interrupts.answer()
     messages = list(dict.fromkeys(in_options(str(w.message)) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")

@@ -44,6 +44,8 @@ class _State:
     """Ctrl-C was pressed, and `KeyboardInterrupt` raised."""
     heard = False
     """Ctrl-C was pressed while a command was running, perhaps within a solve, which ends without an exception."""
+    answered = False
+    """The command has said how it ended, or is about to."""
     doing = ""
     """The command's current step, in words."""
 
@@ -74,6 +76,8 @@ class Guard:
         if isinstance(error, KeyboardInterrupt):
             leave()
         if isinstance(error, SystemExit) and _State.pressed:  # whoever caught it may have made another code of it
+            if not _State.answered:  # it came just before the command's own code, or after it
+                leave()
             raise SystemExit(INTERRUPTED) from None
 
 
@@ -84,7 +88,7 @@ class Raised:
     """
 
     def __enter__(self) -> None:
-        _State.working = True
+        _State.working, _State.answered = True, False
         if _signal.getsignal(_signal.SIGINT) is _on_interrupt:
             reading, writing = os.pipe()
             os.set_blocking(writing, False)
@@ -102,6 +106,11 @@ def at(what: str) -> None:
         what: in words.
     """
     _State.doing = what
+
+
+def answer() -> None:
+    """Note that the command says how it ended: nobody else need say that it was interrupted."""
+    _State.answered = True
 
 
 def pressed() -> bool:

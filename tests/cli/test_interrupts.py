@@ -40,6 +40,21 @@ main()
 """
 
 
+BESIDE_A_CALL = """
+import contextlib, os, signal, sys
+from armdyn.cli import interrupts, main
+enter = contextlib._GeneratorContextManager.__enter__
+def press(self):
+    found = enter(self)
+    if interrupts._State.working and not interrupts._State.pressed:
+        os.kill(os.getpid(), signal.SIGINT)
+    return found
+contextlib._GeneratorContextManager.__enter__ = press
+main()
+"""
+"""Presses Ctrl-C between the console's code, which would answer it, and the command's own."""
+
+
 def python(code, *arguments):
     return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=120)
 
@@ -136,6 +151,13 @@ def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
     command = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-m", "pytest", "-q", "-n", "0", own]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_between_two_lines_of_code():
+    ends_in_a_line(python(BESIDE_A_CALL, "doctor", "rr"))
+    done = python(BESIDE_A_CALL, "doctor", "rr", "--json")
+    assert done.returncode == 130 and json.loads(done.stdout)["status"] == "interrupted"
 
 
 @pytest.mark.slow
