@@ -130,8 +130,7 @@ def _solve(
     missing = _missing(solution, most)
     answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
     answer.judge(solution.usable, interrupted=stopped, as_required=not missing)
-    if not stopped:
-        answer.cut_short()
+    answer.cut_short()
     if summary["steps"]:
         heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
         console.print(table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"])))

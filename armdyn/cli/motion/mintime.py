@@ -212,8 +212,7 @@ def mintime(
         answer.facts |= {**about, **summary, "missing": missing, **written.facts}
         stopped = solution.status is ad.Status.INTERRUPTED
         answer.judge(solution.usable and not found.verdict.refused, interrupted=stopped, as_required=not missing)
-        if not stopped:
-            answer.cut_short()
+        answer.cut_short()
         words = found.words | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
 

@@ -101,7 +101,10 @@ class Task:
         """The task of another problem, with the same changes of the policy."""
         policy = self.policy.about(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
-        return replace(self, problem=problem, dynamics=dynamics, scheme=policy.scheme(self.options), policy=policy)
+        options = replace(self.options, replay_tolerance=_landing(problem, self.options))
+        return replace(
+            self, problem=problem, dynamics=dynamics, scheme=policy.scheme(options), options=options, policy=policy
+        )
 
     def with_options(self, **changes: Any) -> Self:
         """The task with some options changed."""

@@ -79,11 +79,11 @@ const armdynScene = (pane, data, options) => {
     const end = tip.get(data.tip), stride = Math.max(1, Math.floor(arm.frames / 150)), group = arm.groups[end.joint - 1];
     const mine = [new Vector3()], box = new THREE.Box3(), ends = [];
     group?.updateMatrixWorld(true);
+    const back = group?.matrixWorld.clone().invert();
     group?.traverse(node => {
       if (!node.isMesh) return;
       node.geometry.computeBoundingBox();
-      const within = group.matrixWorld.clone().invert().multiply(node.matrixWorld);
-      box.union(node.geometry.boundingBox.clone().applyMatrix4(within));
+      box.union(node.geometry.boundingBox.clone().applyMatrix4(back.clone().multiply(node.matrixWorld)));
     });
     const sides = [box.min, box.max], corners = box.isEmpty() ? [] : [0, 1, 2, 3, 4, 5, 6, 7]
       .map(i => new Vector3(sides[i & 1].x, sides[i >> 1 & 1].y, sides[i >> 2].z));
