@@ -96,7 +96,7 @@ def only_command(words: Sequence[str]) -> str:
     """
     first = words[0] if words else ""
     known = any(first in modules for modules in _PANELS.values())
-    return first if known and THEN not in words else ""
+    return first if known and not any(word.startswith(THEN) for word in words) else ""
 
 
 def _version(show: bool) -> None:

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
@@ -117,16 +117,22 @@ class Answer:
         """Record an interrupt."""
         self.failed("interrupted", "interrupted", INTERRUPTED)
 
-    def cut_short(self) -> None:
-        """Record an interrupt after the motion was found, if there was one: of its costs, or of other reserves."""
-        if interrupts.pressed() and self.code != INTERRUPTED:
-            message = "interrupted after the motion was found; what else was asked for is not complete"
-            self.failed("interrupted", message, INTERRUPTED)
-
     def failed(self, status: str, message: str, code: int) -> None:
         """Record a failure."""
         self.facts |= {"success": False, "status": status, "message": message}
         self.code = code
+
+
+def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A summary's facts, those that change where Ctrl-C came after the motion was found: during costs, or reserves.
+
+    Args:
+        summary: of the result; its "status" says whether the solve itself was interrupted.
+    """
+    if not interrupts.pressed() or summary["status"] == "interrupted":
+        return dict(summary)
+    message = "interrupted after the motion was found; what else was asked for is not complete"
+    return {**summary, "success": False, "status": "interrupted", "message": message}
 
 
 @contextmanager

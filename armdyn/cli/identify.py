@@ -116,6 +116,7 @@ def identify(
             if options.exciting is not None:
                 if then:
                     raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
+                scene.expect_bodies()
                 sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
                 _write_motion(answer, arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
                 return

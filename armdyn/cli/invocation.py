@@ -28,7 +28,9 @@ _RUNNING: ContextVar[_Invocation] = ContextVar("running", default=_NONE)
 
 _OTHER_NAMES = {
     "allowed_contacts": "allow_contact",
+    "duration": "exciting",
     "end_contacts": "end_contact",
+    "file": "out",
     "obstacles": "obstacle",
     "path_constraints": "limit",
 }
@@ -87,12 +89,15 @@ def in_options(text: str) -> str:
         if (flag := _flag(name, one.annotation))
     }
 
+    def option_of(name: str) -> str:
+        return name if name in flags else _OTHER_NAMES.get(name, name)
+
     def quoted(match: re.Match[str]) -> str:
-        name = _OTHER_NAMES.get(match[1], match[1])
+        name = option_of(match[1])
         return flags[name][0] if name in flags else f"--{name.replace('_', '-')}" if now is _NONE else match[1]
 
     def first(match: re.Match[str]) -> str:
-        flag, name = flags.get(_OTHER_NAMES.get(match[1], match[1]), ("", ""))
+        flag, name = flags.get(option_of(match[1]), ("", ""))
         return flag if flag and is_given(name) else match[1]
 
     for phrase, option in _PHRASES.items():

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 _NAMES = 26
 """Letters that an option's name and its value's may take for the description to begin beside them."""
 
+_NARROW = 52
+"""Columns of a terminal below which all descriptions are below the options' names: beside them words are cut."""
+
 _COMMANDS = 11
 """Letters that commands have."""
 
@@ -58,7 +61,10 @@ class Command(TyperCommand):
         """Parse the command's own words: all that follows --then is another command's, one value."""
         at = args.index(THEN) + 1 if THEN in args else len(args)
         own = [*args[:at], shlex.join(args[at:])] if at + 1 < len(args) else args
-        return super().parse_args(ctx, own)
+        left = super().parse_args(ctx, own)
+        if ctx.params.get("then") is not None:
+            _parse_then(ctx)
+        return left
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command, and the one that it is to be followed by."""
@@ -66,6 +72,17 @@ class Command(TyperCommand):
             return super().invoke(ctx)
         except Followed as end:
             ctx.find_root().command.main(end.words, prog_name="armdyn")
+
+
+def _parse_then(ctx: Any) -> None:
+    """Parse the command after --then now, not when the first one is done, with a word for the arm that is to come."""
+    try:
+        words = shlex.split(ctx.params["then"])
+    except ValueError as error:
+        ctx.fail(f"{THEN}: {error}")
+    group = ctx.find_root().command
+    name, command, rest = group.resolve_command(ctx, words or [""])
+    command.make_context(name, ["ROBOT", *rest], parent=ctx.find_root())
 
 
 class CommandGroup(TyperGroup):
@@ -143,10 +160,13 @@ def _option_row(param: Any) -> RenderableType:
     from rich.padding import Padding
     from rich.text import Text
 
+    from armdyn.cli.console import console
+
     name = Text(_called(param), style="bold cyan")
     about = Text.from_markup(f"{param.help or ''}{_usual(param)}")
-    if name.cell_len > _NAMES:
-        return Rows(name, Padding(about, (0, 0, 0, _NAMES + 2)))
+    narrow = console.rich.width < _NARROW
+    if narrow or name.cell_len > _NAMES:
+        return Rows(name, Padding(about, (0, 0, 0, 4 if narrow else _NAMES + 2)))
     return _row(_called(param), about, _NAMES)
 
 

@@ -226,7 +226,7 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
             more = f"; and {len(listed) - _SHOWN} more" if len(listed) > _SHOWN else ""
             raise ResultError(
                 f"{path} has the rows of another study: {'; '.join(listed[:_SHOWN])}{more}. Repeat that one, or choose "
-                "another folder"
+                "another `file`"
             )
     with connection:
         connection.execute("BEGIN IMMEDIATE")

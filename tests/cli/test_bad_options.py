@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armdyn as ad
-from cli.command import app, run_here
+from cli.command import answer, app, run_here
 
 POSES = ["--q-start", "--q-goal", "--via"]
 RESERVES = ["--reserve", "--velocity-reserve"]
@@ -104,6 +104,22 @@ def test_what_numbers_cannot_hold_is_bad_input(run, arguments):
 def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
     done = run_here(*arguments, "--json", "--out", tmp_path)
     assert done.returncode == 2 and json.loads(done.stdout)["message"].startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["mintime", "r", "--no-costs"], "--no-costs is about the conditions of --preset"),
+        (["mintime", "r", "--clearance", "0.02"], "--clearance is from nothing"),
+        (["bound", "r", "--clearance", "0.02"], "--clearance is from nothing"),
+        (["identify", "r", "--exciting", "2", "--clearance", "0.02"], "--clearance is from nothing"),
+        (["mintime", "r", "--wrap"], "--wrap is about endless joints; all joints of r slide or have position limits"),
+        (["mintime", "r", "--gear-ratio", "3"], "give --armature, or --rotor-inertia and --gear-ratio"),
+        (["identify", "r", "--exciting", "-3"], "--exciting is -3"),
+    ],
+)
+def test_what_would_change_nothing_is_refused_by_its_option(arguments, message):
+    assert message in answer(run_here(*arguments, "--json"), 2)["message"]
 
 
 def test_an_empty_file_is_no_tool(tmp_path):

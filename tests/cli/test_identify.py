@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.cli.app import only_command
 from armdyn.models.scene.collision import CollisionModel
 from cli.command import answer, run_here
 from oracles import robot_named
@@ -100,10 +101,25 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
     assert "The logs ask for other inertias of the links" in Path(told["files"][1]).read_text()
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--then", "bnd"], "No such command 'bnd'"),
+        (["--then=bnd"], "No such command 'bnd'"),
+        (["--then", "mintime", "--q-gaol", "1"], "No such option: --q-gaol"),
+        (["--then", "bound '"], "--then: No closing quotation"),
+        (["--then", ""], "No such command"),
+    ],
+)
+def test_what_follows_is_read_before_anything_is_done(tmp_path, words, message):
+    done = run_here("identify", "rrr", "none.csv", *words, cwd=tmp_path)
+    assert done.returncode == 2 and message in " ".join(done.stderr.split())
+    assert only_command(["identify", *words]) == ""  # all commands are at hand
+
+
 @pytest.mark.slow
 def test_what_follows_is_run_only_after_success(log, tmp_path):
     line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
-    assert run_here(*line, "--then", "bnd").returncode == 2
     done = answer(run_here("identify", "rrr", "none.csv", "--then", "bound", "--json"), code=2)
     assert done["command"] == "identify" and "no such file" in done["message"]
     done = run_here(*line, "--likely", 0, "--then", "bound --q-start 0,0,0 --q-goal 1,0,0 --velocity-limit 5")
@@ -172,7 +188,7 @@ def test_an_exciting_motion_is_clear_of_obstacles_and_accepted_by_the_preset(tmp
         (["--exciting", "0.1"], "0.1 s"),
         (["log.csv", "--obstacle", "sphere:0.1@1,0,0"], "--obstacle is of a motion to log: give --exciting"),
         (["log.csv", "--preset", "ur5"], "--preset is of a motion to log"),
-        (["--exciting", "2", "--then", "mintime"], "--then needs an identified arm"),
+        (["--exciting", "2", "--then", "mintime", "--q-goal", "1,0,0"], "--then needs an identified arm"),
         (["log.csv", "--likely", "1000"], "--likely is 1000"),
     ],
 )

@@ -216,3 +216,4 @@ from armdyn.cli import main; main()
     assert (done.returncode, facts["status"], facts["usable"]) == (130, "interrupted", True), done.stderr
     assert facts["message"].startswith("interrupted after the motion was found")
     assert (tmp_path / "out" / "trajectory.npz").exists()
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["status"] == "interrupted"

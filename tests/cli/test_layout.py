@@ -97,3 +97,9 @@ def test_a_column_of_numbers_is_as_wide_as_the_widest_line(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
     Terminal().print(table("", ("joint", ">position\n[rad or m]"), [("joint1", "±3.142")]))
     assert max(map(len, capsys.readouterr().out.rstrip().splitlines())) == len("joint1  [rad or m]")
+
+
+@pytest.mark.parametrize("command", ["mintime", "identify"])
+def test_a_narrow_terminal_cuts_no_words(command):
+    wide, narrow = (set(re.findall(r"[\w.]{4,24}", help_of(command, columns=width))) for width in (200, 40))
+    assert wide - narrow == set()

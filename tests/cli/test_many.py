@@ -49,7 +49,7 @@ def rows_of(file):
 def test_another_question_is_bad_input(tmp_path):
     many(tmp_path, "--count", 2, "--no-figure")
     told = many(tmp_path, "--count", 2, "--no-figure", "--arms-seed", 1, code=2)
-    assert "plants.seed is 0 there and 1 here. Repeat that one, or choose another folder" in told["message"]
+    assert "plants.seed is 0 there and 1 here. Repeat that one, or choose another --out" in told["message"]
 
 
 def test_fewer_than_are_required_have_an_exit_code(tmp_path):

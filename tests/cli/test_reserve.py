@@ -2,6 +2,7 @@
 
 import pytest
 
+from armdyn.studies import reserve
 from cli.command import answer, run_here
 
 
@@ -37,3 +38,9 @@ def test_what_is_no_part_is_bad_input(value, tmp_path):
     for option in ("--reserve", "--velocity-reserve"):
         refused = answer(run_here("mintime", "rr", f"{option}={value}", "--out", tmp_path, "--json"), 2)
         assert option.strip("-").replace("-", "_") in refused["message"].replace("-", "_")
+
+
+def test_ctrl_c_before_a_reserve_has_a_motion_begins_no_other_search(tmp_path, monkeypatch):
+    monkeypatch.setattr(reserve, "reserve_curve", lambda *_, **__: reserve.ReserveCurve((), {}, (), interrupted=True))
+    ended = answer(run_here("mintime", "r", "--for-tracking", "--out", tmp_path, "--json"), 130)
+    assert ended["status"] == "interrupted" and "duration" not in ended

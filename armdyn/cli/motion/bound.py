@@ -29,6 +29,7 @@ def bound(
         from armdyn.optimal.answer.summary import reserve_summary
 
         problem, _ = task.problem()
+        task.path_constraints.expect_bodies()
         arm = problem.robot
         with working(f"lower bound of {arm.name}"):
             found = ad.lower_bound(problem)

@@ -8,7 +8,7 @@ from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
+from armdyn.cli.console import Answer, answering, console, cut_short, escape, facts_table, table, working
 from armdyn.cli.export import sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
@@ -125,12 +125,12 @@ def _solve(
         solution = solve_cycle(read.cycle, options, progress)
         stopped = solution.status is Status.INTERRUPTED
         found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
-        summary = cycle_summary(solution, read.cycle, found)
+        summary = cut_short(cycle_summary(solution, read.cycle, found))
         written = _write(folder, name, solution, summary, formats, results, progress)
     missing = _missing(solution, most)
     answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
-    answer.judge(solution.usable, interrupted=stopped, as_required=not missing)
-    answer.cut_short()
+    interrupted = summary["status"] == "interrupted"
+    answer.judge(solution.usable, interrupted=interrupted, as_required=not missing)
     if summary["steps"]:
         heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
         console.print(table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"])))

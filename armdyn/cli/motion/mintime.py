@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.console import answering, console, cut_short, facts_table, working
 from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
@@ -92,6 +92,7 @@ class SearchOptions(CurveOptions):
             progress: called with the progress in words.
 
         Raises:
+            KeyboardInterrupt: Ctrl-C came before a reserve had a motion.
             ProblemError: a reserve is given, too.
         """
         if not self.for_tracking:
@@ -104,6 +105,8 @@ class SearchOptions(CurveOptions):
         own: Any = {"plants": arms, "reserves": FINE_RESERVES, "duration": _WATCHED} if arms else {}
         curve = reserve_curve(problem, options=self.options(), progress=progress, **own)
         if curve.best is None:
+            if curve.interrupted:
+                raise KeyboardInterrupt
             return ad.solve_minimum_time(problem, self.options(), progress), curve
         return curve.solutions[curve.best.reserve], curve
 
@@ -199,20 +202,23 @@ def mintime(
         from armdyn.optimal.answer.words import standing
 
         problem, options = _problem(task, results)
+        task.path_constraints.expect_bodies()
+        if no_costs and problem.preset is None:
+            raise ProblemError("--no-costs is about the conditions of --preset, which is not given")
         arm, search = problem.robot, search.over(options)
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
             found = _Found(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
-            motions, summary, obstacles = {"trajectory": solution.trajectory}, found.summary, solution.problem.obstacles
+            summary, obstacles = cut_short(found.summary), solution.problem.obstacles
+            motions = {"trajectory": solution.trajectory}
             written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
             written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
         missing = missing_of(required, solution.usable, standing(solution))
         about = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm)}
         answer.facts |= {**about, **summary, "missing": missing, **written.facts}
-        stopped = solution.status is ad.Status.INTERRUPTED
+        stopped = summary["status"] == "interrupted"
         answer.judge(solution.usable and not found.verdict.refused, interrupted=stopped, as_required=not missing)
-        answer.cut_short()
         words = found.words | missing_words(missing) | written.words
         console.print(facts_table(f"{arm.name}: minimum time", words))
 

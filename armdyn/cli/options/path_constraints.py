@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
+from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import LIMITS, SCENE, TASK, flag, option
 from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
@@ -72,6 +73,15 @@ class SceneOptions:
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
     )
     clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
+
+    def expect_bodies(self) -> None:
+        """Refuse a clearance from nothing.
+
+        Raises:
+            ProblemError: --clearance is given without anything to keep clear of.
+        """
+        if is_given("clearance") and not (self.obstacle or self.scene or self.self_collision):
+            raise ProblemError("--clearance is from nothing: give --obstacle, --scene or --self-collision")
 
     def scene_arguments(self, robot: Robot) -> dict[str, Any]:
         """The scene as arguments of a `MinimumTimeProblem`, or of `ExcitingOptions`.

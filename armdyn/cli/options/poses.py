@@ -116,6 +116,12 @@ class GoalOptions:
             raise ProblemError("--q-goal and --goal-pose both say where to: give one of them")
         if self.goal_pose is None and (self.goal_free or self.goal_tolerance):
             raise ProblemError("--goal-free and --goal-tolerance belong to --goal-pose, which is not given")
+        from armdyn.optimal.problem.turns import endless
+
+        if self.wrap and not endless(robot, robot.limits).any():
+            raise ProblemError(
+                f"--wrap is about endless joints; all joints of {robot.name} slide or have position limits"
+            )
         goal = None if self.goal_pose is None else goal_pose_of(self.goal_pose)
         if goal is not None:
             free = tuple(part.strip() for part in self.goal_free.split(",")) if self.goal_free else ()

@@ -253,7 +253,9 @@ class Arm:
                 alone, or besides armature.
         """
         if (rotor_inertia is None) != (gear_ratio is None) or (armature is not None and rotor_inertia is not None):
-            raise SpecError("give armature, or rotor_inertia and gear_ratio: armature is gear_ratio² × rotor_inertia")
+            raise SpecError(
+                "give `armature`, or `rotor_inertia` and `gear_ratio`: armature is gear ratio² × rotor inertia"
+            )
         if rotor_inertia is not None and gear_ratio is not None:
             inertia = self._read(rotor_inertia, "rotor_inertia", "kg m²")
             armature = self._read(gear_ratio, "gear_ratio") ** 2 * inertia

@@ -89,7 +89,8 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
     if len(shares) > 8:
         parts.append(element("p", f"and {len(shares) - 8} more, each below {100 * shares[7][2]:.2g} %", class_="note"))
     if idle := facts.texts("idle"):
-        parts.append(element("p", f"Time does not determine how {', '.join(idle)} move.", class_="note"))
+        words = f"Time does not determine the motion of {', '.join(idle)}."
+        parts.append(element("p", words, class_="note"))
     if calm := facts.number("calm"):
         given = f"{1000 * calm:.2g} ms are given for calm joints: without, the motion is so much faster."
         parts.append(element("p", given, class_="note"))

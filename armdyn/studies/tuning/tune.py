@@ -229,7 +229,9 @@ class GainSearch(OwnTask):
             for row in rows.rows(first):
                 if row.k < len(self.tried):
                     if row.settings != self.tried[row.k]:
-                        raise ResultError(f"{rows.path}: row {row.k} is of another controller; begin with another file")
+                        raise ResultError(
+                            f"{rows.path}: row {row.k} is of another controller; begin with another `file`"
+                        )
                     costs[row.k - first] = self._cost(row)
             return costs
 

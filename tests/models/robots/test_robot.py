@@ -165,7 +165,7 @@ def test_a_rotor_behind_a_gear_is_felt_as_armature():
     assert np.allclose(robot.model.armature, [1.0] * 5 + [2.0], rtol=1e-15)
     both = {"rotor_inertia": 1e-4, "gear_ratio": 100.0}
     for wrong in ({"rotor_inertia": 1e-4}, {"gear_ratio": 100.0}, both | {"armature": 1.0}):
-        with pytest.raises(SpecError, match="give armature, or rotor_inertia and gear_ratio: armature is gear_ratio²"):
+        with pytest.raises(SpecError, match="give `armature`, or `rotor_inertia` and `gear_ratio`: armature"):
             robot.with_armature(**{"armature": None} | wrong)
     with pytest.raises(SpecError, match=r"gear_ratio of joint 'shoulder_pan_joint' is -1.0 .index 0.; it must"):
         robot.with_armature(None, 1.0, -1.0)
