@@ -53,12 +53,12 @@ def measure(case: str, row: tuple[str, str, str, str], repeats: int, timeout: fl
         return blank | {"status": f"no answer in {timeout:g} s"}
     if run.returncode:
         return blank | {"status": f"failed: {(run.stderr.strip().splitlines() or ['?'])[-1][:80]}"}
-    told = json.loads(run.stdout.strip().splitlines()[-1])
-    found, asked = ad.Trajectory.load(out), problem(case)
-    end = ad.replay_torques(asked.robot, found)
-    landed = float(np.max(np.abs(end.q[-1] - asked.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
-    numbers = {"duration": found.duration, "time": statistics.median(told["times"])}
-    return blank | told | numbers | {"replay": landed, "excess": limit_violation(asked.limits, found)}
+    output = json.loads(run.stdout.strip().splitlines()[-1])
+    found, request = ad.Trajectory.load(out), problem(case)
+    end = ad.replay_torques(request.robot, found)
+    landed = float(np.max(np.abs(end.q[-1] - request.q_goal))) if end.t[-1] == found.t[-1] else float("inf")
+    numbers = {"duration": found.duration, "time": statistics.median(output["times"])}
+    return blank | output | numbers | {"replay": landed, "excess": limit_violation(request.limits, found)}
 
 
 def measure_loops(repeats: int, timeout: float) -> None:
@@ -71,10 +71,10 @@ def measure_loops(repeats: int, timeout: float) -> None:
             continue
         command = [sys.executable, str(PEERS / "loops.py"), "--peer", peer, "--repeats", str(repeats)]
         run = subprocess.run(command, capture_output=True, text=True, timeout=timeout, check=True)  # noqa: S603
-        told = json.loads(run.stdout.strip().splitlines()[-1])
-        median = statistics.median(told["times"])
-        base, ends = base or median, told["end"] if ends is None else ends
-        apart = np.abs(np.subtract(told["end"], ends)).max()
+        output = json.loads(run.stdout.strip().splitlines()[-1])
+        median = statistics.median(output["times"])
+        base, ends = base or median, output["end"] if ends is None else ends
+        apart = np.abs(np.subtract(output["end"], ends)).max()
         print(f"{peer:20} {median:10.4f} {median / base:7.1f}  {apart:10.1e}", flush=True)
     arm = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.1006))
     ramp, options = ad.ramp(arm, [-1.0, 0.3, -0.2], [0.3, -0.2, 0.1], 0.6), ad.MonteCarloOptions(duration=10.0)
@@ -93,19 +93,19 @@ def main() -> None:
     parser.add_argument("--timeout", type=float, default=180.0, help="of a peer, all repeats and building together [s]")
     parser.add_argument("--json", action="store_true", help="one JSON object per row")
     parser.add_argument("--loops", action="store_true", help="closed loops instead: armdyn, MuJoCo, Drake")
-    told = parser.parse_args()
-    if told.loops:
-        measure_loops(told.repeats, told.timeout)
+    args = parser.parse_args()
+    if args.loops:
+        measure_loops(args.repeats, args.timeout)
         return
-    if not told.json:
+    if not args.json:
         print(f"{'case':6} {'method':30}   t_f [s]  time [s]   ratio  building   replay   excess  status")
-    for case in told.only:
+    for case in args.only:
         with tempfile.TemporaryDirectory() as folder:
-            rows = [measure(case, row, told.repeats, told.timeout, Path(folder)) for row in ROWS]
+            rows = [measure(case, row, args.repeats, args.timeout, Path(folder)) for row in ROWS]
         for row in rows:
             row["ratio"] = row["time"] / rows[1]["time"] if row["time"] and rows[1]["time"] else None
             cells = " ".join("-".rjust(int(f[0])) if row[k] is None else format(row[k], f) for k, f in SHOWN.items())
-            print(json.dumps(row) if told.json else f"{case:6} {row['method']:30} {cells}  {row['status']}", flush=True)
+            print(json.dumps(row) if args.json else f"{case:6} {row['method']:30} {cells}  {row['status']}", flush=True)
 
 
 if __name__ == "__main__":

@@ -116,9 +116,9 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20, help="of each arm (20)")
     parser.add_argument("--seed", type=int, default=5, help="of the poses (5)")
     parser.add_argument("--figure", help="draw two motions instead")
-    asked = parser.parse_args()
-    if asked.figure:
-        figure(asked.figure)
+    options = parser.parse_args()
+    if options.figure:
+        figure(options.figure)
         return
     print("| arm | usable | excess travel of resting joints: median, 90 % [rad] | turns back: median, mean | "
           "variation: median | CPU: median [s] |")  # fmt: skip
@@ -127,7 +127,7 @@ def main() -> None:
     for name, (start, goal) in PAIRS.items():
         robot = ad.Robot.from_library(name)
         table(f"{name}, usual pair", robot, [(np.array(start), np.array(goal), np.flatnonzero(np.equal(start, goal)))])
-        for share, more in table(name, robot, pairs(robot, asked.pairs, asked.seed)).items():
+        for share, more in table(name, robot, pairs(robot, options.pairs, options.seed)).items():
             travels.setdefault(share, []).extend(more)
     for share, travel in travels.items():
         print(f"random pairs of both arms, calm={share:g}: excess travel {np.median(travel):.3f} rad in the median")

@@ -26,12 +26,12 @@ def ruckig_time(problem: ad.MinimumTimeProblem) -> float:
     if problem.acceleration_limit is None or problem.jerk_limit is None:
         return np.nan
     n = problem.robot.nv
-    asked, found = InputParameter(n), Trajectory(n)
-    asked.current_position, asked.target_position = list(problem.q_start), list(problem.q_goal)
-    asked.max_velocity = list(problem.limits.velocity)
-    asked.max_acceleration = list(np.broadcast_to(problem.acceleration_limit, n))
-    asked.max_jerk = list(np.broadcast_to(problem.jerk_limit, n))
-    Ruckig(n).calculate(asked, found)
+    request, found = InputParameter(n), Trajectory(n)
+    request.current_position, request.target_position = list(problem.q_start), list(problem.q_goal)
+    request.max_velocity = list(problem.limits.velocity)
+    request.max_acceleration = list(np.broadcast_to(problem.acceleration_limit, n))
+    request.max_jerk = list(np.broadcast_to(problem.jerk_limit, n))
+    Ruckig(n).calculate(request, found)
     return float(found.duration)
 
 
@@ -75,13 +75,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="motions of each robot (100)")
     parser.add_argument("--seed", type=int, default=31, help="of the poses (31)")
     parser.add_argument("--robots", nargs="+", default=["panda", "ur10"], choices=sorted(PRESETS), help="(panda ur10)")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     print(
         "| robot, preset | usable | accepted | solve: median, longest [s] | CPU, no bound [s] | to Ruckig | gap [%] |"
     )
     print("|---|---|---|---|---|---|---|")
-    for name in asked.robots:
-        print(measure(name, asked.count, asked.seed), flush=True)
+    for name in options.robots:
+        print(measure(name, options.count, options.seed), flush=True)
 
 
 if __name__ == "__main__":

@@ -214,11 +214,11 @@ if __name__ == "__main__":
     options.add_argument("--plans", type=int, default=5)
     options.add_argument("--first", type=int, default=0, help="first seed of the logs and plans")
     options.add_argument("--planned", nargs="*", default=list(POSES), help="arms of the plans")
-    asked = options.parse_args()
-    if asked.log:
-        measured_log(asked.log, asked.robot)
-    if asked.logs:
-        simulated_logs(range(asked.first, asked.first + asked.logs))
+    arguments = options.parse_args()
+    if arguments.log:
+        measured_log(arguments.log, arguments.robot)
+    if arguments.logs:
+        simulated_logs(range(arguments.first, arguments.first + arguments.logs))
         exciting_motions()
-    for name in asked.planned if asked.plans else ():
-        plans(name, range(asked.first, asked.first + asked.plans))
+    for name in arguments.planned if arguments.plans else ():
+        plans(name, range(arguments.first, arguments.first + arguments.plans))

@@ -38,18 +38,18 @@ def by_ruckig(robot: ad.Robot) -> Plan:
     """Plan by Ruckig."""
     import ruckig
 
-    planner, asked = ruckig.Ruckig(robot.nv), ruckig.InputParameter(robot.nv)
-    asked.max_velocity, asked.max_acceleration, asked.max_jerk = 0.95 * robot.limits.velocity, ACCELERATION, JERK
+    planner, request = ruckig.Ruckig(robot.nv), ruckig.InputParameter(robot.nv)
+    request.max_velocity, request.max_acceleration, request.max_jerk = 0.95 * robot.limits.velocity, ACCELERATION, JERK
 
     def plan(q: np.ndarray, v: np.ndarray, a: np.ndarray, goal: np.ndarray) -> ad.Trajectory:
-        asked.current_position, asked.current_velocity, asked.current_acceleration, asked.target_position = (
+        request.current_position, request.current_velocity, request.current_acceleration, request.target_position = (
             q,
             v,
             a,
             goal,
         )
         found = ruckig.Trajectory(robot.nv)
-        planner.calculate(asked, found)
+        planner.calculate(request, found)
         t = np.linspace(0, max(found.duration, 2 * PERIOD), 201)
         q, v, a = (np.array(each) for each in zip(*(found.at_time(one) for one in t), strict=True))
         data = robot.model.createData()

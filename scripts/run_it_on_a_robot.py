@@ -50,11 +50,11 @@ def cell(row: Settling) -> str:
 def main(picture: Path) -> None:
     """Measure, print as Markdown, draw."""
     for name in ("rr", "rrr", "ur5", "panda"):
-        asked, began = problem(name), time.perf_counter()
-        laws = [ad.Lqr(), ad.ComputedTorque(), joint_pid(asked.robot, asked.q_goal)]
+        request, began = problem(name), time.perf_counter()
+        laws = [ad.Lqr(), ad.ComputedTorque(), joint_pid(request.robot, request.q_goal)]
         if name == "rrr":
             laws.append(ad.Lqr(0.05, 0.007, 2.0, 1.0, 1.0))
-        curve = ad.reserve_curve(asked, laws)
+        curve = ad.reserve_curve(request, laws)
         print(f"\n{name}: {time.perf_counter() - began:.0f} s\n")
         levels = sorted(curve.solutions)
         print("| reserve | " + " | ".join(f"{r:g}" for r in levels) + " |\n|---" + "|---" * len(levels) + "|")

@@ -18,16 +18,16 @@ from armdyn.paper import PAYLOAD, example
 
 def problems() -> dict[str, ad.MinimumTimeProblem]:
     """The paper's two and three links, a Panda, and a UR5."""
-    asked = {}
+    found = {}
     for name in ("rr", "rrr"):
         poses = example(name, "minimum_time")
         robot = ad.Robot.from_spec(ad.ArmSpec.paper(name), ad.Payload(mass=PAYLOAD))
-        asked[name] = ad.MinimumTimeProblem(robot, q_start=poses.q_start, q_goal=poses.q_goal)
+        found[name] = ad.MinimumTimeProblem(robot, q_start=poses.q_start, q_goal=poses.q_goal)
     ready, there = [0, -0.785, 0, -2.356, 0, 1.571, 0.785], [1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
-    asked["panda"] = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start=ready, q_goal=there)
+    found["panda"] = ad.MinimumTimeProblem(ad.Robot.from_library("panda"), q_start=ready, q_goal=there)
     there = np.deg2rad([90, -45, 60, -90, 0, 0])
-    asked["ur5"] = ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), q_start="home", q_goal=there)
-    return asked
+    found["ur5"] = ad.MinimumTimeProblem(ad.Robot.from_library("ur5"), q_start="home", q_goal=there)
+    return found
 
 
 if __name__ == "__main__":

@@ -29,10 +29,10 @@ def test_a_function_of_the_table_of_equations_exists(name):
 
 
 def test_every_equation_stands_in_the_table():
-    told = set()
+    numbers = set()
     for first, last in re.findall(r"\((\d+)\)(?: to \((\d+)\))?", EQUATIONS):
-        told |= set(range(int(first), int(last or first) + 1))
-    assert told == set(range(1, 36))
+        numbers |= set(range(int(first), int(last or first) + 1))
+    assert numbers == set(range(1, 36))
 
 
 def test_every_room_stands_on_the_map():

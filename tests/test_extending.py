@@ -123,12 +123,12 @@ def test_a_controller(controller, tmp_path):
     assert exact.settled and exact.peak_error < 2e-3
     assert ad.sampled_stability(robot, [0.2, 0.0], sliding, ad.Loop()).stable
     bare = ("--no-report", "--no-figure", "--json", "--out", tmp_path)
-    told = answer(
+    output = answer(
         run_here("track", "rr", "--ramp", "0.6", "--controller", "sliding-mode", "--gains", "30,100,2", *bare)
     )
-    assert told["success"]
-    told = answer(run_here("track", "rr", "--ramp", "0.6", "--controller", "sliding-mode", "--gains", "30", *bare), 2)
-    assert "--gains has 1 numbers; give three, SLOPE,GAIN,WIDTH" in told["message"]
+    assert output["success"]
+    output = answer(run_here("track", "rr", "--ramp", "0.6", "--controller", "sliding-mode", "--gains", "30", *bare), 2)
+    assert "--gains has 1 numbers; give three, SLOPE,GAIN,WIDTH" in output["message"]
 
 
 @pytest.fixture
@@ -145,8 +145,8 @@ def test_an_output_format(output_format, tmp_path):
     assert len(lines) == samples.t.size
     assert json.loads(lines[1]) == {"t": samples.t[1]} | dict(zip(samples.joint_names, samples.q[1], strict=True))
     motion.save(tmp_path / "trajectory.npz")
-    told = answer(run_here("export", "trajectory.npz", "--format", "jsonl", "--json", cwd=tmp_path))
-    assert told["files"] == ["trajectory.jsonl"] and told["rate"] == 125
+    output = answer(run_here("export", "trajectory.npz", "--format", "jsonl", "--json", cwd=tmp_path))
+    assert output["files"] == ["trajectory.jsonl"] and output["rate"] == 125
     assert (tmp_path / "trajectory.jsonl").read_text().splitlines() == lines
     with pytest.raises(TrajectoryError, match="no names"):
         FORMATS["jsonl"]().text(replace(motion, joint_names=()).resample(125))
@@ -179,9 +179,9 @@ def test_an_obstacle_shape(wedge, tmp_path):
     (again,) = ad.read_problem(tmp_path / "problem.toml").obstacles
     assert np.allclose(again.placement, one.placement, atol=1e-14) and again.height == one.height
     assert len(obstacle_shapes([one])) == 1
-    (told,) = obstacles_of(["wedge:0.4,0.2,0.1@0.3,0,-0.05"])
-    assert told == wedge(0.4, 0.2, 0.1, [0.3, 0.0, -0.05])
-    assert collision_model(robot, (told,), False).nearer([0.0, 0.0], np.inf)[0].distance < 0
+    (output,) = obstacles_of(["wedge:0.4,0.2,0.1@0.3,0,-0.05"])
+    assert output == wedge(0.4, 0.2, 0.1, [0.3, 0.0, -0.05])
+    assert collision_model(robot, (output,), False).nearer([0.0, 0.0], np.inf)[0].distance < 0
     with pytest.raises(ProblemError, match="wedge:L,W,H@X,Y,Z"):
         obstacles_of(["wedge:0.1@0,0,0"])
     with pytest.raises(ProblemError, match="length of obstacle 'wedge' is 0"):

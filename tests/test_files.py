@@ -52,10 +52,10 @@ def test_a_full_disk_is_an_error_of_its_own(failing, code, tmp_path, monkeypatch
     monkeypatch.setattr(failing, fail)
     with pytest.raises(
         DiskFullError, match=r"disk full while writing .*a\.bin; what was written before is whole"
-    ) as told:
+    ) as raised:
         write_whole(path, b"new")
     monkeypatch.undo()
-    assert isinstance(told.value, ArmdynError) and isinstance(told.value, OSError)
+    assert isinstance(raised.value, ArmdynError) and isinstance(raised.value, OSError)
     assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
 
 
@@ -151,9 +151,9 @@ def test_paths_that_are_no_file(path, words):
 )
 def test_json_that_is_refused(text, tmp_path):
     (tmp_path / "a.json").write_bytes(text.encode("latin-1"))
-    with pytest.raises(FileError, match=r"a\.json: not JSON") as told:
+    with pytest.raises(FileError, match=r"a\.json: not JSON") as raised:
         read_json(tmp_path / "a.json", 2**20)
-    assert len(str(told.value)) < 400
+    assert len(str(raised.value)) < 400
 
 
 def test_json_that_is_read(tmp_path):

@@ -123,8 +123,8 @@ def test_a_module_that_cannot_be_imported_says_why(tmp_path):
     (package / "__init__.pyi").write_text("from broken.part import thing as thing\n")
     (package / "part.py").write_text("import no_such_module\n")
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import broken"
-    for asked in ("broken.thing", "broken.part"):
-        done = subprocess.run([sys.executable, "-c", f"{code}; {asked}"], capture_output=True, text=True, check=False)
+    for name in ("broken.thing", "broken.part"):
+        done = subprocess.run([sys.executable, "-c", f"{code}; {name}"], capture_output=True, text=True, check=False)
         assert "ModuleNotFoundError: No module named 'no_such_module'" in done.stderr
 
 

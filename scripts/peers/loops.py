@@ -118,10 +118,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--peer", choices=("armdyn", "mujoco", "drake"), required=True)
     parser.add_argument("--repeats", type=int, default=5)
-    told = parser.parse_args()
-    run = {"armdyn": own, "mujoco": mujoco, "drake": drake}[told.peer](robot())
+    options = parser.parse_args()
+    run = {"armdyn": own, "mujoco": mujoco, "drake": drake}[options.peer](robot())
     end, times = run(), []
-    for _ in range(told.repeats):
+    for _ in range(options.repeats):
         begun = time.perf_counter()
         end = run()
         times.append(time.perf_counter() - begun)

@@ -69,16 +69,16 @@ def main(build: Callable[[ad.MinimumTimeProblem, str], Callable[[], Answer]], me
     parser.add_argument("--method", choices=methods, required=True)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--out", type=Path, required=True)
-    told = parser.parse_args()
+    options = parser.parse_args()
     started = time.perf_counter()
-    solve = build(problem(told.case), told.method)
+    solve = build(problem(options.case), options.method)
     building = time.perf_counter() - started
     times: list[float] = []
-    while len(times) <= told.repeats and not (times and times[0] > DROPPED_UP_TO and len(times) == told.repeats):
+    while len(times) <= options.repeats and not (times and times[0] > DROPPED_UP_TO and len(times) == options.repeats):
         started = time.perf_counter()
         answer = solve()
         times.append(time.perf_counter() - started)
-    kept = times[1:] if len(times) > told.repeats else times
-    answer.trajectory.save(told.out)
+    kept = times[1:] if len(times) > options.repeats else times
+    answer.trajectory.save(options.out)
     print(json.dumps({"status": answer.status, "building": building, "first": times[0], "times": kept}))
     sys.stdout.flush()

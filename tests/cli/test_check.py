@@ -81,8 +81,8 @@ def test_the_torque_interface_takes_torques(motion, here):
     assert facts["accepted"] and {row["condition"] for row in facts["conditions"]} == {"torque_rate", "torque"}
     heavy = check("no_torques.csv", "--interface", "torque", "--robot", "panda", "--payload", "3")
 
-    def most(told):
-        return max(abs(row["value"]) for row in told["conditions"] if row["condition"] == "torque")
+    def most(output):
+        return max(abs(row["value"]) for row in output["conditions"] if row["condition"] == "torque")
 
     assert most(heavy) > most(facts)
 
@@ -110,8 +110,8 @@ def test_what_is_refused(motion, here):
     (here / "six.csv").write_text("t,q1,q2,q3,q4,q5,q6\n0,1,1,1,1,1,1\n1,1,1,1,1,1,1\n")
     (here / "ur.json").write_text(message([0.0, 1.0], np.zeros((2, 7)), [f"axis_{i}" for i in range(7)]))
     for arguments, said in cases.items():
-        told = answer(run_here("check", *arguments, "--json"), 2)
-        assert said in told["message"], (arguments, told["message"])
+        output = answer(run_here("check", *arguments, "--json"), 2)
+        assert said in output["message"], (arguments, output["message"])
 
 
 def test_a_preset_of_ones_own(motion, here):

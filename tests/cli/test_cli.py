@@ -200,14 +200,14 @@ def test_bad_input_is_exit_2_without_traceback(arguments, message, tmp_path):
     assert message in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())  # nothing is left behind
-    told = answer(run_here(*arguments, "--json", cwd=tmp_path), 2)
-    assert told["success"] is False and message in told["message"]
+    output = answer(run_here(*arguments, "--json", cwd=tmp_path), 2)
+    assert output["success"] is False and message in output["message"]
 
 
 @pytest.mark.slow
 def test_bad_input_is_exit_2_of_the_process(tmp_path):
-    told = run_json("doctor", "nosuch", code=2, cwd=tmp_path, how=run)
-    assert told["success"] is False and "no robot named 'nosuch'" in told["message"]
+    output = run_json("doctor", "nosuch", code=2, cwd=tmp_path, how=run)
+    assert output["success"] is False and "no robot named 'nosuch'" in output["message"]
 
 
 @pytest.mark.slow

@@ -29,8 +29,8 @@ def home(tmp_path):
 def install(shell, home):
     """What `armdyn --install-completion` says within a shell."""
     # A command after it, or the shell would become the command, which then finds no shell above it.
-    asked = [shell, "-c", "armdyn --install-completion; exit 0"]
-    return subprocess.run(asked, env=home, capture_output=True, text=True, timeout=LONG)
+    command = [shell, "-c", "armdyn --install-completion; exit 0"]
+    return subprocess.run(command, env=home, capture_output=True, text=True, timeout=LONG)
 
 
 @pytest.mark.slow
@@ -43,7 +43,7 @@ def test_completion_installs_for_bash_and_works(home, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert "bash_completions/armdyn.sh" in (tmp_path / ".bashrc").read_text()
-    asked = (
+    command = (
         'source "$HOME/.bashrc"; COMP_WORDS=({}); COMP_CWORD={}; _armdyn_completion armdyn; echo "${{COMPREPLY[@]}}"'
     )
     for words, number, expected in (
@@ -52,7 +52,7 @@ def test_completion_installs_for_bash_and_works(home, tmp_path):
         ("armdyn mintime ur1", 2, {"ur10", "ur10_limited"}),
     ):
         done = subprocess.run(
-            [*bash, asked.format(words, number)], env=home, capture_output=True, text=True, timeout=120
+            [*bash, command.format(words, number)], env=home, capture_output=True, text=True, timeout=120
         )
         assert set(done.stdout.split()) == expected, (words, done.stdout, done.stderr)
 

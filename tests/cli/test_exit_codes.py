@@ -17,16 +17,16 @@ def here(*arguments, code, cwd):
 
 
 def test_a_usable_motion_is_exit_0_certified_or_not(tmp_path):
-    told = run_json(*SOLVE, "--require", "certified", "--require", "extremal", cwd=tmp_path)
-    assert told["usable"] and told["certified"] and told["extremal"] and told["missing"] == []
-    told = here(*SOLVE, "--limit", "torque-rate=500", code=0, cwd=tmp_path)
-    assert told["usable"] and not told["certified"] and told["what_to_do"]
+    output = run_json(*SOLVE, "--require", "certified", "--require", "extremal", cwd=tmp_path)
+    assert output["usable"] and output["certified"] and output["extremal"] and output["missing"] == []
+    output = here(*SOLVE, "--limit", "torque-rate=500", code=0, cwd=tmp_path)
+    assert output["usable"] and not output["certified"] and output["what_to_do"]
 
 
 def test_what_is_required_and_missing_is_exit_4_and_named(tmp_path):
-    told = run_json(*SOLVE, "--require", "gap:0.5%", "--require", "certified", code=4, cwd=tmp_path)
-    assert told["success"] and told["usable"] and told["certified"]
-    (missing,) = told["missing"]
+    output = run_json(*SOLVE, "--require", "gap:0.5%", "--require", "certified", code=4, cwd=tmp_path)
+    assert output["success"] and output["usable"] and output["certified"]
+    (missing,) = output["missing"]
     assert missing.startswith("gap:0.5% is missing: ")
     assert (tmp_path / "results" / "mintime-r" / "result.json").exists()  # the motion is written all the same
     done = run_here(*SOLVE, "--require", "gap:0.5%", cwd=tmp_path)
@@ -36,25 +36,25 @@ def test_what_is_required_and_missing_is_exit_4_and_named(tmp_path):
 
 def test_a_motion_that_is_not_usable_is_exit_3_whatever_is_required(tmp_path):
     for required in ([], ["--require", "certified"]):
-        told = here("mintime", "rr", *BARE, "--time-limit", 0.001, *required, code=3, cwd=tmp_path)
-        assert not told["usable"] and not told["success"] and told["what_to_do"]
-        assert len(told["missing"]) == len(required) // 2
+        output = here("mintime", "rr", *BARE, "--time-limit", 0.001, *required, code=3, cwd=tmp_path)
+        assert not output["usable"] and not output["success"] and output["what_to_do"]
+        assert len(output["missing"]) == len(required) // 2
 
 
 @pytest.mark.parametrize("command", ["mintime", "sweep"])
 @pytest.mark.parametrize("wrong", ["optimal", "gap", "gap:5", "gap:much"])
 def test_a_requirement_that_is_none_is_exit_2_before_anything_is_solved(command, wrong, tmp_path):
-    told = here(command, "rr", "--require", wrong, code=2, cwd=tmp_path)
-    assert "--require" in told["message"]
+    output = here(command, "rr", "--require", wrong, code=2, cwd=tmp_path)
+    assert "--require" in output["message"]
     assert not list(tmp_path.iterdir())
 
 
 def test_a_sweep_asks_it_of_every_payload(tmp_path):
     sweep = ("sweep", "r", "--payload", "0,0.1", "--no-figure")
-    told = here(*sweep, "--require", "certified", code=0, cwd=tmp_path)
-    assert told["missing"] == [] and all(row["usable"] and row["certified"] for row in told["rows"])
-    told = here(*sweep, "--require", "gap:1%", code=4, cwd=tmp_path)
-    assert told["success"] and [text.split(":")[0] for text in told["missing"]] == ["0 g", "100 g"]
+    output = here(*sweep, "--require", "certified", code=0, cwd=tmp_path)
+    assert output["missing"] == [] and all(row["usable"] and row["certified"] for row in output["rows"])
+    output = here(*sweep, "--require", "gap:1%", code=4, cwd=tmp_path)
+    assert output["success"] and [text.split(":")[0] for text in output["missing"]] == ["0 g", "100 g"]
     done = run_here(*sweep, "--require", "gap:1%", cwd=tmp_path)
     assert done.returncode == 4 and "required: 0 g: gap:1% is missing" in " ".join(done.stderr.split())
 

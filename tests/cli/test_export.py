@@ -23,22 +23,22 @@ def here(tmp_path):
 
 
 def test_a_table_beside_the_file(here):
-    told = answer(run_here("export", "trajectory.npz", "--json", cwd=here))
-    assert told["success"] and told["status"] == "written" and told["files"] == ["trajectory.csv"]
+    output = answer(run_here("export", "trajectory.npz", "--json", cwd=here))
+    assert output["success"] and output["status"] == "written" and output["files"] == ["trajectory.csv"]
     table = pandas.read_csv(here / "trajectory.csv")
     samples = solved("rr").trajectory.resample(1000)
-    assert len(table) == told["samples"] == samples.t.size
+    assert len(table) == output["samples"] == samples.t.size
     np.testing.assert_array_equal(table["tau_joint2 [N m or N]"], samples.tau[:, 1])
 
 
 def test_ros_reads_it(here):
     file = "deeper/still/trajectory.json"
-    told = answer(
+    output = answer(
         run_here(
             "export", "trajectory.npz", "--format", "ros2", "--rate", "250", "--out", "deeper/still", "--json", cwd=here
         )
     )
-    assert told["rate"] == 250 and told["files"] == [file]
+    assert output["rate"] == 250 and output["files"] == [file]
     text = (here / file).read_text()
     assert yaml.safe_load(text) == json.loads(text) == solved("rr").trajectory.resample(250).to_joint_trajectory()
 
@@ -63,8 +63,8 @@ def test_mujoco_reads_it(here):
 
 
 def test_its_own_samples(here):
-    told = answer(run_here("export", "trajectory.npz", "--rate", "own", "--json", cwd=here))
-    assert told["rate"] is None and told["samples"] == solved("rr").trajectory.resample().t.size
+    output = answer(run_here("export", "trajectory.npz", "--rate", "own", "--json", cwd=here))
+    assert output["rate"] is None and output["samples"] == solved("rr").trajectory.resample().t.size
 
 
 def test_words(here):
@@ -76,17 +76,17 @@ def test_words(here):
 def test_too_many_rows_are_bad_input(here):
     long = Trajectory([0.0, 1e4], np.zeros((2, 1)), np.zeros((2, 1)), np.zeros((2, 1)))
     long.save(here / "long.npz")
-    told = answer(run_here("export", "long.npz", "--json", cwd=here), 2)
-    assert "give a lower rate" in told["message"]
-    told = answer(run_here("export", "long.npz", "--format", "ros2", "--rate", "1", "--json", cwd=here), 2)
-    assert "joint_names is empty" in told["message"]
+    output = answer(run_here("export", "long.npz", "--json", cwd=here), 2)
+    assert "give a lower rate" in output["message"]
+    output = answer(run_here("export", "long.npz", "--format", "ros2", "--rate", "1", "--json", cwd=here), 2)
+    assert "joint_names is empty" in output["message"]
     assert sorted(path.name for path in here.iterdir()) == ["long.npz", "trajectory.npz"]
 
 
 def test_a_folder_in_the_files_place(here):
     (here / "trajectory.csv").mkdir()
-    told = answer(run_here("export", "trajectory.npz", "--json", cwd=here), 2)
-    assert "trajectory.csv: cannot be written (it is a folder" in told["message"]
+    output = answer(run_here("export", "trajectory.npz", "--json", cwd=here), 2)
+    assert "trajectory.csv: cannot be written (it is a folder" in output["message"]
 
 
 def test_a_program_for_a_controller_has_its_rate(tmp_path):
@@ -94,59 +94,59 @@ def test_a_program_for_a_controller_has_its_rate(tmp_path):
     rest = np.zeros((50, 6))
     Trajectory(t, rest, rest, rest, [f"j{i}" for i in range(6)]).save(tmp_path / "m.npz")
     payload = ("--payload", "2.5", "--payload-com", "0,0,0.08")
-    told = answer(run_here("export", "m.npz", "--format", "urscript", *payload, "--json", cwd=tmp_path))
-    assert (told["rate"], told["files"], told["deviation"]) == (500, ["m.script"], None)
+    output = answer(run_here("export", "m.npz", "--format", "urscript", *payload, "--json", cwd=tmp_path))
+    assert (output["rate"], output["files"], output["deviation"]) == (500, ["m.script"], None)
     assert (
         "set_target_payload(2.500000000, [0.000000000, 0.000000000, 0.080000000])"
         in (tmp_path / "m.script").read_text()
     )
-    told = answer(run_here("export", "m.npz", "--format", "ur-rtde", "--tolerance", "0.03", "--json", cwd=tmp_path))
-    assert told["files"] == ["m.py"] and "TOLERANCE = 0.03" in (tmp_path / "m.py").read_text()
-    told = answer(run_here("export", "m.npz", "--format", "urscript", "--rate", "100", "--json", cwd=tmp_path), 2)
-    assert "500 or 125" in told["message"]
-    told = answer(run_here("export", "m.npz", *payload, "--json", cwd=tmp_path), 2)
-    assert told["message"] == "--payload is of the formats urscript, ur-rtde, panda-python; csv has none"
+    output = answer(run_here("export", "m.npz", "--format", "ur-rtde", "--tolerance", "0.03", "--json", cwd=tmp_path))
+    assert output["files"] == ["m.py"] and "TOLERANCE = 0.03" in (tmp_path / "m.py").read_text()
+    output = answer(run_here("export", "m.npz", "--format", "urscript", "--rate", "100", "--json", cwd=tmp_path), 2)
+    assert "500 or 125" in output["message"]
+    output = answer(run_here("export", "m.npz", *payload, "--json", cwd=tmp_path), 2)
+    assert output["message"] == "--payload is of the formats urscript, ur-rtde, panda-python; csv has none"
 
 
 def test_the_deviation_of_ros2_control_is_said_and_bounded(here):
-    told = answer(run_here("export", "trajectory.npz", "--format", "ros2", "--json", cwd=here))
-    assert told["rate"] == 1000 and 0 < told["deviation"] < 1e-4
+    output = answer(run_here("export", "trajectory.npz", "--format", "ros2", "--json", cwd=here))
+    assert output["rate"] == 1000 and 0 < output["deviation"] < 1e-4
     tight = ("export", "trajectory.npz", "--format", "ros2", "--tolerance", "4e-6", "--json")
-    told = answer(run_here(*tight, cwd=here))
-    assert told["rate"] > 1000 and told["deviation"] <= 4e-6  # raised
-    told = answer(run_here(*tight, "--rate", "1000", cwd=here), 2)
-    assert "give a higher --rate or --tolerance" in told["message"]
+    output = answer(run_here(*tight, cwd=here))
+    assert output["rate"] > 1000 and output["deviation"] <= 4e-6  # raised
+    output = answer(run_here(*tight, "--rate", "1000", cwd=here), 2)
+    assert "give a higher --rate or --tolerance" in output["message"]
 
 
 def test_a_model_of_the_arm_that_moved(tmp_path):
     bare = ("--no-figure", "--no-report", "--json", "--out", "run")
     answer(run_here("mintime", "rr", "--payload", "0.1006", *bare, cwd=tmp_path))
-    told = answer(run_here("export", "run/trajectory.npz", "--format", "mujoco", "--model", "--json", cwd=tmp_path))
-    model = mujoco.MjSpec.from_file(str(tmp_path / told["files"][0])).compile()
-    assert (model.nv, model.nu, model.nkey) == (2, 6, told["samples"]) and told["rate"] == 4000
+    output = answer(run_here("export", "run/trajectory.npz", "--format", "mujoco", "--model", "--json", cwd=tmp_path))
+    model = mujoco.MjSpec.from_file(str(tmp_path / output["files"][0])).compile()
+    assert (model.nv, model.nu, model.nkey) == (2, 6, output["samples"]) and output["rate"] == 4000
     (tmp_path / "alone.npz").write_bytes((tmp_path / "run" / "trajectory.npz").read_bytes())
     alone = ("export", "alone.npz", "--format", "mujoco", "--model", "--json")
     assert "name it by --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
     assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
-    told = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
-    assert told["message"] == "--model is of the format mujoco; csv has none"
+    output = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
+    assert output["message"] == "--model is of the format mujoco; csv has none"
 
 
 def test_a_motion_whose_payload_changes(tmp_path):
     motion = pick_and_place()[1]
     motion.save(tmp_path / "m.npz")
-    told = answer(run_here("export", "m.npz", "--json", cwd=tmp_path))
-    assert ",grasp," in (tmp_path / told["files"][0]).read_text() and told["duration"] == motion.duration
+    output = answer(run_here("export", "m.npz", "--json", cwd=tmp_path))
+    assert ",grasp," in (tmp_path / output["files"][0]).read_text() and output["duration"] == motion.duration
     keys = ("export", "m.npz", "--format", "mujoco", "--json")
     assert "--piece" in answer(run_here(*keys, cwd=tmp_path), 2)["message"]
     assert answer(run_here(*keys, "--piece", "2", cwd=tmp_path))["duration"] == pytest.approx(0.1)
-    told = answer(run_here(*keys, "--piece", "3", "--model", "--robot", "rr", cwd=tmp_path))
-    model = mujoco.MjSpec.from_file(str(tmp_path / told["files"][0])).compile()
+    output = answer(run_here(*keys, "--piece", "3", "--model", "--robot", "rr", cwd=tmp_path))
+    model = mujoco.MjSpec.from_file(str(tmp_path / output["files"][0])).compile()
     arm = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     carried = sum(model.body_mass) - sum(inertia.mass for inertia in list(arm.model.inertias)[1:])
     assert carried == pytest.approx(0.1006, rel=1e-6)
-    told = answer(run_here("export", "m.npz", "--piece", "4", "--json", cwd=tmp_path), 2)
-    assert told["message"] == "--piece is 4; the motion has 3 pieces"
+    output = answer(run_here("export", "m.npz", "--piece", "4", "--json", cwd=tmp_path), 2)
+    assert output["message"] == "--piece is 4; the motion has 3 pieces"
 
 
 @pytest.mark.parametrize(
@@ -162,8 +162,8 @@ def test_a_motion_whose_payload_changes(tmp_path):
     ],
 )
 def test_options_that_would_not_do_anything_are_refused(here, given, said):
-    told = answer(run_here("export", "trajectory.npz", *given, "--json", cwd=here), 2)
-    assert said in told["message"] and sorted(path.name for path in here.iterdir()) == ["trajectory.npz"]
+    output = answer(run_here("export", "trajectory.npz", *given, "--json", cwd=here), 2)
+    assert said in output["message"] and sorted(path.name for path in here.iterdir()) == ["trajectory.npz"]
 
 
 def test_a_program_has_the_rate_of_its_controller(tmp_path):

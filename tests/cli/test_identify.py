@@ -43,14 +43,14 @@ def written(arrays, folder):
 @pytest.mark.slow
 def test_a_payload_is_identified_and_the_arm_is_planned_with(log, tmp_path):
     few = ("--likely", 2)  # of each the robot is read again
-    told = answer(run_here("identify", "rrr", log, "--payload-only", *few, "--out", tmp_path / "x", "--json"))
-    assert told["status"] == "identified"
-    mass = next(one for one in told["parameters"] if one["name"] == "mass of payload")
+    facts = answer(run_here("identify", "rrr", log, "--payload-only", *few, "--out", tmp_path / "x", "--json"))
+    assert facts["status"] == "identified"
+    mass = next(one for one in facts["parameters"] if one["name"] == "mass of payload")
     assert mass["measured"] and mass["value"] == pytest.approx(0.12, rel=0.01)
     assert all(
-        after <= before for after, before in zip(*(told["torque_errors"][k] for k in ("after", "before")), strict=True)
+        after <= before for after, before in zip(*(facts["torque_errors"][k] for k in ("after", "before")), strict=True)
     )
-    file, *others = told["files"]
+    file, *others = facts["files"]
     assert [Path(one).name for one in others] == ["report.html", "result.json"]
     motion = answer(run_here("bound", file, "--q-start", "0,0,0", "--q-goal", "1,0,0", "--velocity-limit", 5, "--json"))
     assert motion["bound"] > 0.2 and motion["friction"] != [0, 0, 0]
@@ -62,14 +62,14 @@ def test_a_payload_is_identified_and_the_arm_is_planned_with(log, tmp_path):
 def test_an_identified_arm_is_planned_with_at_once(tmp_path):
     log = table_of(robot_named("r").with_payload(ad.Payload(mass=0.1)).with_friction(0.02, 0.03), tmp_path)
     ends = ["--q-start", "0", "--q-goal", "1"]
-    told = answer(
+    facts = answer(
         run_here(
             "identify", "r", log, "--payload-only", "--likely", 5, "--out", tmp_path / "x", "--json",
             "--then", "mintime", *ends, "--for-tracking", "--no-figure", "--no-report", "--out", tmp_path / "y",
         )
     )  # fmt: skip
-    assert told["command"] == "mintime" and told["success"]
-    best = told["for_tracking"]["best"]
+    assert facts["command"] == "mintime" and facts["success"]
+    best = facts["for_tracking"]["best"]
     assert best["settled"] == best["arms"] == 5 and best["reserve"] < 0.1
     # The likely arms are in the file: the next command takes them without the log.
     file, ramp = tmp_path / "x" / "identified.toml", ["--ramp", 0.5, "--count", 6, "--no-figure"]
@@ -83,7 +83,7 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
         joint: 1.5 * body.toDynamicParameters()
         for joint, body in zip(RRR.joint_names, RRR.model.inertias[1:], strict=True)
     }
-    told = answer(
+    facts = answer(
         run_here(
             "identify",
             "rrr",
@@ -96,9 +96,9 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
             "--json",
         )
     )
-    assert told["status"] == "identified"
-    assert re.fullmatch(r"the logs ask for other inertias .*: leave out --payload-only", *told["warnings"])
-    assert "The logs ask for other inertias of the links" in Path(told["files"][1]).read_text()
+    assert facts["status"] == "identified"
+    assert re.fullmatch(r"the logs ask for other inertias .*: leave out --payload-only", *facts["warnings"])
+    assert "The logs ask for other inertias of the links" in Path(facts["files"][1]).read_text()
 
 
 @pytest.mark.parametrize(
@@ -130,9 +130,9 @@ def test_what_follows_is_run_only_after_success(log, tmp_path):
 @pytest.mark.slow
 def test_the_file_has_as_many_likely_arms_as_can_be_read_again(log, tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.parsing.toml.MAX_BYTES", 5000)
-    told = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path, "--json"))
-    assert 3 <= told["likely"] <= 12
-    assert (tmp_path / "identified.toml").read_text().count("[[robot.likely]]") == told["likely"]
+    facts = answer(run_here("identify", "rrr", log, "--payload-only", "--out", tmp_path, "--json"))
+    assert 3 <= facts["likely"] <= 12
+    assert (tmp_path / "identified.toml").read_text().count("[[robot.likely]]") == facts["likely"]
 
 
 JUMP, GAP = np.where(np.arange(2000) < 1000, 0, -0.2), np.where(np.arange(2000) < 1000, 0, 0.5)
@@ -163,16 +163,16 @@ def test_a_log_that_is_none_of_the_arm_is_refused(changes, message, tmp_path):
 
 
 def test_an_exciting_motion_is_written(tmp_path):
-    told = answer(run_here("identify", "rrr", "--exciting", 2, "--out", tmp_path, "--json"))
-    motion = ad.Trajectory.load(told["files"][0])
+    facts = answer(run_here("identify", "rrr", "--exciting", 2, "--out", tmp_path, "--json"))
+    motion = ad.Trajectory.load(facts["files"][0])
     assert motion.duration == pytest.approx(2.0) and not np.any(motion.v[[0, -1]])
 
 
 @pytest.mark.slow
 def test_an_exciting_motion_is_clear_of_obstacles_and_accepted_by_the_preset(tmp_path):
     scene = ["--obstacle", "plane:0,0,1@0,0,-0.05", "--self-collision", "--clearance", "0.008", "--preset", "ur5"]
-    told = answer(run_here("identify", "ur5", "--exciting", 2, "--payload-only", *scene, "--out", tmp_path, "--json"))
-    motion, ur5 = ad.Trajectory.load(told["files"][0]), robot_named("ur5")
+    facts = answer(run_here("identify", "ur5", "--exciting", 2, "--payload-only", *scene, "--out", tmp_path, "--json"))
+    motion, ur5 = ad.Trajectory.load(facts["files"][0]), robot_named("ur5")
     assert ad.ControllerPreset.named("ur5").check(motion).ok
     model = CollisionModel(ur5, [ad.Plane((0, 0, -0.05), (0, 0, 1))], True)
     assert np.min(model.distances(motion.q)) >= 0.008

@@ -24,8 +24,8 @@ def test_descriptions_have_most_of_eighty_columns(command):
     lines = help_of(command).splitlines()
     assert max(map(len, lines)) <= 80
     for line in lines:
-        if line.startswith("│ --") and (told := re.match(r"│ (--\S+(?: \S+)?)\s{2,}([^\s│].*)", line)):
-            assert told.start(2) <= 30, line  # 80 less the frame and 30 leaves 48 letters
+        if line.startswith("│ --") and (printed := re.match(r"│ (--\S+(?: \S+)?)\s{2,}([^\s│].*)", line)):
+            assert printed.start(2) <= 30, line  # 80 less the frame and 30 leaves 48 letters
     long = next((line for line in lines if line.startswith("│ --goal-pose")), None)
     if long:
         assert long.strip("│ ").startswith("--goal-pose FRAME:X,Y,Z")
@@ -62,8 +62,8 @@ def test_a_motion_s_options_are_by_kind():
              "--starts": "Solver", "--no-report": "Output", "--quiet": "Output", "--degrees": "Task"}  # fmt: skip
     for option, panel in where.items():
         assert option in panels[panel], option
-    told = " ".join(panels["Task"].replace("│", " ").split())
-    assert "Numbers of --q-start, --q-goal, --via, --lock are degrees" in told
+    printed = " ".join(panels["Task"].replace("│", " ").split())
+    assert "Numbers of --q-start, --q-goal, --via, --lock are degrees" in printed
 
 
 def test_help_begins_with_examples_that_are_commands():
@@ -88,9 +88,9 @@ def test_words_of_a_table_stay_whole_in_a_narrow_terminal(monkeypatch, capsys):
     heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
     rows = [("PID (acceleration)", "4.5535 s", "+2061.4 %", "2.115 J", "0.249 %", "47.2 %", "Certified"), ("toppra",)]
     Terminal().print(table("motions", heads, rows))
-    told = capsys.readouterr().out.split()
+    printed = capsys.readouterr().out.split()
     words = [word.removeprefix(">") for row in (heads, *rows) for cell in row for word in cell.split()]
-    assert sorted(told) == sorted(["motions", *words])
+    assert sorted(printed) == sorted(["motions", *words])
 
 
 def test_a_column_of_numbers_is_as_wide_as_the_widest_line(monkeypatch, capsys):

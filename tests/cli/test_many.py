@@ -22,14 +22,14 @@ def many(folder, *more, code=0):
 
 @pytest.mark.slow
 def test_a_study_is_written_and_gone_on_with(tmp_path):
-    told = many(tmp_path, "--count", 8, "--within", 0.5)
-    assert told["success"] is True
-    assert (told["count"], told["within"]) == (8, 0.5)
-    assert told["success_rate_low"] < told["success_rate"] <= told["success_rate_high"]
+    output = many(tmp_path, "--count", 8, "--within", 0.5)
+    assert output["success"] is True
+    assert (output["count"], output["within"]) == (8, 0.5)
+    assert output["success_rate_low"] < output["success_rate"] <= output["success_rate_high"]
     names = ["rows.sqlite", "rows.csv", "reference.npz", "envelope.png", "envelope.pdf", "result.json"]
     assert [file.name for file in map(tmp_path.joinpath, names) if file.exists()] == names
-    assert told["files"] == [str(tmp_path / name) for name in names]
-    assert json.loads((tmp_path / "result.json").read_text())["settled"] == told["settled"]
+    assert output["files"] == [str(tmp_path / name) for name in names]
+    assert json.loads((tmp_path / "result.json").read_text())["settled"] == output["settled"]
     assert ad.Trajectory.load(tmp_path / "reference.npz").duration == pytest.approx(0.3)
     before = ad.study_table(tmp_path / "rows.sqlite")
     assert many(tmp_path, "--count", 10, "--no-figure")["count"] == 10
@@ -48,8 +48,8 @@ def rows_of(file):
 
 def test_another_question_is_bad_input(tmp_path):
     many(tmp_path, "--count", 2, "--no-figure")
-    told = many(tmp_path, "--count", 2, "--no-figure", "--arms-seed", 1, code=2)
-    assert "plants.seed is 0 there and 1 here. Repeat that one, or choose another --out" in told["message"]
+    output = many(tmp_path, "--count", 2, "--no-figure", "--arms-seed", 1, code=2)
+    assert "plants.seed is 0 there and 1 here. Repeat that one, or choose another --out" in output["message"]
 
 
 def test_fewer_than_are_required_have_an_exit_code(tmp_path):
@@ -91,24 +91,24 @@ def test_ctrl_c_keeps_the_rows(tmp_path):
         assert study.poll() is None and time.monotonic() < until
         time.sleep(0.01)
     study.send_signal(signal.SIGINT)
-    _, told = study.communicate(timeout=60)
+    _, output = study.communicate(timeout=60)
     assert study.returncode == 130
     count = rows_of(rows)
-    assert f"interrupted; {count} rows are in" in " ".join(told.split())
+    assert f"interrupted; {count} rows are in" in " ".join(output.split())
     count = ad.study_table(rows)[-1]["k"] + 1  # with those that were under way
     assert many(tmp_path, "--count", count, "--no-figure")["count"] == count
 
 
 @pytest.mark.slow
 def test_tune_writes_what_it_has_chosen(tmp_path):
-    told = answer(run_here(*TUNE, "--friction-range", "0,0.06", "--json", "--out", tmp_path))
-    assert told["success"] is True
-    assert set(told["values"]) == {"kp", "ki", "kd", "ramp"}
-    assert (told["training"]["count"], told["held_out"]["count"]) == (6, 3)
-    assert told["controller"].startswith("Pid(gains=PidGains(kp=")
+    output = answer(run_here(*TUNE, "--friction-range", "0,0.06", "--json", "--out", tmp_path))
+    assert output["success"] is True
+    assert set(output["values"]) == {"kp", "ki", "kd", "ramp"}
+    assert (output["training"]["count"], output["held_out"]["count"]) == (6, 3)
+    assert output["controller"].startswith("Pid(gains=PidGains(kp=")
     motion = ad.Trajectory.load(tmp_path / "reference.npz")
-    assert motion.duration == pytest.approx(told["values"]["ramp"])
-    assert json.loads((tmp_path / "result.json").read_text())["values"] == told["values"]
+    assert motion.duration == pytest.approx(output["values"]["ramp"])
+    assert json.loads((tmp_path / "result.json").read_text())["values"] == output["values"]
 
 
 @pytest.mark.slow
@@ -123,8 +123,8 @@ def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(
     file = tmp_path / "identified.toml"
     file.write_text(f"[robot]\nname = 'r'\npayload = {{ mass = 0.1 }}\n{arms}")
     ends = ("--q-start", 0, "--q-goal", 1, "--json", "--out", tmp_path)
-    told = answer(run_here("tune", file, *TUNE[4:], *ends))
-    assert (told["training"]["count"], told["held_out"]["count"]) == (3, 3)
+    output = answer(run_here("tune", file, *TUNE[4:], *ends))
+    assert (output["training"]["count"], output["held_out"]["count"]) == (3, 3)
     track = ("track", file, "--ramp", 0.5, "--no-figure", "--no-report", *ends)
     errors = [
         answer(run_here(*track, *more))["overshoot"] for more in ((), ("--plant-likely", 0), ("--plant-likely", 4))

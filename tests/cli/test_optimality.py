@@ -48,9 +48,9 @@ def files(motion, here):
 
 @pytest.mark.slow
 def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
-    told = [answer(run_here("optimality", "rr", name, *QUICK)) for name in files(motion, here)]
+    output = [answer(run_here("optimality", "rr", name, *QUICK)) for name in files(motion, here)]
     api = ad.time_optimality(rr, motion, ad.MinimumTimeOptions(search="quick"))
-    for facts in told:
+    for facts in output:
         assert facts["success"] and facts["status"] == "compared" and facts["certified"] and facts["feasible"]
         assert facts["duration"] == pytest.approx(0.6, abs=1e-9)  # of times in text 18 digits, of ROS nanoseconds
         # Splines of positions know the end's velocity, zero, to some 1e-6 rad/s of 1000 samples a second.
@@ -107,8 +107,8 @@ def test_numbers_that_nobody_can_reckon_with(motion, here, column, value):
     rows = [[str(x) for x in (t, *q)] for t, q in zip(motion.t, motion.q, strict=True)]
     rows[5][column] = value
     (here / "large.csv").write_text("\n".join(",".join(row) for row in [["t", "q1", "q2"], *rows]))
-    told = answer(run_here("optimality", "rr", "large.csv", *QUICK), 2)
-    assert told["message"] == f"large.csv: q is {float(value):g} in sample 5; the most is 1e+12"
+    output = answer(run_here("optimality", "rr", "large.csv", *QUICK), 2)
+    assert output["message"] == f"large.csv: q is {float(value):g} in sample 5; the most is 1e+12"
 
 
 def test_an_own_file_with_such_a_number(motion, here):

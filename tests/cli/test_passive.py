@@ -19,18 +19,18 @@ def stranger(tmp_path):
 @pytest.mark.slow
 def test_the_fastest_side_move(stranger, tmp_path):
     out = ("--effort-limit", 3, "--no-figure", "--no-report", "--json", "--out", tmp_path / "out")
-    told = answer(run_here("mintime", "cart_pole", *MOVE, *out))
-    assert told["certified"] and told["duration"] == pytest.approx(1.559332194, rel=1e-8)  # tests/optimal/test_passive
-    assert {mode for arc in told["arcs"] for mode in arc["modes"]} == {"torque upper", "torque lower", "passive"}
+    data = answer(run_here("mintime", "cart_pole", *MOVE, *out))
+    assert data["certified"] and data["duration"] == pytest.approx(1.559332194, rel=1e-8)  # tests/optimal/test_passive
+    assert {mode for arc in data["arcs"] for mode in arc["modes"]} == {"torque upper", "torque lower", "passive"}
     same = answer(run_here("mintime", stranger, *MOVE, "--passive", "pole", *out))
-    assert same["duration"] == pytest.approx(told["duration"], rel=1e-9)
+    assert same["duration"] == pytest.approx(data["duration"], rel=1e-9)
 
 
 def test_bound_takes_it_too(stranger):
     asks = ("--velocity-limit", 2, "--json")
-    told = answer(run_here("bound", "cart_pole", *MOVE, *asks))
-    assert told["bound"] == answer(run_here("bound", stranger, *MOVE, "--passive", "pole", *asks))["bound"]
-    assert told["kinematic"] == pytest.approx(0.5) and told["bound"] > 0.6  # the cart must speed up and slow down
+    data = answer(run_here("bound", "cart_pole", *MOVE, *asks))
+    assert data["bound"] == answer(run_here("bound", stranger, *MOVE, "--passive", "pole", *asks))["bound"]
+    assert data["kinematic"] == pytest.approx(0.5) and data["bound"] > 0.6  # the cart must speed up and slow down
 
 
 @pytest.mark.parametrize(
@@ -46,17 +46,17 @@ def test_what_is_refused(stranger, options, words):
 
 
 def test_help_teaches():
-    told = " ".join(run_here("mintime", "--help").stdout.replace("│", " ").split())
-    assert "--passive" in told and "without a motor" in told
+    data = " ".join(run_here("mintime", "--help").stdout.replace("│", " ").split())
+    assert "--passive" in data and "without a motor" in data
 
 
 def test_doctor_names_them():
-    told = answer(run_here("doctor", "acrobot", "--json"))
-    assert [joint["passive"] for joint in told["joints"]] == [True, False]
-    assert "no motor: other joints swing it (shoulder)" in told["remarks"]
+    data = answer(run_here("doctor", "acrobot", "--json"))
+    assert [joint["passive"] for joint in data["joints"]] == [True, False]
+    assert "no motor: other joints swing it (shoulder)" in data["remarks"]
     assert "no motor" in run_here("doctor", "acrobot").stdout
 
 
 def test_a_controller_of_every_joint_refuses_them(tmp_path):
-    told = answer(run_here("pid", "pendubot", *MOVE, "--out", tmp_path / "out", "--json"), code=2)
-    assert "there is none at elbow" in told["message"]
+    data = answer(run_here("pid", "pendubot", *MOVE, "--out", tmp_path / "out", "--json"), code=2)
+    assert "there is none at elbow" in data["message"]

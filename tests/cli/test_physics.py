@@ -49,9 +49,9 @@ def test_wrap_takes_the_shorter_way(turntable):
     )
     wrapped = run_json(*frictionless, "--wrap", cwd=turntable)
     assert wrapped["duration"] == pytest.approx(2 * np.sqrt((2 * np.pi - 6) * 0.03 / 2), rel=1e-8)
-    asked = run_here(*frictionless, cwd=turntable)
-    assert asked.returncode == 0
-    assert "--wrap" in asked.stdout
+    printed = run_here(*frictionless, cwd=turntable)
+    assert printed.returncode == 0
+    assert "--wrap" in printed.stdout
 
 
 def test_a_payload_on_a_link(turntable):

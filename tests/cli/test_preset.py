@@ -76,9 +76,9 @@ def test_an_export_is_checked_before_it_is_written(here):
     # Accelerations of rows are means over a step: at 20 Hz the quintics between them go beyond.
     (here / "run" / "trajectory.json").unlink(missing_ok=True)
     coarse = ("--format", "ros2", "--rate", "20", "--tolerance", "1", "--preset", "own.toml")
-    told = answer(run_here("export", file, *coarse, "--json"), 3)
-    assert told["status"] == "refused" and told["message"].startswith("not written: own, position interface")
-    assert not told["controller"]["accepted"] and not (here / "run" / "trajectory.json").exists()
+    output = answer(run_here("export", file, *coarse, "--json"), 3)
+    assert output["status"] == "refused" and output["message"].startswith("not written: own, position interface")
+    assert not output["controller"]["accepted"] and not (here / "run" / "trajectory.json").exists()
     words = run_here("export", file, *coarse)
     assert words.returncode == 3 and "not written; without --preset it is" in words.stdout
     assert "controller" not in answer(run_here("export", file, "--format", "ros2", "--json"))  # "own" is a file's
@@ -108,7 +108,7 @@ def test_a_motion_planned_under_a_preset_is_exported_at_its_rate(here):
     assert facts["controller"]["accepted"] and list(costs) == ["position", "velocity", "acceleration", "jerk"]
     assert costs["acceleration"]["cost"] > 0.1 and costs["velocity"]["reason"] == "the robot's own limit is as strict"
     for kind in ("csv", "ros2", "panda-python"):
-        told = answer(run_here("export", "run/trajectory.npz", "--format", kind, "--json"))
-        assert told["controller"]["accepted"] and told["rate"] == 1000
+        output = answer(run_here("export", "run/trajectory.npz", "--format", kind, "--json"))
+        assert output["controller"]["accepted"] and output["rate"] == 1000
     done = run_here("export", "run/trajectory.npz", "--format", "ros2", "--rate", "100")
     assert done.returncode == 0 and "the controller would refuse trajectory.json" in " ".join(done.stderr.split())

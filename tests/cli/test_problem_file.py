@@ -57,18 +57,18 @@ TASK = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84")
 )
 def test_closed_loops_take_the_arm_and_the_poses_of_a_file(write_problem, command):
     name, (what, *options) = write_problem(RR_FILE), command
-    told, same = (run_here(what, *robot, *options, "--json") for robot in ((name,), ("rr", *TASK)))
-    told, same = (answer(one, one.returncode) for one in (told, same))
-    assert told.keys() == same.keys()
+    output, same = (run_here(what, *robot, *options, "--json") for robot in ((name,), ("rr", *TASK)))
+    output, same = (answer(one, one.returncode) for one in (output, same))
+    assert output.keys() == same.keys()
     # Of r, rr and rrr by name pid's arrival is the paper's, of joint 1; a file's arm is any arm.
     beside = {"files", "write_seconds", "seconds"} | ({"arrival_rule", "arrival_time"} if what == "pid" else set())
-    assert {key for key in told if told[key] != same[key]} <= beside
+    assert {key for key in output if output[key] != same[key]} <= beside
     message = answer(run_here(what, name, *options, *TASK[:2], "--json"), 2)["message"]
     assert message == "--payload: with a file it is read from the file alone; write it into problem.toml"
 
 
 def test_track_follows_the_problem_of_a_file(write_problem):
-    told = run_here(
+    output = run_here(
         "track",
         write_problem(RR_FILE.replace("q_start", "reserve = 0.2\nq_start")),
         "--json",
@@ -76,7 +76,7 @@ def test_track_follows_the_problem_of_a_file(write_problem):
         "--no-report",
     )
     same = run_here("track", "rr", *TASK, "--reserve", 0.2, "--json", "--no-figure", "--no-report")
-    assert answer(told)["reference_duration"] == pytest.approx(
+    assert answer(output)["reference_duration"] == pytest.approx(
         answer(same)["reference_duration"], rel=1e-8
     )  # certified
     moving = run_here(
@@ -87,9 +87,9 @@ def test_track_follows_the_problem_of_a_file(write_problem):
 
 def test_a_sweep_over_payload_takes_a_file(write_problem):
     name = write_problem(RR_FILE)
-    told = answer(run_here("sweep", name, "--payload", "0,0.1006", "--json", "--no-figure"))
+    output = answer(run_here("sweep", name, "--payload", "0,0.1006", "--json", "--no-figure"))
     same = answer(run_here("sweep", "rr", "--payload", "0,0.1006", *TASK[2:], "--json", "--no-figure"))
-    for one, other in zip(told["rows"], same["rows"], strict=True):
+    for one, other in zip(output["rows"], same["rows"], strict=True):
         assert one["payload_kg"] == other["payload_kg"]
         assert one["duration_s"] == pytest.approx(other["duration_s"], rel=1e-8)  # both are certified
     message = answer(run_here("sweep", name, "--payload", "0,1", "--q-goal", "0,0", "--json"), 2)["message"]
@@ -106,7 +106,7 @@ def test_mintime_solves_a_file_and_its_options_go_before(write_problem):
         run_here("mintime", write_problem(RR_FILE), "--json", "--no-figure", "--no-report", "--require", "certified")
     )
     task = ("--payload", 0.1006, "--q-start", "-1.5,2deg", "--q-goal", "0.2,-pi/84", "--search", "quick")
-    told = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
-    assert facts["duration"] == answer(told)["duration"] and facts["files"][0].startswith("results/mintime-problem")
+    output = run_here("mintime", "rr", *task, "--json", "--no-figure", "--no-report")
+    assert facts["duration"] == answer(output)["duration"] and facts["files"][0].startswith("results/mintime-problem")
     facts = answer(run_here("mintime", "problem.toml", "--json", "--no-figure", "--no-report", "--time-limit", "-1"), 2)
     assert "--time-limit" in facts["message"]

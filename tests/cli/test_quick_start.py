@@ -53,9 +53,9 @@ def test_help_and_version_do_without_the_sciences():
     commands = [("--version",), ("--help",), ("mintime",), ("mintime", "rr", "--no-such-option")]
     commands += [(name, "--help") for name in get_command(app).commands]
     done = subprocess.run([sys.executable, "-c", SPY_EACH, json.dumps(commands)], capture_output=True, text=True)
-    told = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[[")]
-    assert [arguments for arguments, _ in told] == list(map(list, commands)), done.stderr
-    assert [arguments for arguments, there in told if "typer" not in there or set(there) & set(HEAVY)] == []
+    output = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("[[")]
+    assert [arguments for arguments, _ in output] == list(map(list, commands)), done.stderr
+    assert [arguments for arguments, there in output if "typer" not in there or set(there) & set(HEAVY)] == []
 
 
 def test_version_does_without_rich():

@@ -11,17 +11,17 @@ BROKEN = re.sub(r'ixx="[^"]*"', 'ixx="0.9"', RR, count=1)
 
 def test_nothing_is_written_unless_a_file_is_named(tmp_path):
     (tmp_path / "arm.urdf").write_text(BROKEN)
-    told = run_json("doctor", "arm.urdf", "--repair", cwd=tmp_path)
-    assert (told["status"], told["files"], told["inertias"][0]["link"]) == ("repairable", [], "link1")
-    assert told["inertias"][0]["moments_before"][-1] == 0.9
+    data = run_json("doctor", "arm.urdf", "--repair", cwd=tmp_path)
+    assert (data["status"], data["files"], data["inertias"][0]["link"]) == ("repairable", [], "link1")
+    assert data["inertias"][0]["moments_before"][-1] == 0.9
     assert [each.name for each in tmp_path.iterdir()] == ["arm.urdf"]
 
 
 def test_the_repaired_model_is_marked_in_results(tmp_path):
     (tmp_path / "arm.urdf").write_text(BROKEN)
     assert run_json("doctor", "arm.urdf", code=2, cwd=tmp_path)["message"].endswith("the nearest that a body has")
-    told = run_json("doctor", "arm.urdf", "--repair", "--out", "mended.urdf", cwd=tmp_path)
-    assert told["files"] == ["mended.urdf"] and (tmp_path / "arm.urdf").read_text() == BROKEN
+    data = run_json("doctor", "arm.urdf", "--repair", "--out", "mended.urdf", cwd=tmp_path)
+    assert data["files"] == ["mended.urdf"] and (tmp_path / "arm.urdf").read_text() == BROKEN
     read = run_json("doctor", "mended.urdf", cwd=tmp_path)
     assert read["robot"] == "rr (repaired model)" and "repaired model" in read["remarks"][0]
     poses = ["--q-start", "0,0", "--q-goal", "0.2,0"]
@@ -34,8 +34,8 @@ def test_the_file_itself_is_never_written(tmp_path):
     (tmp_path / "arm.urdf").write_text(BROKEN)
     (tmp_path / "same.urdf").symlink_to("arm.urdf")
     for name in ("arm.urdf", "same.urdf"):
-        told = run_json("doctor", "arm.urdf", "--repair", "--out", name, code=2, cwd=tmp_path)
-        assert "the URDF itself" in told["message"]
+        data = run_json("doctor", "arm.urdf", "--repair", "--out", name, code=2, cwd=tmp_path)
+        assert "the URDF itself" in data["message"]
     assert (tmp_path / "arm.urdf").read_text() == BROKEN
 
 
@@ -46,13 +46,13 @@ def test_only_urdfs_are_repaired(tmp_path):
 
 
 def test_a_physical_library_arm():
-    told = run_json("doctor", "panda", "--repair")
-    assert (told["status"], told["tip"], told["lock"]) == ("physical", "panda_hand_tcp", {"panda_finger_joint1": 0.0})
+    data = run_json("doctor", "panda", "--repair")
+    assert (data["status"], data["tip"], data["lock"]) == ("physical", "panda_hand_tcp", {"panda_finger_joint1": 0.0})
     assert "--lock panda_finger_joint1=0" in run_here("doctor", "panda", "--repair").stdout
 
 
 def test_what_is_refused_even_so(tmp_path):
     massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))
     (tmp_path / "arm.urdf").write_text(massless)
-    told = run_json("doctor", "arm.urdf", "--repair", code=3, cwd=tmp_path)
-    assert told["status"] == "refused" and not told["success"] and "moves no inertia" in told["message"]
+    data = run_json("doctor", "arm.urdf", "--repair", code=3, cwd=tmp_path)
+    assert data["status"] == "refused" and not data["success"] and "moves no inertia" in data["message"]

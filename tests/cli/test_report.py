@@ -53,15 +53,15 @@ def changed(tracked, folder, **facts):
 
 
 def test_from_disk_comes_the_report_that_the_run_has_written(tracked, tmp_path):
-    told = report(tracked, "--out", tmp_path)
-    assert told["files"] == [str(tmp_path / "report.html")] and not told["warnings"]
+    output = report(tracked, "--out", tmp_path)
+    assert output["files"] == [str(tmp_path / "report.html")] and not output["warnings"]
     assert (tmp_path / "report.html").read_bytes() == (tracked / "report.html").read_bytes()
 
 
 def test_what_it_was_asked_can_be_typed_again(tracked):
-    asked = json.loads((tracked / "result.json").read_text())["asked"]
-    assert asked["command"].startswith("armdyn track rr --payload 0.1 --ramp 0.5 --controller computed-torque")
-    assert asked["options"]["rate"] == 1000.0
+    request = json.loads((tracked / "result.json").read_text())["asked"]
+    assert request["command"].startswith("armdyn track rr --payload 0.1 --ramp 0.5 --controller computed-torque")
+    assert request["options"]["rate"] == 1000.0
     assert "armdyn track rr --payload 0.1" in (tracked / "report.html").read_text()
 
 
@@ -74,8 +74,8 @@ def test_it_is_written_beside_a_single_result(loop, tmp_path):
 
 def test_a_bare_motion(tracked, tmp_path):
     shutil.copy(tracked / "trajectory.npz", tmp_path / "mine.npz")
-    told = report(tmp_path / "mine.npz")
-    assert "--robot" in told["warnings"][0]
+    output = report(tmp_path / "mine.npz")
+    assert "--robot" in output["warnings"][0]
     assert "Not judged" in (tmp_path / "report.html").read_text()
     assert not report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.1")["warnings"]
     assert "another arm" in report(tmp_path / "mine.npz", "--robot", "rr", "--payload", "0.2")["warnings"][0]
@@ -86,8 +86,8 @@ def test_a_bare_motion(tracked, tmp_path):
 @pytest.mark.slow
 def test_a_motion_whose_payload_changes(tmp_path):
     pick_and_place()[1].save(tmp_path / "cycle.npz")
-    told = report(tmp_path / "cycle.npz", "--robot", "rr", "--payload", "0.2")
-    assert not told["warnings"]  # each piece has its own load
+    output = report(tmp_path / "cycle.npz", "--robot", "rr", "--payload", "0.2")
+    assert not output["warnings"]  # each piece has its own load
     bare = replace(pick_and_place()[1], pieces=(), model_hash="that of another arm")
     bare.save(tmp_path / "other.npz")
     both = ("compare", tmp_path / "cycle.npz", tmp_path / "other.npz", "--robot", "rr", "--json", "--out", tmp_path)
@@ -110,8 +110,8 @@ def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):
 
 @pytest.mark.slow
 def test_side_by_side(tracked, loop, tmp_path):
-    told = answer(run_here("compare", tracked, loop, "--until", "0.4", "--json", "--out", tmp_path))
-    first, second = told["motions"]
+    output = answer(run_here("compare", tracked, loop, "--until", "0.4", "--json", "--out", tmp_path))
+    first, second = output["motions"]
     run = ad.Trajectory.load(tracked / "trajectory.npz")
     result = json.loads((tracked / "result.json").read_text())
     assert first["there"] == result["settled_time"] and first["later"] == 0
@@ -146,9 +146,9 @@ def planned(tracked, folder):
 @pytest.mark.slow
 def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
     files = planned(tracked, tmp_path)
-    told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path / "out"))
-    first, *others = told["motions"]
-    assert not told["warnings"]
+    output = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path / "out"))
+    first, *others = output["motions"]
+    assert not output["warnings"]
     assert first["name"] == "tracked by computed torque"
     assert [one["name"] for one in others] == ["toppra", "table", "ros (ros.json)", "ros (ros.yaml)"]
     motion = ad.Trajectory.load(tracked / "reference.npz")
@@ -201,9 +201,9 @@ def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_pa
     away = ad.ramp(robot, reference.q[0] + 0.1, reference.q[-1] + 0.2, 0.5)
     away.to_csv(tmp_path / "away.csv")
     files = (tmp_path / "fast.csv", tmp_path / "away.csv")
-    told = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path))
-    assert told["motions"][1]["verdict"] == "Breaks its limits" and told["motions"][1]["torque"] > 1
-    assert len(told["warnings"]) == 1 and "away begins 0.1 rad or m from where tracked" in told["warnings"][0]
+    output = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path))
+    assert output["motions"][1]["verdict"] == "Breaks its limits" and output["motions"][1]["torque"] > 1
+    assert len(output["warnings"]) == 1 and "away begins 0.1 rad or m from where tracked" in output["warnings"][0]
     both = answer(run_here("compare", *files, "--robot", "rr", "--payload", "0.1", "--json", "--out", tmp_path))
     assert [line.split()[1] for line in both["warnings"]] == ["begins", "ends"]
 
@@ -211,8 +211,8 @@ def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_pa
 def test_no_folder_of_this_machine_is_in_the_page(tracked, tmp_path):
     page = (tracked / "report.html").read_text()
     assert str(tracked.parent) not in page and f"--out {tracked.name}" in page
-    told = json.loads((tracked / "result.json").read_text())
-    assert str(tracked.parent) in told["asked"]["command"]  # where it can be typed again
+    output = json.loads((tracked / "result.json").read_text())
+    assert str(tracked.parent) in output["asked"]["command"]  # where it can be typed again
 
 
 def test_obstacles_are_in_the_result(tracked, tmp_path):
@@ -232,8 +232,8 @@ def test_a_robot_is_not_read_because_a_result_names_it(name, tracked, tmp_path, 
     monkeypatch.setattr(ad.Robot, "from_mjcf", None)
     monkeypatch.setattr(ad.Robot, "from_description", None)
     folder = changed(tracked, tmp_path / "run", asked__options__robot=name)
-    told = report(folder)
-    assert told["success"] and len(told["warnings"]) == 1
+    output = report(folder)
+    assert output["success"] and len(output["warnings"]) == 1
 
 
 def test_obstacles_from_strangers_are_shapes_and_no_files(tracked, tmp_path):
@@ -278,8 +278,8 @@ def test_bad_input(tracked, tmp_path):
     for text in ("0", "-1", "soon"):
         assert "--until" in report(tracked, "--until", text, code=2)["message"]
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")
-    told = answer(run_here("compare", tracked, tmp_path / "one.npz", "--json"), 2)
-    assert "one arm only" in told["message"]
+    output = answer(run_here("compare", tracked, tmp_path / "one.npz", "--json"), 2)
+    assert "one arm only" in output["message"]
 
 
 @pytest.mark.usefixtures("unrendered")
@@ -294,12 +294,12 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
     motion = ad.Trajectory.load("a/trajectory.npz")
     table = np.column_stack([motion.t, motion.q])[np.concatenate([[True], np.diff(motion.t) > 1e-6])]
     np.savetxt("other.csv", table, delimiter=",", header="t,q1,q2", comments="")
-    told = answer(run_here("compare", "a", "other.csv", "--json", "--out", "both"))
-    assert told["warnings"] == [] and len(told["motions"]) == 2
+    output = answer(run_here("compare", "a", "other.csv", "--json", "--out", "both"))
+    assert output["warnings"] == [] and len(output["motions"]) == 2
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir("elsewhere")
-    told = answer(run_here("compare", "../a", "../other.csv", "--json", "--out", "both"))
-    assert told["warnings"] == [] and len(told["motions"]) == 2
+    output = answer(run_here("compare", "../a", "../other.csv", "--json", "--out", "both"))
+    assert output["warnings"] == [] and len(output["motions"]) == 2
     monkeypatch.chdir(tmp_path)
     (tmp_path / "rr.urdf").write_text((tmp_path / "rr.urdf").read_text().replace('mass value="', 'mass value="1'))
     done = run_here("compare", "a", "other.csv", "--json", "--out", "both")
@@ -313,5 +313,5 @@ def test_a_motion_stands_beside_its_tracking_on_another_arm(tracked, tmp_path):
     loop = ("--payload", "0.1", "--ramp", "0.5", "--plant-payload", "0.12")
     answer(run_here("track", "rr", *loop, *fast, "--out", tmp_path / "real"))
     for order in ((tracked, tmp_path / "real"), (tmp_path / "real", tracked)):
-        told = answer(run_here("compare", *order, "--json", "--out", tmp_path / "both"))
-        assert not any("another arm" in warning for warning in told["warnings"])
+        output = answer(run_here("compare", *order, "--json", "--out", tmp_path / "both"))
+        assert not any("another arm" in warning for warning in output["warnings"])

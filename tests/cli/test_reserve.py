@@ -13,8 +13,8 @@ def test_mintime_keeps_and_tells_it(tmp_path):
     lesser = answer(run_here("mintime", "r", "--effort-limit", "2.7", *leave_out, "--json"))
     assert lesser["reserve"] is None
     assert kept["duration"] == pytest.approx(lesser["duration"], rel=1e-7)  # of two solves
-    told = run_here("mintime", "r", "--reserve", "0.1", *leave_out).stdout
-    assert "kept for feedback" in told and "10 % of the torque limits" in " ".join(told.split())
+    printed = run_here("mintime", "r", "--reserve", "0.1", *leave_out).stdout
+    assert "kept for feedback" in printed and "10 % of the torque limits" in " ".join(printed.split())
 
 
 def test_joint_by_joint(tmp_path):

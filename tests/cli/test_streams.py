@@ -45,8 +45,8 @@ def test_closed_standard_error_disturbs_nobody():
 def test_full_standard_output_is_said_once(command):
     done = shell(f"armdyn {command} > /dev/full")
     assert done.returncode == 5
-    told = "armdyn: disk full while writing standard output; what was written before is whole"
-    assert " ".join(done.stderr.split()) == told
+    message = "armdyn: disk full while writing standard output; what was written before is whole"
+    assert " ".join(done.stderr.split()) == message
 
 
 @pytest.mark.slow

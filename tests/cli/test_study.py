@@ -31,11 +31,11 @@ def study(tmp_path):
 
 @pytest.mark.slow
 def test_rows_tables_and_figures(study, tmp_path):
-    told = answer(run_here("sweep", study, "--parquet", "--json", cwd=tmp_path))
-    assert told["status"] == "done" and told["done"] == told["cases"] == told["done_here"] == 6
+    output = answer(run_here("sweep", study, "--parquet", "--json", cwd=tmp_path))
+    assert output["status"] == "done" and output["done"] == output["cases"] == output["done_here"] == 6
     folder = tmp_path / "results" / "sweep-payloads"
     names = {path.name for path in folder.iterdir() if not path.name.endswith((".lock", "-wal", "-shm"))}
-    assert names == {file.rpartition("/")[2] for file in told["files"]}
+    assert names == {file.rpartition("/")[2] for file in output["files"]}
     assert names >= {"study.sqlite", "rows.csv", "rows.parquet", "curve.png", "map.pdf", "pareto.png"}
     rows = study_table(folder / "study.sqlite")
     assert [row["payload"] for row in rows] == [0.05, 0.05, 0.125, 0.125, 0.2, 0.2]
@@ -52,7 +52,7 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "words"),
     [
         (["--payload", "1"], "read from the file alone"),
         (["--q-start", "1"], "--q-start: "),
@@ -64,9 +64,9 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
         (["--scheduler", "here:1", "--workers", "2"], "--workers are processes of this machine"),
     ],
 )
-def test_options_that_say_something_else(study, tmp_path, arguments, told):
+def test_options_that_say_something_else(study, tmp_path, arguments, words):
     done = run_here("sweep", study, *arguments, cwd=tmp_path)
-    assert done.returncode == 2 and told in " ".join(done.stderr.split())
+    assert done.returncode == 2 and words in " ".join(done.stderr.split())
     assert not list(tmp_path.glob("results/*/study.sqlite"))
 
 
@@ -79,8 +79,8 @@ def test_another_study_for_the_same_rows(study, tmp_path):
     run_here("sweep", study, "--no-figure", "--out", tmp_path / "out")
     study.write_text(STUDY.replace("0.1]", "0.2]"))
     done = run_here("sweep", study, "--no-figure", "--out", tmp_path / "out", "--json")
-    told = answer(done, code=2)["message"]
-    assert "vary.reserve.values is [0.0, 0.1] there and [0.0, 0.2] here" in told
+    output = answer(done, code=2)["message"]
+    assert "vary.reserve.values is [0.0, 0.1] there and [0.0, 0.2] here" in output
 
 
 @pytest.mark.slow
@@ -96,9 +96,9 @@ def test_ctrl_c_leaves_rows_and_tables(study, tmp_path):
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # a terminal's goes to the workers, too
     out, errors = process.communicate(timeout=60)
-    told = answer(subprocess.CompletedProcess([], process.returncode, out, errors), code=130)
-    assert told["status"] == "interrupted" and 4 <= told["done"] < 1000
-    assert len((tmp_path / "out" / "rows.csv").read_text().splitlines()) == told["done"] + 1 == rows_of(file) + 1
+    output = answer(subprocess.CompletedProcess([], process.returncode, out, errors), code=130)
+    assert output["status"] == "interrupted" and 4 <= output["done"] < 1000
+    assert len((tmp_path / "out" / "rows.csv").read_text().splitlines()) == output["done"] + 1 == rows_of(file) + 1
     assert all(row["status"] == "usable" for row in study_table(file))
 
 
@@ -135,8 +135,8 @@ def test_killed_twice_and_gone_on_with(tmp_path):
         process.wait()
         before = rows_of(file)
     assert before < 12
-    told = run_json(*command, cwd=tmp_path)
-    assert told["done"] == 12 and told["done_here"] == 12 - before
+    output = run_json(*command, cwd=tmp_path)
+    assert output["done"] == 12 and output["done_here"] == 12 - before
     rows = study_table(file)
     assert [row["k"] for row in rows] == list(range(12)) and all(row["certified"] for row in rows)
     # In one go, without neighbours: the same, as certified optima are to 1e-9.
@@ -148,7 +148,7 @@ def test_killed_twice_and_gone_on_with(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("left", "told"),
+    ("left", "words"),
     [
         (None, "too early to say how long"),
         ((0.0, 0.4), "0 s left"),
@@ -158,5 +158,5 @@ def test_killed_twice_and_gone_on_with(tmp_path):
         ((3600.0, 9000.0), "1 to 2 h left"),
     ],
 )
-def test_a_time_that_is_left(left, told):
-    assert _left(left) == told
+def test_a_time_that_is_left(left, words):
+    assert _left(left) == words

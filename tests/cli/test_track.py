@@ -16,14 +16,14 @@ BARE = ("--no-figure", "--no-report")
 def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
     done = run_here("track", "rr", "--payload", "0.1", "--reserve", "0.2", "--plant-payload", "0.12",
                     "--plant-friction", "0.06", "--json", "--out", tmp_path)  # fmt: skip
-    told = answer(done)
-    assert told["success"] and told["status"] == "settled"
-    assert 0.9 * told["reference_duration"] < told["settled_time"] < 0.5
+    output = answer(done)
+    assert output["success"] and output["status"] == "settled"
+    assert 0.9 * output["reference_duration"] < output["settled_time"] < 0.5
     motion, reference = (ad.Trajectory.load(tmp_path / f"{name}.npz") for name in ("trajectory", "reference"))
-    assert reference.duration == told["reference_duration"]
-    assert motion.duration < 1.3 * told["settled_time"]  # what is worth looking at
+    assert reference.duration == output["reference_duration"]
+    assert motion.duration < 1.3 * output["settled_time"]  # what is worth looking at
     assert {"figure.png", "report.html", "result.json"} <= {path.name for path in tmp_path.iterdir()}
-    assert json.loads((tmp_path / "result.json").read_text())["settled_time"] == told["settled_time"]
+    assert json.loads((tmp_path / "result.json").read_text())["settled_time"] == output["settled_time"]
 
 
 def test_the_same_in_words(tmp_path):
@@ -35,18 +35,18 @@ def test_the_same_in_words(tmp_path):
 
 def test_sampling_that_makes_it_unstable_is_named(tmp_path):
     pid = ("track", "rr", "--ramp", "0.4", "--controller", "pid", "--gains", "30,50,10", *BARE)
-    told = answer(run_here(*pid, "--json", "--out", tmp_path), 3)
-    assert told["status"] == "not_settled" and "unstable for its sampling" in told["message"]
-    assert told["stability"]["slowest_stable_rate"] > 1000
-    told = answer(run_here(*pid, "--ideal", "--json", "--out", tmp_path))
-    assert told["success"] and "stability" not in told
+    output = answer(run_here(*pid, "--json", "--out", tmp_path), 3)
+    assert output["status"] == "not_settled" and "unstable for its sampling" in output["message"]
+    assert output["stability"]["slowest_stable_rate"] > 1000
+    output = answer(run_here(*pid, "--ideal", "--json", "--out", tmp_path))
+    assert output["success"] and "stability" not in output
 
 
 def test_a_saved_motion(tmp_path):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     saved = ad.ramp(robot, [0.0, 0.0], [0.3, 0.2], 0.3).save(tmp_path / "ramp.npz")
-    told = answer(run_here("track", "rr", "--reference", saved, *BARE, "--json", "--out", tmp_path / "out"))
-    assert told["reference_duration"] == 0.3
+    output = answer(run_here("track", "rr", "--reference", saved, *BARE, "--json", "--out", tmp_path / "out"))
+    assert output["reference_duration"] == 0.3
 
 
 @pytest.mark.slow
@@ -54,14 +54,14 @@ def test_a_motion_whose_payload_changes(tmp_path):
     motion = pick_and_place()[1]
     motion.save(tmp_path / "cycle.npz")
     run = ("track", "rr", "--reference", tmp_path / "cycle.npz", "--plant-friction", "0.01", "--no-figure")
-    told = answer(run_here(*run, "--no-report", "--json", "--out", tmp_path / "run"))
-    assert told["success"] and told["peak_error"] < 0.05
+    output = answer(run_here(*run, "--no-report", "--json", "--out", tmp_path / "run"))
+    assert output["success"] and output["peak_error"] < 0.05
     moved, followed = (ad.Trajectory.load(tmp_path / "run" / f"{name}.npz") for name in ("trajectory", "reference"))
     assert [piece.load for piece in moved.pieces] == [piece.load for piece in motion.pieces] and moved.model_hash == ""
     assert followed.pieces == motion.pieces
     assert not answer(run_here("report", tmp_path / "run", "--json"))["warnings"]
-    told = answer(run_here(*run, "--plant-payload", "0.2", "--json", "--out", tmp_path / "run"), 2)
-    assert "the pieces of the reference have loads of their own" in told["message"]
+    output = answer(run_here(*run, "--plant-payload", "0.2", "--json", "--out", tmp_path / "run"), 2)
+    assert "the pieces of the reference have loads of their own" in output["message"]
 
 
 @pytest.mark.parametrize(
@@ -86,17 +86,17 @@ def test_a_motion_whose_payload_changes(tmp_path):
     ],
 )
 def test_bad_options(given, words, tmp_path):
-    told = answer(run_here("track", "rr", *given, *BARE, "--json", "--out", tmp_path), 2)
-    assert words in told["message"]
+    output = answer(run_here("track", "rr", *given, *BARE, "--json", "--out", tmp_path), 2)
+    assert words in output["message"]
 
 
 @pytest.mark.slow
 def test_mintime_chooses_its_reserve(tmp_path):
-    told = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-report", "--json",
+    output = answer(run_here("mintime", "rr", "--payload", "0.1", "--for-tracking", "--no-report", "--json",
                            "--out", tmp_path))  # fmt: skip
-    best = told["for_tracking"]["best"]
-    assert told["reserve"]["effort"] == [best["reserve"]] * 2
-    assert told["duration"] == best["duration"] and best["worst"] < told["for_tracking"]["rows"][0]["worst"]
+    best = output["for_tracking"]["best"]
+    assert output["reserve"]["effort"] == [best["reserve"]] * 2
+    assert output["duration"] == best["duration"] and best["worst"] < output["for_tracking"]["rows"][0]["worst"]
     assert (tmp_path / "reserve.png").stat().st_size > 10_000
     both = answer(run_here("mintime", "rr", "--for-tracking", "--reserve", "0.1", "--json", "--out", tmp_path), 2)
     assert "--reserve" in both["message"]

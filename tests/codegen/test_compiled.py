@@ -292,13 +292,13 @@ def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache
 
 
 def test_compiler_that_hung_is_not_asked_again(tmp_path, monkeypatch):
-    asked = tmp_path / "asked"
-    monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {asked}; sleep 10"))
+    calls = tmp_path / "calls"
+    monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {calls}; sleep 10"))
     monkeypatch.setattr("armdyn.codegen.compiler._TIMEOUT", 1.0)
     with pytest.warns(ArmdynWarning, match="took longer than 1 s"):
         for _ in range(2):
             compiled([function()], True)
-    assert asked.read_text() == "\n"
+    assert calls.read_text() == "\n"
 
 
 @needs_compiler

@@ -138,19 +138,19 @@ def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(m
 
 
 def test_interrupt_returns_what_there_is():
-    told = []
+    messages = []
 
     def press(text):
-        if not told:
+        if not messages:
             os.kill(os.getpid(), signal.SIGINT)
-        told.append(text)
+        messages.append(text)
 
     problem = paper_problem("rrr", position_limit=(-np.inf, np.inf))
     before = signal.getsignal(signal.SIGINT)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=400), press)
     assert solution.status is ad.Status.INTERRUPTED, solution.message
     assert not solution.success
-    assert len(told) < 100  # of 400 guesses
+    assert len(messages) < 100  # of 400 guesses
     assert signal.getsignal(signal.SIGINT) is before
 
 
@@ -190,12 +190,12 @@ def test_walled_in_between_balls():
 @pytest.mark.slow
 def test_an_interrupt_after_the_first_of_several_goals_ends_all():
     """The first goal's solution is the answer, and says that it was interrupted."""
-    told: list[str] = []
+    messages: list[str] = []
 
     def press(text):
-        if told and told[-1].startswith("goal 2 of the"):
+        if messages and messages[-1].startswith("goal 2 of the"):
             os.kill(os.getpid(), signal.SIGINT)
-        told.append(text)
+        messages.append(text)
 
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     problem = ad.MinimumTimeProblem(robot, q_start=[0.1, 0.2], goal_pose=ad.GoalPose(robot.tip, (0.3, 0.0, -0.1)))

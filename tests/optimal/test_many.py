@@ -26,14 +26,14 @@ def problems(count, robot=ARM):
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_every_problem_has_the_solution_that_it_has_alone(workers):
-    asked, told = problems(4), list[str]()
-    found = ad.solve_many(asked, replace(QUICK, workers=workers), told.append)
-    assert [one.problem for one in found] == asked
+    requests, messages = problems(4), list[str]()
+    found = ad.solve_many(requests, replace(QUICK, workers=workers), messages.append)
+    assert [one.problem for one in found] == requests
     assert [one.duration for one in found] == [
-        ad.solve_minimum_time(one, replace(QUICK, workers=1)).duration for one in asked
+        ad.solve_minimum_time(one, replace(QUICK, workers=1)).duration for one in requests
     ]
-    assert len(told) == 4
-    assert told[-1].startswith("4 of 4 solved, 4 usable")
+    assert len(messages) == 4
+    assert messages[-1].startswith("4 of 4 solved, 4 usable")
 
 
 def test_no_problems_no_solutions():
@@ -49,9 +49,9 @@ def impossible(problem, options):
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_problem_that_raises_says_so_and_the_others_are_solved(workers, monkeypatch):
     monkeypatch.setattr(many, "solve_minimum_time", impossible)
-    asked = problems(5)
-    found = ad.solve_many(asked, replace(QUICK, workers=workers))
-    bad = [one.q_goal[0] > 0 for one in asked]
+    requests = problems(5)
+    found = ad.solve_many(requests, replace(QUICK, workers=workers))
+    bad = [one.q_goal[0] > 0 for one in requests]
     assert 0 < sum(bad) < 5
     assert [one.status == "failed" and "ZeroDivisionError: no way" in one.message for one in found] == bad
     assert [one.usable for one in found] == [not each for each in bad]
@@ -70,9 +70,9 @@ HERE = os.getpid()
 @pytest.mark.slow
 def test_a_problem_that_kills_its_workers_does_not_stop_the_others(monkeypatch):
     monkeypatch.setattr(many, "solve_minimum_time", deadly)
-    asked = problems(5)
-    bad = [one.q_goal[0] > 0 and k > 0 for k, one in enumerate(asked)]  # the first is solved here
-    found = ad.solve_many(asked, replace(QUICK, workers=2))
+    requests = problems(5)
+    bad = [one.q_goal[0] > 0 and k > 0 for k, one in enumerate(requests)]  # the first is solved here
+    found = ad.solve_many(requests, replace(QUICK, workers=2))
     assert any(bad)
     assert ["its worker died" in one.message for one in found] == bad
     assert [one.usable for one in found] == [not each for each in bad]
@@ -82,8 +82,8 @@ INTERRUPTED = """
 import armdyn as ad, numpy as np
 arm = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"))
 goals = np.random.default_rng(3).uniform(-1, 1, (60, 3))
-asked = [ad.MinimumTimeProblem(arm, q_start=np.zeros(3), q_goal=goal) for goal in goals]
-found = ad.solve_many(asked, ad.MinimumTimeOptions(starts=6, workers=WORKERS), lambda text: print(text, flush=True))
+requests = [ad.MinimumTimeProblem(arm, q_start=np.zeros(3), q_goal=goal) for goal in goals]
+found = ad.solve_many(requests, ad.MinimumTimeOptions(starts=6, workers=WORKERS), lambda text: print(text, flush=True))
 print("left", sum(one.status == "interrupted" for one in found), "usable", sum(one.usable for one in found), flush=True)
 """
 

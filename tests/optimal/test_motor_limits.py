@@ -195,8 +195,8 @@ def least_heat(distance, rms, dwell, peak=np.inf):
 
 @pytest.mark.parametrize(("rms", "dwell", "peak"), [(2.0, 0.0, 10.0), (2.0, 1.0, 10.0), (3.0, 0.5, 4.5)])
 def test_continuous_torque_of_one_joint(rms, dwell, peak):
-    asked = {"path_constraints": [ad.RmsTorque(rms, dwell=dwell)], "effort_limit": peak}
-    found = ad.solve_minimum_time(ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], **asked), ONE)
+    options = {"path_constraints": [ad.RmsTorque(rms, dwell=dwell)], "effort_limit": peak}
+    found = ad.solve_minimum_time(ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], **options), ONE)
     expected = least_heat(2.0, rms, dwell, peak)
     assert found.usable and not found.certificate.ok
     assert expected * (1 - 2e-6) < found.duration < expected * (1 + 2e-4)  # torque constant between knots
@@ -211,9 +211,9 @@ LIFT = """<robot name="lift"><link name="base"/><link name="car"><inertial><mass
 def test_a_dwell_counts_what_holds_the_arm():
     """m q'' = τ - m g: the weight adds (m g)² to the mean square, moving or not."""
     robot, weight, rms, dwell = ad.Robot.from_urdf_string(LIFT), 2 * 9.81, 22.0, 0.7
-    asked = [ad.RmsTorque(rms, dwell=dwell)]
+    options = [ad.RmsTorque(rms, dwell=dwell)]
     found = ad.solve_minimum_time(
-        ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[1.5], path_constraints=asked), ONE
+        ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[1.5], path_constraints=options), ONE
     )
     surplus = rms**2 - weight**2
     expected = brentq(lambda T: 12 * 2**2 * 1.5**2 / T**3 - surplus * (T + dwell), 1e-2, 1e2)
@@ -235,10 +235,10 @@ def test_curves_keep_continuous_torques():
     robot = ad.Robot.from_library("panda")
     limit = [8.0, 50.0, 12.0, 24.0, 2.5, 3.0, 1.2]
     start, goal = [0, -0.785, 0, -2.356, 0, 1.571, 0.785], [1, 0.2, 0.5, -1.5, 0.3, 2, -0.5]
-    asked, more = ({"path_constraints": [ad.RmsTorque(np.multiply(k, limit), dwell=0.05)]} for k in (1.0, 1.01))
+    options, more = ({"path_constraints": [ad.RmsTorque(np.multiply(k, limit), dwell=0.05)]} for k in (1.0, 1.01))
     found, faster = (
         ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **own), ONE)
-        for own in (asked, more)
+        for own in (options, more)
     )
     parts = [share.part for share in found.decides if share.limit == "continuous-torque limit"]
     # A difference of 1 %, and limits kept a little below where curves overshoot.
@@ -252,7 +252,7 @@ def test_curves_keep_continuous_torques():
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("constraint", "words"),
     [
         (lambda: ad.RmsTorque("x"), "RmsTorque limit is 'x'; expected one number, or one per joint"),
         (lambda: ad.RmsTorque([1.0, 2.0]), "RmsTorque limit has shape (2,)"),
@@ -260,9 +260,9 @@ def test_curves_keep_continuous_torques():
         (lambda: ad.RmsTorque(1.0, dwell=-1.0), "RmsTorque dwell is -1.0 s"),
     ],
 )
-def test_wrong_continuous_torques_are_refused(asked, words):
+def test_wrong_continuous_torques_are_refused(constraint, words):
     with pytest.raises(ProblemError) as refused:
-        ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], path_constraints=[asked()])
+        ad.MinimumTimeProblem(turntable(), q_start=[0.0], q_goal=[2.0], path_constraints=[constraint()])
     assert words in str(refused.value)
 
 

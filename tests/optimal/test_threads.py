@@ -47,7 +47,7 @@ def together(calls):
 """
 
 
-def told(script, timeout=120):
+def output_of(script, timeout=120):
     """What a script prints, as JSON."""
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {TESTS!r})" + COMMON + script]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
@@ -57,13 +57,13 @@ def told(script, timeout=120):
 
 @pytest.fixture(scope="module")
 def alone():
-    return told('print(json.dumps({"r": bits("r"), "rr": bits("rr"), "indirect": indirect("r")}))')
+    return output_of('print(json.dumps({"r": bits("r"), "rr": bits("rr"), "indirect": indirect("r")}))')
 
 
 @pytest.fixture(scope="module")
 def threads():
     """What threads of one process, which begins with them, have found: its start takes as long as they do."""
-    return told("""
+    return output_of("""
 def late(arm):
     return str([solved(arm, time_limit=1e-3).status for _ in range(5)][-1])
 async def both():
@@ -102,7 +102,7 @@ def test_threads_that_have_workers(threads):
 
 
 def test_daemon_workers_of_a_callers_pool(alone):
-    found = told("""
+    found = output_of("""
 with multiprocessing.get_context("fork").Pool(2) as pool:
     print(json.dumps(pool.map(bits, ["r", "rr", "r"])))
 """)
@@ -111,7 +111,7 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
 
 def test_a_fork_beside_a_solve_solves_too(alone):
     """Its child must find no lock taken, and no solver half-way."""
-    found = told("""
+    found = output_of("""
 over, found = threading.Event(), [bits("rr")]  # all that is imported is: Python's own lock is not ours to wait for
 def solve():
     while not over.is_set():

@@ -23,16 +23,16 @@ def names(folder):
 @pytest.fixture(scope="module")
 def loops(tmp_path_factory):
     """Example 4 with 100.6 g and 200 g."""
-    folder, told = tmp_path_factory.mktemp("paper"), []
+    folder, messages = tmp_path_factory.mktemp("paper"), []
     plan = Plan(only=("example4", "table3"), payloads=(PAYLOAD, 0.2))
     shown = []
 
     def look(outcomes):
-        shown.append(({outcome.case for outcome in outcomes}, (folder / "index.html").exists(), len(told)))
+        shown.append(({outcome.case for outcome in outcomes}, (folder / "index.html").exists(), len(messages)))
 
     with unrendered():
-        result = reproduce(folder, plan, lambda outcome, done, of: told.append((outcome.case, done, of)), look)
-    return folder, plan, result, told, shown
+        result = reproduce(folder, plan, lambda outcome, done, of: messages.append((outcome.case, done, of)), look)
+    return folder, plan, result, messages, shown
 
 
 def test_files(loops):
@@ -49,15 +49,15 @@ def test_files(loops):
 
 
 def test_progress_counts_every_case_once(loops):
-    _, plan, result, told, _ = loops
-    assert {case for case, *_ in told} == set(plan.cases()) == {outcome.case for outcome in result.outcomes}
-    assert [done for _, done, _ in told] == list(range(1, len(told) + 1)) and told[-1][1] == told[-1][2]
+    _, plan, result, messages, _ = loops
+    assert {case for case, *_ in messages} == set(plan.cases()) == {outcome.case for outcome in result.outcomes}
+    assert [done for _, done, _ in messages] == list(range(1, len(messages) + 1)) and messages[-1][1] == messages[-1][2]
 
 
 def test_what_is_shown_is_told_once_with_its_figures(loops):
-    folder, plan, _, told, ((cases, page, count),) = loops
+    folder, plan, _, messages, ((cases, page, count),) = loops
     assert cases == {case for case in plan.cases() if case.payload == PAYLOAD}
-    assert page or count == len(told)  # of a page that is to be written again at once nobody is told
+    assert page or count == len(messages)  # of a page that is to be written again at once nobody is told
     assert names(folder / "figures") == {"figure3.pdf", "figure3.png"}
     assert (folder / "index.html").read_text("utf-8").count("<figure>") == 1
 

@@ -48,9 +48,9 @@ def test_a_complaint_says_the_line(toml):
 
 def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):
     table = toml("[problem]\nq_start = 1\nq_goal = 1\n\n[[problem.obstacles]]\ntype = 'sphere'\n").table("problem")
-    told = table.about(ProblemError("goal of joint 'q_start' is bad"), {"goal": "q_goal"})
-    assert str(told).endswith("file.toml, line 3: goal of joint 'q_start' is bad")
-    assert str(table.about(told)) == str(told)  # it has a line already
+    message = table.about(ProblemError("goal of joint 'q_start' is bad"), {"goal": "q_goal"})
+    assert str(message).endswith("file.toml, line 3: goal of joint 'q_start' is bad")
+    assert str(table.about(message)) == str(message)  # it has a line already
     assert "line 1: nobody" in str(table.about(ProblemError("nobody knows")))
     assert "line 5: obstacles is" in str(table.about(ProblemError("obstacles is")))
     with pytest.raises(ProblemError, match="line 2: file: q_start is bad"), table.locating_errors():
@@ -58,7 +58,7 @@ def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("a = 1\nb = = 2\n", "line 2, column 5: not TOML: Invalid value"),
         ("a = 1\na = 2\n", "line 2, column 6: not TOML: Cannot overwrite a value"),
@@ -70,8 +70,8 @@ def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):
         ("a" * (MAX_BYTES + 1), "larger than"),
     ],
 )
-def test_what_is_no_toml(toml, text, told):
-    with pytest.raises((ProblemError, FileError), match=told):
+def test_what_is_no_toml(toml, text, words):
+    with pytest.raises((ProblemError, FileError), match=words):
         toml(text)
 
 

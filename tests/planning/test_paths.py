@@ -86,11 +86,11 @@ def test_a_way_outside_the_box_around_both_ends_is_found():
 
 
 def test_a_stop_ends_an_attempt():
-    walled, asked = space(Box((1.0, 30.0, 1.0), (0, 0, 0))), []
+    walled, requests = space(Box((1.0, 30.0, 1.0), (0, 0, 0))), []
 
     def stop():
-        asked.append(walled.model.checks)
-        return len(asked) > 5
+        requests.append(walled.model.checks)
+        return len(requests) > 5
 
     assert not list(plan_paths(walled, np.array([-2.0, 0]), np.array([2.0, 0]), stop=stop))
     assert walled.model.checks < PlannerOptions().checks

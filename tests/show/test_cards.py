@@ -99,9 +99,9 @@ def test_a_long_motion_is_a_small_picture():
 def test_names_from_files_are_text(robot, problem, solution, run):
     evil = dataclasses.replace(robot, name=EVIL, tip="tip", joint_names=(EVIL, f"{EVIL}2"), source=EVIL)
     motion = dataclasses.replace(solution.trajectory, name=EVIL, joint_names=evil.joint_names)
-    asked = problem.variant(robot=evil)
-    found = dataclasses.replace(solution, problem=asked, message=EVIL, trajectory=motion, decides=())
-    values = (evil, asked, found, motion, dataclasses.replace(run, trajectory=motion, message=EVIL))
+    request = problem.variant(robot=evil)
+    found = dataclasses.replace(solution, problem=request, message=EVIL, trajectory=motion, decides=())
+    values = (evil, request, found, motion, dataclasses.replace(run, trajectory=motion, message=EVIL))
     plain = Tags("".join(map(card, (robot, problem, solution, solution.trajectory, run))))
     for markup in map(card, values):
         tags = Tags(markup)

@@ -11,7 +11,7 @@ ALWAYS = ["trajectory.npz", "result.json"]
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize(
-    ("parts", "drawn", "told"),
+    ("parts", "drawn", "messages"),
     [
         ((), [], []),
         (("figure",), ["figure.png", "figure.pdf"], ["drawing the figure"]),
@@ -23,7 +23,7 @@ ALWAYS = ["trajectory.npz", "result.json"]
         ),
     ],
 )
-def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, told, tmp_path):
+def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, messages, tmp_path):
     robot, heard = paper_arm("r"), []
     motion = quintic(robot, HANGING["r"], RAISED["r"], 0.5)
     files = write_run(
@@ -32,4 +32,4 @@ def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, told, tmp_pa
     assert [file.name for file in files] == [ALWAYS[0], *drawn, ALWAYS[1]]
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*ALWAYS, *drawn])
     assert json.loads((tmp_path / "result.json").read_text())["files"] == [file.name for file in files]
-    assert heard == told
+    assert heard == messages

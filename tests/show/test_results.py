@@ -81,7 +81,7 @@ def test_no_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("source", "told"),
+    ("source", "name"),
     [
         ("/home/me/env/share/example-robot-data/robots/ur_description/urdf/ur5_robot.urdf",
          "example-robot-data: ur_description/urdf/ur5_robot.urdf"),
@@ -91,8 +91,8 @@ def test_no_file(tmp_path):
         ("ArmSpec 'rr'", "ArmSpec 'rr'"), ("Pinocchio model 'a/b'", "Pinocchio model 'a/b'"), ("", ""),
     ],
 )  # fmt: skip
-def test_a_source_is_told_without_the_folders_of_a_machine(source, told):
-    assert source_name(source) == told
+def test_a_source_is_told_without_the_folders_of_a_machine(source, name):
+    assert source_name(source) == name
 
 
 def test_a_library_s_robot_says_its_package(tmp_path):

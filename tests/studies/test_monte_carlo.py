@@ -85,11 +85,11 @@ def test_a_file_is_gone_on_with_and_no_row_is_run_twice(tmp_path):
     file = tmp_path / "rows.sqlite"
     study(replace(SHORT, count=4), file=file)
     before = stored(file)
-    told = []
-    result = study(file=file, progress=told.append)
+    messages = []
+    result = study(file=file, progress=messages.append)
     assert stored(file)[:4] == before  # with the time that each has taken
     assert result.rows == study().rows
-    assert told[-1].startswith("12 of 12 arms")
+    assert messages[-1].startswith("12 of 12 arms")
     whole = stored(file)
     assert study(replace(SHORT, count=3), file=file).rows == result.rows[:3]
     assert stored(file) == whole

@@ -80,10 +80,10 @@ def test_friction_is_added_to_the_robots_own():
 
 def test_corners_are_three_payloads_with_the_least_and_the_greatest_friction():
     arms = ad.Plants(coulomb=(0, 0.06), damping=(0, 0.003)).corners(paper_arm("rr"))
-    told = [(arm.payload.mass / 0.1006, *(float(x[0]) for x in arm.friction.per_joint(2))) for arm in arms]
+    drawn = [(arm.payload.mass / 0.1006, *(float(x[0]) for x in arm.friction.per_joint(2))) for arm in arms]
     loads = (0.8, 1.0, 1.2)
     expected = [*((load, 0.0, 0.0) for load in loads), *((load, 0.003, 0.06) for load in loads)]
-    np.testing.assert_allclose(told, expected)
+    np.testing.assert_allclose(drawn, expected)
     assert len(ad.Plants().corners(paper_arm("rr"))) == 3
     assert len(ad.Plants(payload=(1, 1)).corners(ad.Robot.from_spec(ad.ArmSpec.paper("r")))) == 1
 

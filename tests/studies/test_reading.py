@@ -29,34 +29,34 @@ def study(tmp_path):
 
 
 def test_what_a_study_says(study):
-    asked = study(
+    request = study(
         ARM + '[fixed]\nreserve = 0.1\nq_start."joint1" = -1.4\n[vary]\npayload = [0.1, 0.2]\n'
         "q_goal.joint2 = { from = -0.1, to = 0.1, count = 3 }\n[search]\nstarts = 4\nneighbours = 'off'\n"
     )
-    assert len(asked) == 6 and asked.parameters(5) == {"payload": 0.2, "q_goal.joint2": 0.1}
-    problem = asked.task.problems.problem(asked.parameters(5))
+    assert len(request) == 6 and request.parameters(5) == {"payload": 0.2, "q_goal.joint2": 0.1}
+    problem = request.task.problems.problem(request.parameters(5))
     assert problem.q_start.tolist() == [-1.4, 0.0] and problem.q_goal.tolist() == [0.2, 0.1]
     assert problem.robot.payload.mass == 0.2 and problem.reserves.effort.tolist() == [0.1, 0.1]
-    assert asked.task.options.starts == 4 and asked.task.neighbours == "off"
+    assert request.task.options.starts == 4 and request.task.neighbours == "off"
 
 
 def test_positions_are_written_as_on_the_command_line(study):
-    asked = study(
+    request = study(
         "[arms.panda]\nq_start = 'ready'\nq_goal = [1, 'pi/8', 0.5, '-90deg', 0.3, 2, '-0.5rad']\n"
         "[vary]\nq_goal.panda_joint1 = ['30deg', 0.1]\n"
         "q_start.panda_joint2 = {from = '-10deg', to = 'pi/18', count = 3}\n"
     )
-    panda, problem = ad.Robot.from_library("panda"), asked.task.problems.problem(asked.parameters(0))
+    panda, problem = ad.Robot.from_library("panda"), request.task.problems.problem(request.parameters(0))
     assert problem.q_start.tolist() == pytest.approx([0, -np.pi / 18, *panda.pose("ready")[2:]], rel=1e-11)  # 12 digits
     assert problem.q_goal.tolist() == [np.pi / 6, np.pi / 8, 0.5, -np.pi / 2, 0.3, 2, -0.5]
 
 
 def test_poses_vary_by_their_names(study):
-    asked = study("[arms.ur3]\nq_start = 'zero'\n[arms.ur5]\nq_start = 'zero'\n[vary]\nq_goal = ['home', 'up']\n")
-    assert asked.parameters(3) == {"arm": "ur5", "q_goal": "up"}
+    request = study("[arms.ur3]\nq_start = 'zero'\n[arms.ur5]\nq_start = 'zero'\n[vary]\nq_goal = ['home', 'up']\n")
+    assert request.parameters(3) == {"arm": "ur5", "q_goal": "up"}
     up = ad.Robot.from_library("ur5").pose("up")
-    assert asked.task.problems.problem(asked.parameters(3)).q_goal.tolist() == up.tolist()
-    assert asked.description()["task"]["arms"]["ur5"]["named"]["up"] == up.tolist()
+    assert request.task.problems.problem(request.parameters(3)).q_goal.tolist() == up.tolist()
+    assert request.description()["task"]["arms"]["ur5"]["named"]["up"] == up.tolist()
 
 
 def test_poses_of_an_srdf_by_the_urdf(study, tmp_path):
@@ -64,27 +64,27 @@ def test_poses_of_an_srdf_by_the_urdf(study, tmp_path):
     (tmp_path / "one.srdf").write_text(
         '<robot name="one"><group_state name="down"><joint name="joint1" value="-1.5"/></group_state></robot>'
     )
-    asked = study("[arms.mine]\nrobot = 'one.urdf'\nq_start = 'down'\nq_goal = ['20deg']\n" + VARY)
-    problem = asked.task.problems.problem(asked.parameters(0))
+    request = study("[arms.mine]\nrobot = 'one.urdf'\nq_start = 'down'\nq_goal = ['20deg']\n" + VARY)
+    problem = request.task.problems.problem(request.parameters(0))
     assert problem.q_start.tolist() == [-1.5] and problem.q_goal.tolist() == [np.deg2rad(20)]
 
 
 def test_limits_are_scaled_and_replaced(study):
-    asked = study(ARM + "[fixed]\nvelocity_limit = 8.0\n[vary]\neffort_scale = [0.5]\n")
+    request = study(ARM + "[fixed]\nvelocity_limit = 8.0\n[vary]\neffort_scale = [0.5]\n")
     own = ad.Robot.from_spec(ad.ArmSpec.paper("rr")).limits
-    limits = asked.task.problems.problem(asked.parameters(0)).limits
+    limits = request.task.problems.problem(request.parameters(0)).limits
     assert limits.effort_upper == pytest.approx(0.5 * own.effort_upper, rel=1e-15)
     assert limits.velocity.tolist() == [8.0, 8.0]
     arm = ARM + "torque_speed = { joint2 = [[0, 3], [9, 1]] }\n"
-    asked = study(arm + "[vary]\neffort_scale = [0.5]\n")
-    falling = asked.task.problems.problem(asked.parameters(0)).limits.actuators
+    request = study(arm + "[vary]\neffort_scale = [0.5]\n")
+    falling = request.task.problems.problem(request.parameters(0)).limits.actuators
     assert np.allclose(falling.range(np.zeros(2), np.full(2, 9.0))[1], [1.5, 0.5])
 
 
 def test_several_arms_are_an_axis_of_their_own(study):
-    asked = study(ARM + "[arms.single]\nrobot = 'r'\nq_start = [0.0]\nq_goal = [1.0]\n" + VARY)
-    assert [axis.name for axis in asked.axes] == ["arm", "payload"]
-    assert asked.task.problems.problem(asked.parameters(2)).robot.joint_names == ("joint1",)
+    request = study(ARM + "[arms.single]\nrobot = 'r'\nq_start = [0.0]\nq_goal = [1.0]\n" + VARY)
+    assert [axis.name for axis in request.axes] == ["arm", "payload"]
+    assert request.task.problems.problem(request.parameters(2)).robot.joint_names == ("joint1",)
 
 
 def test_a_file_beside_the_study_goes_with_it(study, tmp_path):
@@ -92,10 +92,10 @@ def test_a_file_beside_the_study_goes_with_it(study, tmp_path):
     (tmp_path / "arms").mkdir()
     (tmp_path / "arms" / "one.urdf").write_text(text)
     arm = "[arms.mine]\nrobot = 'arms/one.urdf'\nq_start = [0.0]\nq_goal = [1.0]\n"
-    asked = study(arm + VARY)
-    before = asked.description()
+    request = study(arm + VARY)
+    before = request.description()
     (tmp_path / "arms" / "one.urdf").write_text(text.replace('name="r"', 'name="s"', 1))
-    assert asked.task.problems.problem(asked.parameters(0)).robot.joint_names == (
+    assert request.task.problems.problem(request.parameters(0)).robot.joint_names == (
         "joint1",
     )  # it needs the file no more
     assert study(arm + VARY).description() != before  # another file is another study
@@ -112,7 +112,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         (VARY, "line 1: no arm"),
         (ARM, "line 1: nothing varies"),
@@ -164,8 +164,8 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         ("task = 'track'\n" + ARM + VARY + "[track]\nduration = -1\n", "line 8: duration is -1 s"),
     ],
 )
-def test_a_complaint_says_the_line_and_what_would_be_right(study, text, told):
-    with pytest.raises(ProblemError, match=told):
+def test_a_complaint_says_the_line_and_what_would_be_right(study, text, words):
+    with pytest.raises(ProblemError, match=words):
         study(text)
 
 
@@ -185,24 +185,24 @@ OBSTACLE = "obstacles = [{ type = 'sphere', name = 'ball', center = [0.6, 0.0, 0
 
 
 def test_any_field_of_the_problem_may_vary(study):
-    asked = study(
+    request = study(
         ARM + "via = [[-0.5, 0.1]]\n" + OBSTACLE + "clearance = 0.01\n[fixed]\nwrap = true\n[vary]\n"
         "obstacles.ball.center.0 = { from = 0.6, to = 0.7, count = 2 }\n"
         "via = [[], [[-0.5, 0.2]], [[-1.0, 0.1], [-0.5, 0.2]]]\n"
         "jerk_limit = [2e4, 4e4]\npath_constraints = [[], ['tip-speed=2']]\n"
     )
-    assert len(asked) == 24 and asked.axes[1].kind == "words"
-    problem = asked.task.problems.problem(asked.parameters(23))
+    assert len(request) == 24 and request.axes[1].kind == "words"
+    problem = request.task.problems.problem(request.parameters(23))
     assert problem.obstacles[0].center == (0.7, 0.0, 0.3) and problem.obstacles[0].name == "ball"
     assert [q.tolist() for q in problem.via] == [[-1.0, 0.1], [-0.5, 0.2]]
     assert problem.jerk_limit.tolist() == [4e4, 4e4] and problem.clearance == 0.01 and problem.wrap
     assert [one.name for one in problem.path_constraints] == ["frame speed limits"]
-    first = asked.task.problems.problem(asked.parameters(0))
+    first = request.task.problems.problem(request.parameters(0))
     assert first.obstacles[0].center[0] == 0.6 and first.via == () and first.path_constraints == ()
 
 
 @pytest.mark.parametrize(
-    ("vary", "told"),
+    ("vary", "words"),
     [
         ("obstacles.box.radius = [0.1]", "line 6: obstacles.box.radius: obstacles has no 'box'.*ball"),
         ("obstacles.3.radius = [0.1]", "line 6: obstacles.3.radius: obstacles has no '3'"),
@@ -211,8 +211,8 @@ def test_any_field_of_the_problem_may_vary(study):
         ("obstackles = [1]", "line 6: obstackles is no setting; did you mean 'obstacles'"),
     ],
 )
-def test_a_place_that_is_not_there_is_refused(study, vary, told):
-    with pytest.raises(ProblemError, match=told):
+def test_a_place_that_is_not_there_is_refused(study, vary, words):
+    with pytest.raises(ProblemError, match=words):
         study(ARM + OBSTACLE + f"[vary]\n{vary}\n")
 
 
@@ -226,10 +226,10 @@ def test_a_place_that_is_not_there_is_refused(study, vary, told):
 def test_a_task_of_many_arms(study, task, own):
     arm = "[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n"
     fixed = "[fixed]\nramp = 0.5\n" if task == "monte-carlo" else ""
-    asked = study(
+    request = study(
         f"task = '{task}'\n" + arm + fixed + "[vary]\npayload = [0.1, 0.2]\n" + own.replace("ramp_ = 0\n", "")
     )
-    found = asked.task.work(asked.parameters(0), b"")
+    found = request.task.work(request.parameters(0), b"")
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
     if task == "monte-carlo":
         options = ad.MonteCarloOptions(count=3, duration=0.8)
@@ -244,21 +244,21 @@ def test_a_task_of_many_arms(study, task, own):
 
 
 def test_a_reserve_for_each_case(study):
-    asked = study(
+    request = study(
         "task = 'reserve'\n[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1]\n"
         "[reserve]\nreserves = [0.0, 0.1]\nduration = 0.8\n"
     )
-    found = asked.task.work(asked.parameters(0), b"")
+    found = request.task.work(request.parameters(0), b"")
     assert found.good and found.facts["best_reserve"] in (0.0, 0.1) and found.facts["arms"] == 6
 
 
 def test_a_chain_is_gone_on_with(study, tmp_path):
-    asked = study("[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1, 0.11, 0.12]\n"
+    request = study("[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1, 0.11, 0.12]\n"
                   "[search]\nneighbours = 'chain'\n")  # fmt: skip
-    run = ad.run_study(asked, tmp_path / "s.sqlite", in_process)
+    run = ad.run_study(request, tmp_path / "s.sqlite", in_process)
     rows = ad.study_table(run.file)
     assert run.counts == {"usable": 3} and [row["begun_from"] for row in rows][1:] == [0, 1]
-    again = ad.run_study(asked, run.file, in_process)
+    again = ad.run_study(request, run.file, in_process)
     assert again.done_here == 0 and ad.study_table(run.file) == rows
 
 

@@ -32,13 +32,13 @@ def rows_of(file):
 
 
 def test_every_case_has_its_row(tmp_path):
-    told = []
-    run = run_study(squares(20), tmp_path / "s.sqlite", TWO, told.append)
+    messages = []
+    run = run_study(squares(20), tmp_path / "s.sqlite", TWO, messages.append)
     rows = rows_of(run.file)
     assert [(row.k, row.settings["x"], row.facts["square"]) for row in rows] == [(k, k, k * k) for k in range(20)]
     assert run.counts == {"squared": 20} and run.done_here == 20 and not run.interrupted
     assert {row.attempts for row in rows} == {1} and len({row.worker for row in rows}) <= 2
-    assert told[-1].done == told[-1].cases == 20 and told[-1].workers == 2
+    assert messages[-1].done == messages[-1].cases == 20 and messages[-1].workers == 2
 
 
 def test_bad_cases_have_rows_too(tmp_path):
@@ -64,8 +64,8 @@ def test_a_death_is_tried_again_elsewhere_and_the_third_is_a_row(tmp_path):
 
 
 def test_ctrl_c_leaves_what_there_is_and_the_rest_follows(tmp_path):
-    def press(told):
-        if told.done >= 5:
+    def press(progress):
+        if progress.done >= 5:
             os.kill(os.getpid(), signal.SIGINT)
 
     study = squares(40, seconds=0.02)
@@ -146,10 +146,10 @@ def test_what_is_no_study_of_ours(tmp_path):
         connection.execute("CREATE TABLE t (x)")
     text = tmp_path / "text.sqlite"
     text.write_bytes(b"no database at all" * 100)
-    for file, told in ((other, "not one of a study"), (text, "no study's file, or damaged")):
-        with pytest.raises(ResultError, match=told):
+    for file, words in ((other, "not one of a study"), (text, "no study's file, or damaged")):
+        with pytest.raises(ResultError, match=words):
             run_study(squares(2), file, TWO)
-        with pytest.raises(ResultError, match=told), read_rows(file):
+        with pytest.raises(ResultError, match=words), read_rows(file):
             pass
     with pytest.raises(FileError, match="no such file"), read_rows(tmp_path / "none.sqlite"):
         pass

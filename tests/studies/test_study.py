@@ -49,7 +49,7 @@ def test_words_each_have_their_share_of_a_draw():
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "words"),
     [
         (lambda: study(), "nothing varies"),
         (lambda: study(RANGE, RANGE), "each once"),
@@ -64,6 +64,6 @@ def test_words_each_have_their_share_of_a_draw():
         (lambda: Axis(name="a", values=(1.0, 2.0, 1.0)), "a value twice"),
     ],
 )
-def test_what_is_no_study(make, told):
-    with pytest.raises(ProblemError, match=told):
+def test_what_is_no_study(make, words):
+    with pytest.raises(ProblemError, match=words):
         make()

@@ -79,10 +79,10 @@ def test_a_table_of_a_load_that_is_not_known(tmp_path):
 def test_the_events_of_ros2_stand_beside_the_message(tmp_path):
     samples = UR.resample(250)
     text = Ros2().text(samples)
-    told = json.loads(text)
-    assert told == yaml.safe_load(text)  # no 1e-05 that PyYAML takes for text
-    events = told.pop("events")
-    assert told == samples.to_joint_trajectory() and "events" not in json.loads(Ros2().text(motion(6).resample(250)))
+    message = json.loads(text)
+    assert message == yaml.safe_load(text)  # no 1e-05 that PyYAML takes for text
+    events = message.pop("events")
+    assert message == samples.to_joint_trajectory() and "events" not in json.loads(Ros2().text(motion(6).resample(250)))
     start = UR.pieces[1].start
     assert events[1]["time_from_start"]["sec"] + 1e-9 * events[1]["time_from_start"]["nanosec"] == pytest.approx(
         start, abs=1e-9
@@ -137,21 +137,21 @@ def test_urscript_makes_one_body_of_gripper_and_part(transition):
     text = UrScript(transition=transition).text(UR.resample(500))
     lines = text.partition("def armdyn_motion():\n")[2].partition("  movej(")[0].splitlines()
     lines = [line[2:].replace("local ", "").replace("global ", "") for line in lines if line.strip() != "end"]
-    told = []
+    calls = []
     own = dict(
         zip(("get_target_payload", "get_target_payload_cog", "get_target_payload_inertia"), GRIPPER, strict=True)
     )
     names = {name: lambda value=value: value for name, value in own.items()}
-    names |= {"set_target_payload": lambda *given: told.append(given), "textmsg": print}
+    names |= {"set_target_payload": lambda *given: calls.append(given), "textmsg": print}
     exec("\n".join(lines), names)
     names["armdyn_load"](*GRASP)
-    same(told[0][:3], body(GRIPPER) + body(GRASP))
-    assert told[0][3:] == ((transition,) if transition else ())
+    same(calls[0][:3], body(GRIPPER) + body(GRASP))
+    assert calls[0][3:] == ((transition,) if transition else ())
     names["armdyn_load"](0.0, [0.0] * 3, [0.0] * 6)  # released
-    same(told[1][:3], body(GRIPPER))
+    same(calls[1][:3], body(GRIPPER))
     names["armdyn_m"] = 0
     names["armdyn_load"](0.0, [0.0] * 3, [0.0] * 6)
-    assert told[2] == (0, [0, 0, 0])
+    assert calls[2] == (0, [0, 0, 0])
 
 
 def test_urscript_with_a_load_from_the_beginning():
@@ -168,8 +168,8 @@ def test_ur_rtde_adds_the_load_at_the_grasp(tmp_path, monkeypatch, capsys):
     own = dict(zip(("getPayload", "getPayloadCog", "getPayloadInertia"), GRIPPER, strict=True))
     arm = Arm(samples.q[0], **own)
     run_ur(program(UrRtde(), samples, tmp_path), arm, monkeypatch)
-    (told,) = arm.told("setTargetPayload")
-    same(told, body(GRIPPER) + body(GRASP))
+    (arguments,) = arm.arguments_of("setTargetPayload")
+    same(arguments, body(GRIPPER) + body(GRASP))
     order = [name for name, _, _ in arm.calls]
     assert order[: order.index("setTargetPayload")].count("servoJ") == samples.piece_rows[1] + 50
     assert "grasp part A" in capsys.readouterr().out
@@ -177,8 +177,8 @@ def test_ur_rtde_adds_the_load_at_the_grasp(tmp_path, monkeypatch, capsys):
     run_ur(
         program(UrRtde(payload=0.5), cycle(6, PART, EMPTY, event="release").resample(500), tmp_path), arm, monkeypatch
     )
-    assert arm.told("setPayload") == [(0.5, [0.0] * 3)] and not arm.told("getPayload")
-    held, released = arm.told("setTargetPayload")
+    assert arm.arguments_of("setPayload") == [(0.5, [0.0] * 3)] and not arm.arguments_of("getPayload")
+    held, released = arm.arguments_of("setTargetPayload")
     same(held, body((0.5, [0.0] * 3, [0.0] * 6)) + body(GRASP))
     assert released == (0.5, [0.0] * 3, [0.0] * 6)
     with pytest.raises(TrajectoryError, match="transition is of urscript"):
@@ -190,11 +190,11 @@ def test_panda_python_takes_a_load_at_rest_without_a_controller(tmp_path, monkey
     arm = Panda(samples.q[0])
     run_panda(program(PandaPython(), samples, tmp_path), arm, monkeypatch)
     matrix = [1e-3, 1e-5, 0.0, 1e-5, 2e-3, 0.0, 0.0, 0.0, 3e-3]
-    assert arm.told("set_load") == [(1.5, [0, 0, 0.1], matrix)]
+    assert arm.arguments_of("set_load") == [(1.5, [0, 0, 0.1], matrix)]
     order = [name for name, _, _ in arm.calls if name not in ("set_control", "raise_error")]
     run = ["start_controller", "stop_controller"]
     assert order == [*run, "set_load", *run]
-    shown, row = arm.told("set_control"), samples.piece_rows[1]
+    shown, row = arm.arguments_of("set_control"), samples.piece_rows[1]
     assert len(shown) == samples.t.size + 1 + 2 * 500
     np.testing.assert_array_equal([q for q, _ in shown[: row + 1]], samples.q[: row + 1])
     assert not any(shown[row][1]) and not any(shown[row + 400][1])
@@ -243,8 +243,8 @@ def test_events_of_strangers_are_no_code(made, rate, joints):
         (line,) = [line for line in text.splitlines() if line.startswith("  armdyn_event(")]
         assert re.fullmatch(r'  armdyn_event\("[A-Za-z0-9 _.-]*", "[A-Za-z0-9 _.-]*"\)', line)
         return
-    told = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
-    ((_, kind, name, load),) = ast.literal_eval(told["EVENTS"])
+    assigned = {node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)}
+    ((_, kind, name, load),) = ast.literal_eval(assigned["EVENTS"])
     assert (kind, name, load) == (bad, bad, None)
 
 

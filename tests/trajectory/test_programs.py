@@ -94,10 +94,10 @@ def test_names_of_strangers_are_no_code(made, rate, joints, tmp_path):
         code = [line for line in text.splitlines() if not line.startswith("#")]
         assert code == [line for line in made().text(motion(6).resample(500)).splitlines() if not line.startswith("#")]
         return
-    told = {
+    assigned = {
         node.targets[0].id: node.value for node in ast.parse(text).body if isinstance(node, ast.Assign)
     }  # fmt: skip
-    assert ast.literal_eval(told["JOINTS"]) == list(names) and ast.literal_eval(told["NAME"]) == bad.name
+    assert ast.literal_eval(assigned["JOINTS"]) == list(names) and ast.literal_eval(assigned["NAME"]) == bad.name
     harmless = ast.parse(made().text(motion(joints).resample(rate)))
     kinds = [
         [type(node) for node in ast.walk(tree) if not isinstance(node, ast.Constant)]
@@ -133,7 +133,7 @@ class Arm:
 
         return call
 
-    def told(self, name):
+    def arguments_of(self, name):
         return [arguments for called, arguments, _ in self.calls if called == name]
 
 
@@ -159,15 +159,15 @@ def test_ur_rtde_sends_every_sample_at_the_rate(tmp_path, monkeypatch, capsys):
     file = program(UrRtde(payload=1.5, payload_com=(0, 0, 0.05)), samples, tmp_path)
     arm = Arm(samples.q[0] + 0.005)
     run_ur(file, arm, monkeypatch)
-    assert arm.told("connect") == [("10.0.0.2",), ("10.0.0.2", 500.0)] and not arm.told("moveJ")
-    sent = arm.told("servoJ")
+    assert arm.arguments_of("connect") == [("10.0.0.2",), ("10.0.0.2", 500.0)] and not arm.arguments_of("moveJ")
+    sent = arm.arguments_of("servoJ")
     np.testing.assert_array_equal([q for q, *_ in sent], [*samples.q[1:], *[samples.q[-1]] * 150])
     assert {rest for _, *rest in map(tuple, sent) for rest in [tuple(rest)]} == {(0.5, 0.5, 0.002, 0.1, 300.0)}
     assert arm.time == pytest.approx(len(sent) / 500)  # a period for each
     order = [name for name, _, _ in arm.calls]
     assert order.index("setPayload") < order.index("servoJ") and order[-3:-1] == ["servoStop", "getActualQ"]
-    assert arm.told("setPayload") == [(1.5, [0.0, 0.0, 0.05])] and order[-1] == "stopScript"
-    assert len(arm.told("isJointsWithinSafetyLimits")) == samples.t.size
+    assert arm.arguments_of("setPayload") == [(1.5, [0.0, 0.0, 0.05])] and order[-1] == "stopScript"
+    assert len(arm.arguments_of("isJointsWithinSafetyLimits")) == samples.t.size
     assert "done" in capsys.readouterr().out
 
 
@@ -184,7 +184,7 @@ def test_ur_rtde_refuses(faults, said, tmp_path, monkeypatch):
     arm = Arm(samples.q[0], **faults)
     with pytest.raises(SystemExit, match=said):
         run_ur(program(UrRtde(), samples, tmp_path), arm, monkeypatch)
-    assert not arm.told("servoJ") and not arm.told("moveJ") and arm.told("stopScript")
+    assert not arm.arguments_of("servoJ") and not arm.arguments_of("moveJ") and arm.arguments_of("stopScript")
 
 
 def test_ur_rtde_moves_to_the_start_only_when_asked(tmp_path, monkeypatch):
@@ -194,7 +194,7 @@ def test_ur_rtde_moves_to_the_start_only_when_asked(tmp_path, monkeypatch):
     with pytest.raises(SystemExit, match=r"0\.0300 rad from the start, more than 0\.02 rad"):
         run_ur(file, away, monkeypatch)
     run_ur(file, away, monkeypatch, "--to-start")
-    ((q, speed, acceleration),) = away.told("moveJ")
+    ((q, speed, acceleration),) = away.arguments_of("moveJ")
     assert q == samples.q[0].tolist() and speed <= 0.25 and acceleration <= 0.5
 
 
@@ -203,7 +203,7 @@ def test_ur_rtde_stops_when_the_controller_does(tmp_path, monkeypatch):
     arm = Arm(samples.q[0], servoJ=False)
     with pytest.raises(SystemExit, match="takes no more targets"):
         run_ur(program(UrRtde(), samples, tmp_path), arm, monkeypatch)
-    assert len(arm.told("servoJ")) == 1 and arm.told("servoStop") and arm.told("stopScript")
+    assert len(arm.arguments_of("servoJ")) == 1 and arm.arguments_of("servoStop") and arm.arguments_of("stopScript")
 
 
 class Panda(Arm):
@@ -250,15 +250,15 @@ def test_panda_python_shows_every_sample_at_its_time(tmp_path, monkeypatch, caps
     samples = FRANKA.resample(1000)
     arm = Panda(samples.q[0])
     run_panda(program(PandaPython(payload=0.7), samples, tmp_path), arm, monkeypatch)
-    shown = arm.told("set_control")
+    shown = arm.arguments_of("set_control")
     assert arm.frequency == 1000.0 and len(shown) == samples.t.size + 500
     np.testing.assert_array_equal([q for q, _ in shown[: samples.t.size]], samples.q)
     np.testing.assert_array_equal([v for _, v in shown[: samples.t.size - 1]], samples.v[:-1])
     assert all(q == samples.q[-1].tolist() and not any(v) for q, v in shown[samples.t.size - 1 :])
     order = [name for name, _, _ in arm.calls]
     assert order[0] == "set_load" and order.index("raise_error") < order.index("start_controller")
-    assert order[-1] == "stop_controller" and not arm.told("move_to_joint_position")
-    assert arm.told("set_load") == [(0.7, [0.0, 0.0, 0.0], [0.0] * 9)] and "done" in capsys.readouterr().out
+    assert order[-1] == "stop_controller" and not arm.arguments_of("move_to_joint_position")
+    assert arm.arguments_of("set_load") == [(0.7, [0.0, 0.0, 0.0], [0.0] * 9)] and "done" in capsys.readouterr().out
 
 
 def test_panda_python_on_a_computer_that_is_late(tmp_path, monkeypatch):
@@ -267,7 +267,7 @@ def test_panda_python_on_a_computer_that_is_late(tmp_path, monkeypatch):
     file = program(PandaPython(), samples, tmp_path)
     arm = Panda(samples.q[0], late=15)
     run_panda(file, arm, monkeypatch)
-    shown = [q for q, _ in arm.told("set_control")]
+    shown = [q for q, _ in arm.arguments_of("set_control")]
     assert len(shown) == samples.t.size + 500 - 15 and shown[100] == samples.q[115].tolist()
     arm = Panda(samples.q[0], late=30)
     with pytest.raises(SystemExit, match=r"was 0\.030 s late"):
@@ -284,10 +284,10 @@ def test_panda_python_refuses(tmp_path, monkeypatch):
     ):
         with pytest.raises(SystemExit, match=said):
             run_panda(file, arm, monkeypatch)
-        assert not arm.told("set_control") and not arm.told("move_to_joint_position")
+        assert not arm.arguments_of("set_control") and not arm.arguments_of("move_to_joint_position")
     away = Panda(samples.q[0] + 0.1)
     run_panda(file, away, monkeypatch, "--to-start")
-    assert away.told("move_to_joint_position") == [(samples.q[0].tolist(),)]
+    assert away.arguments_of("move_to_joint_position") == [(samples.q[0].tolist(),)]
 
 
 @pytest.mark.parametrize("rate", [250, 1000])

@@ -12,7 +12,7 @@ GOAL = np.array([0.3, -0.2, 0.5])
 MOTION = ad.ramp(ROBOT, [-1.0, 0.5, 0.1], GOAL, 0.2)
 
 
-def asked(law, k, q, v, integral, pending=()):
+def effort(law, k, q, v, integral, pending=()):
     return np.array(law.function(q, v, integral, np.asarray(pending), law.rows[min(k, len(law.rows) - 1)])).ravel()
 
 
@@ -23,7 +23,7 @@ def test_an_arm_that_follows_exactly_gets_the_references_torque(loop):
     shown = plain_loop.Filtered(loop, ticks.q[0], ticks.v[0])
     for k, (q, v) in enumerate(zip(ticks.q, ticks.v, strict=True)):
         seen = shown.read(q, None)[1] if loop.velocity == "filtered" else v
-        tau = asked(law, k, q, seen, np.zeros(3), np.zeros(3 * loop.delay))
+        tau = effort(law, k, q, seen, np.zeros(3), np.zeros(3 * loop.delay))
         assert tau == pytest.approx(ticks.ahead(loop.delay)[k], abs=1e-9)  # torques to 20 N m, rounded
 
 
@@ -35,8 +35,8 @@ def test_an_error_asks_for_its_acceleration():
     pin = PinDynamics(ROBOT)
     for q, v, integral in random_states(3):
         a = w**2 * (GOAL - q) - 2 * z * w * v + ki * integral
-        assert asked(law, 0, q, v, integral) == pytest.approx(pin.rnea(q, v, a), rel=1e-9)  # sums to 1e6 N m, rounded
-        assert pin.aba(q, v, asked(law, 0, q, v, integral)) == pytest.approx(a, rel=1e-9)
+        assert effort(law, 0, q, v, integral) == pytest.approx(pin.rnea(q, v, a), rel=1e-9)  # sums to 1e6 N m, rounded
+        assert pin.aba(q, v, effort(law, 0, q, v, integral)) == pytest.approx(a, rel=1e-9)
 
 
 def test_every_joint_of_the_nominal_arm_is_an_oscillator():
@@ -50,7 +50,7 @@ def test_every_joint_of_the_nominal_arm_is_an_oscillator():
     aba = plain_loop.forward_dynamics(ROBOT)
     q, v, e0 = GOAL - far * np.array([1, -1, 0.5]), np.zeros(3), far * np.array([1, -1, 0.5])
     for k in range(2000):
-        q, v = plain_loop.stepped(aba, q, v, asked(law, k, q, v, np.zeros(3)), 1 / rate, 1)
+        q, v = plain_loop.stepped(aba, q, v, effort(law, k, q, v, np.zeros(3)), 1 / rate, 1)
     wt = w * 2000 / rate
     assert GOAL - q == pytest.approx(e0 * (1 + wt) * np.exp(-wt), abs=25e-6 * w * far * wt)
 

@@ -14,7 +14,7 @@ GOAL = np.array([0.3, -0.2, 0.5])
 MOTION = ad.ramp(ROBOT, [-1.0, 0.5, 0.1], GOAL, 0.2)
 
 
-def asked(law, k, q, v, integral, pending=()):
+def effort(law, k, q, v, integral, pending=()):
     return np.array(law.function(q, v, integral, np.asarray(pending), law.rows[min(k, len(law.rows) - 1)])).ravel()
 
 
@@ -29,7 +29,7 @@ def test_an_arm_that_follows_exactly_gets_the_references_torque(loop):
     shown = plain_loop.Filtered(loop, ticks.q[0], ticks.v[0])
     for k, (q, v) in enumerate(zip(ticks.q, ticks.v, strict=True)):
         seen = shown.read(q, None)[1] if loop.velocity == "filtered" else v
-        tau = asked(law, k, q, seen, np.zeros(3), pending(ticks, k, loop.delay))
+        tau = effort(law, k, q, seen, np.zeros(3), pending(ticks, k, loop.delay))
         assert tau == pytest.approx(ticks.ahead(loop.delay)[k], abs=1e-8)  # rounded speeds times gains to 1e3
 
 
@@ -61,7 +61,7 @@ def deviating(law, ticks, loop, far):
     )
     for k in range(60):
         out.append(q)
-        queue.append(asked(law, k, q, v, np.zeros(3), np.concatenate([[], *queue])))
+        queue.append(effort(law, k, q, v, np.zeros(3), np.concatenate([[], *queue])))
         q, v = plain_loop.stepped(aba, q, v, queue.pop(0), loop.period, 4)
     return np.array(out)
 
@@ -74,8 +74,8 @@ def test_the_weights_mean_what_they_say():
     rate, p, T, f, masses = 10_000.0, 0.05, 0.01, 1.0, np.array([2.0, 1.0])
     loop = ad.Loop(rate=rate, delay=0, encoder=0.0, velocity="exact")
     law = ad.Lqr(p, T, 0.0).law(robot, Ticks.of(robot, ad.set_point(robot, [0.0, 0.0]), rate), loop)
-    far = [asked(law, 99, -unit, np.zeros(2), np.zeros(2)) for unit in np.eye(2)]
-    fast = [asked(law, 99, np.zeros(2), -unit, np.zeros(2)) for unit in np.eye(2)]
+    far = [effort(law, 99, -unit, np.zeros(2), np.zeros(2)) for unit in np.eye(2)]
+    fast = [effort(law, 99, np.zeros(2), -unit, np.zeros(2)) for unit in np.eye(2)]
     assert np.diag(far) == pytest.approx([f / p] * 2, rel=2e-3)
     assert np.diag(fast) == pytest.approx(np.sqrt((T * f / p) ** 2 + 2 * masses * f / p), rel=2e-3)
 
@@ -95,7 +95,7 @@ def test_an_integral_that_does_not_count_is_not_used():
     assert np.array_equal(law.integral_gain > 0, [False, True, False])
     q, v, rest = ticks.q[7], ticks.v[7], pending(ticks, 7, 1)
     for unit, used in zip(np.eye(3), law.integral_gain > 0, strict=True):
-        assert np.any(asked(law, 7, q, v, unit, rest) != asked(law, 7, q, v, np.zeros(3), rest)) == used
+        assert np.any(effort(law, 7, q, v, unit, rest) != effort(law, 7, q, v, np.zeros(3), rest)) == used
     assert law.integrate_from == MOTION.duration
 
 

@@ -19,7 +19,7 @@ def law_of(controller, loop=None, motion=MOTION, robot=ROBOT):
     return controller.law(robot, Ticks.of(robot, motion, loop.rate), loop)
 
 
-def asked(law, k, q, v, integral, pending=()):
+def effort(law, k, q, v, integral, pending=()):
     row = law.rows[min(k, len(law.rows) - 1)]
     return np.array(law.function(q, v, integral, np.asarray(pending), row)).ravel()
 
@@ -34,7 +34,7 @@ def test_at_a_set_point_it_is_the_papers_law(form):
         expected = u if form == "torque" else pin.crba(q) @ u
         expected = expected + (pin.nle(q, v) + friction.torque(v) if form == "computed_torque" else 0)
         # Two implementations of the same sums: rounding, times gains and speeds.
-        assert asked(law, 5, q, v, integral) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        assert effort(law, 5, q, v, integral) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("loop", [ad.Loop(), ad.Loop(delay=3, velocity="exact"), ad.Loop(velocity="observer")])
@@ -45,7 +45,7 @@ def test_an_arm_that_follows_exactly_gets_the_references_torque(form, gravity, l
     shown = plain_loop.Filtered(loop, ticks.q[0], ticks.v[0])
     for k, (q, v) in enumerate(zip(ticks.q, ticks.v, strict=True)):
         seen = shown.read(q, None)[1] if loop.velocity == "filtered" else v
-        tau = asked(law, k, q, seen, np.zeros(3), np.zeros(3 * loop.delay))
+        tau = effort(law, k, q, seen, np.zeros(3), np.zeros(3 * loop.delay))
         assert tau == pytest.approx(ticks.ahead(loop.delay)[k], abs=1e-9)  # torques to 20 N m, rounded
 
 
@@ -54,7 +54,7 @@ def test_gravity_is_that_of_the_readings():
     pin = PinDynamics(ROBOT)
     ticks = Ticks.of(ROBOT, MOTION, 1000.0)
     for k, (q, v, integral) in enumerate(random_states(3, seed=3)):
-        more = asked(with_it, k, q, v, integral, np.zeros(3)) - asked(without, k, q, v, integral, np.zeros(3))
+        more = effort(with_it, k, q, v, integral, np.zeros(3)) - effort(without, k, q, v, integral, np.zeros(3))
         assert more == pytest.approx(pin.gravity(q) - pin.gravity(ticks.q[k]), abs=1e-12)
 
 
@@ -68,8 +68,8 @@ def test_how_much_an_integral_does():
     for form in FORMS:
         law = law_of(ad.Pid(GAINS, form))
         more = [
-            asked(law, 999, GOAL, np.zeros(3), unit, np.zeros(3))[i]
-            - asked(law, 999, GOAL, np.zeros(3), np.zeros(3), np.zeros(3))[i]
+            effort(law, 999, GOAL, np.zeros(3), unit, np.zeros(3))[i]
+            - effort(law, 999, GOAL, np.zeros(3), np.zeros(3), np.zeros(3))[i]
             for i, unit in enumerate(np.eye(3))
         ]
         assert law.integral_gain == pytest.approx(more, rel=1e-9)

@@ -38,15 +38,15 @@ def cart(mobility, rate):
 def test_a_light_joint_is_as_stiff_as_its_lag_bears(velocity, phase_of):
     loop, half, phase = ad.Loop(), np.array([3.0, 3.0]), 1.1
     mobility = np.array([2000.0, 1.0])
-    asked = ErrorWeights(np.array([0.03, 0.03]), np.full(2, velocity), np.zeros(2))
-    given = bearable(asked, half, cart(mobility, loop.rate), loop, phase)
+    requested = ErrorWeights(np.array([0.03, 0.03]), np.full(2, velocity), np.zeros(2))
+    given = bearable(requested, half, cart(mobility, loop.rate), loop, phase)
     assert given.position[1] == 0.03  # the heavy one is slow enough
     assert given.position[0] > 0.03
     w = np.sqrt(mobility[0] * half[0] / given.position[0])
     costs = {"swing": w * lag(loop) / phase, "velocity loop": velocity * w**2 * lag(loop) / (3 * phase)}
     assert costs.pop(phase_of) == pytest.approx(1.0, rel=1e-12)
     assert max(costs.values()) < 1.0
-    assert bearable(asked, half, cart(mobility, 1000.0), ad.Loop.ideal(), phase) == asked
+    assert bearable(requested, half, cart(mobility, 1000.0), ad.Loop.ideal(), phase) == requested
 
 
 def test_what_counts_when():

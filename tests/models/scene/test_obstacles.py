@@ -112,9 +112,9 @@ def test_what_is_no_file_of_obstacles(tmp_path):
 def test_messages_are_short(tmp_path):
     path = tmp_path / "scene.json"
     path.write_text(json.dumps([{"type": "sphere", "center": [0] * 10_000, "radius": 1}]))
-    with pytest.raises(ProblemError) as told:
+    with pytest.raises(ProblemError) as raised:
         load_obstacles(path)
-    assert "three" in str(told.value) and len(str(told.value)) < 500
+    assert "three" in str(raised.value) and len(str(raised.value)) < 500
 
 
 def test_what_is_kept_of_an_obstacle_makes_it_again():

@@ -152,7 +152,7 @@ def test_a_problem_file_that_would_be_too_large_is_not_written(tmp_path):
     with pytest.raises(ProblemError, match=r"would have \d+ bytes, and 262144 are read"):
         problem.to_toml()
     np.save(tmp_path / "wall.npy", wall)
-    told = problem.variant(obstacles=()).to_toml()
-    told += '[[problem.obstacles]]\ntype = "point cloud"\nname = "point cloud"\nfile = "wall.npy"\nsize = 0.01\n'
-    (tmp_path / "problem.toml").write_text(told)
+    text = problem.variant(obstacles=()).to_toml()
+    text += '[[problem.obstacles]]\ntype = "point cloud"\nname = "point cloud"\nfile = "wall.npy"\nsize = 0.01\n'
+    (tmp_path / "problem.toml").write_text(text)
     assert ad.read_problem(tmp_path / "problem.toml").obstacles == (cloud,)

@@ -16,8 +16,8 @@ LANDED = Certificate(1e-9, 1e-9, 0.0)
 FAST = Violation("velocity limit", "joint2", 0.05, 5.6e-4)
 
 
-def said(certificate, kept=(), arcs=False, **asked):
-    problem = paper_problem("rr").variant(**asked)
+def said(certificate, kept=(), arcs=False, **options):
+    problem = paper_problem("rr").variant(**options)
     return advice(problem, certificate, kept, arcs)
 
 
@@ -37,12 +37,12 @@ def test_what_is_not_usable_is_to_become_so_first(certificate, thing, words):
 
 
 @pytest.mark.parametrize(
-    ("asked", "why"),
+    ("options", "why"),
     [({"v_goal": [0.1, 0]}, "in flight"), ({"passive": ["joint2"], "q_goal": [0.1, -0.1]}, "no motor"), ({}, None)],
 )
 @pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")
-def test_why_a_motion_could_not_be_slowed_down(asked, why):
-    line = said(replace(LANDED, limit_violation=5.6e-4, exceeded=FAST), **asked)["limits"]
+def test_why_a_motion_could_not_be_slowed_down(options, why):
+    line = said(replace(LANDED, limit_violation=5.6e-4, exceeded=FAST), **options)["limits"]
     assert f"{why}" in line if why else "slowed down" not in line
 
 
@@ -54,16 +54,16 @@ def test_all_that_is_missing_of_usable_is_named():
 
 
 def test_among_obstacles_another_path_may_help():
-    asked, missed = {"obstacles": [ad.Sphere((5, 5, 5), 0.1)]}, ConstraintReport("clearance", "", None, ("touches",))
+    options, missed = {"obstacles": [ad.Sphere((5, 5, 5), 0.1)]}, ConstraintReport("clearance", "", None, ("touches",))
     for line in (
-        said(Certificate(np.inf, np.inf, np.inf), **asked)["lands"],
-        said(LANDED, [missed], **asked)["conditions"],
+        said(Certificate(np.inf, np.inf, np.inf), **options)["lands"],
+        said(LANDED, [missed], **options)["conditions"],
     ):
         assert "`seed`" in line and "`clearance`" in line and "max_intervals" not in line
 
 
 @pytest.mark.parametrize(
-    ("certificate", "arcs", "asked", "words"),
+    ("certificate", "arcs", "options", "words"),
     [
         (LANDED, False, {}, "arcs were not resolved"),
         (LANDED, True, {}, "not quite those of an optimum"),
@@ -71,8 +71,8 @@ def test_among_obstacles_another_path_may_help():
         (replace(LANDED, goal_error=1e-5), True, {}, "more than 1e-6 beside the goal"),
     ],
 )
-def test_why_it_is_no_extremal(certificate, arcs, asked, words):
-    assert words in said(certificate, arcs=arcs, **asked)["extremal"]
+def test_why_it_is_no_extremal(certificate, arcs, options, words):
+    assert words in said(certificate, arcs=arcs, **options)["extremal"]
 
 
 def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
@@ -83,7 +83,7 @@ def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
 
 
 @pytest.mark.parametrize(
-    ("certificate", "asked", "words"),
+    ("certificate", "options", "words"),
     [
         (LANDED, {"velocity_limit": np.inf}, "give `velocity_limit`"),
         (LANDED, {}, "no lower bound is known"),
@@ -94,8 +94,8 @@ def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
         (LANDED.bounded(1.0, 1.02), {}, "a gap of 2 %"),
     ],
 )
-def test_why_there_is_no_small_gap(certificate, asked, words):
-    assert words in said(certificate, **asked)["gap"]
+def test_why_there_is_no_small_gap(certificate, options, words):
+    assert words in said(certificate, **options)["gap"]
 
 
 def test_of_what_is_there_nothing_is_said():

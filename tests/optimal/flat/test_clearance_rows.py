@@ -35,17 +35,17 @@ def swing():
 
 def test_slopes_by_the_control_points_against_differences(swing):
     problem, curve, policy = swing
-    asked = KeepsClear().required_distances(problem)
-    rows = clearance_rows(asked, curve, policy)
+    required = KeepsClear().required_distances(problem)
+    rows = clearance_rows(required, curve, policy)
     shape = curve_layout(problem, curve, TightenedConstraints.of(Task.of(problem)))
     x = np.zeros(shape.size)
     x[shape.points(0)] = curve.legs[0].points
     change = np.random.default_rng(0).normal(size=shape.points(0).shape)
     moved = x.copy()
     moved[shape.points(0)] += 1e-3 * change
-    every = replace(rows, within=np.inf, most=len(asked.model.pairs))
+    every = replace(rows, within=np.inf, most=len(required.model.pairs))
     before, after = every.at(shape, x), every.at(shape, moved)
-    poses = (before.missing.size, len(asked.model.pairs))
+    poses = (before.missing.size, len(required.model.pairs))
     expected = np.sort((before.spare + before.jacobian @ (moved - x)).reshape(poses), axis=1)
     found, unmoved = (np.sort(one.spare.reshape(poses), axis=1) for one in (after, before))
     # Some millimetres of motion, to second order and GJK's 1e-6 m; nearest points that change add a few hundredths.
@@ -55,10 +55,10 @@ def test_slopes_by_the_control_points_against_differences(swing):
 
 def test_poses_are_where_bodies_pass_each_other(swing):
     problem, curve, policy = swing
-    asked = KeepsClear().required_distances(problem)
-    ((_, places),) = clearance_rows(asked, curve, policy).legs
+    required = KeepsClear().required_distances(problem)
+    ((_, places),) = clearance_rows(required, curve, policy).legs
     looks = np.linspace(0, 1, 2001)
-    distances = asked.model.distances(curve.legs[0].at(looks)[0])
+    distances = required.model.distances(curve.legs[0].at(looks)[0])
     step = 1 / (policy.poses + 1)
     for pair in np.flatnonzero(np.min(distances, axis=0) < policy.passing):
         nearest = looks[np.argmin(distances[:, pair])]
@@ -71,5 +71,5 @@ def test_a_pair_just_beyond_the_clearance_at_the_goal_is_asked_for_more_than_the
     problem = swing[0]
     near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
     tight = problem.variant(clearance=near - 3e-4)  # as a finger beside what it is to grasp
-    asked = KeepsClear().required_distances(tight)
-    assert tight.clearance < np.min(asked.most) < near
+    required = KeepsClear().required_distances(tight)
+    assert tight.clearance < np.min(required.most) < near

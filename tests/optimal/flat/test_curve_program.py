@@ -20,10 +20,10 @@ from oracles import robot_named
 WEIGHTS = {"smooth": 1e-2, "travel": 0.3, "steps": 0.2}
 
 
-def task_of(via=(), **asked):
+def task_of(via=(), **options):
     robot = robot_named("ur5").with_payload(ad.Payload(mass=1.5, com=(0.0, 0.05, 0.1))).with_friction(2.0, 1.0, 0.3)
     problem = ad.MinimumTimeProblem(
-        robot, q_start=np.zeros(6), q_goal=[1.0, -0.4, 0.7, 0.3, -0.9, 0.2], via=via, **asked
+        robot, q_start=np.zeros(6), q_goal=[1.0, -0.4, 0.7, 0.3, -0.9, 0.2], via=via, **options
     )
     return Task.of(problem, ad.MinimumTimeOptions(compile=False))
 
@@ -38,10 +38,10 @@ def bent(task, intervals=9):
 
 
 @pytest.mark.parametrize(
-    "asked", [{}, {"via": [[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]]}, {"effort_weight": 0.02, "effort_limit": 100.0}]
+    "options", [{}, {"via": [[0.4, 0.1, 0.2, 0.0, -0.3, 0.1]]}, {"effort_weight": 0.02, "effort_limit": 100.0}]
 )
-def test_rows_and_costs_are_those_of_the_nonlinear_program(asked):
-    task = task_of(**asked)
+def test_rows_and_costs_are_those_of_the_nonlinear_program(options):
+    task = task_of(**options)
     guess = bent(task)
     spec = CurveSpec(TightenedConstraints.of(task), **WEIGHTS)
     shape = curve_layout(task.problem, guess, spec.constraints)

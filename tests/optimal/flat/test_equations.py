@@ -20,9 +20,9 @@ from optimal.flat.bends import bent, problem, spec, task
 def intervals(kind="plain"):
     """The curve, its interval in symbols, and the numbers of y and p for every interval of its first leg."""
     job = task(kind)
-    guess, asked = bent(job.problem), spec(job.problem)
-    shape = curve_layout(job.problem, guess, asked.constraints)
-    x = assemble_curve(job, guess, asked, shape).x
+    guess, request = bent(job.problem), spec(job.problem)
+    shape = curve_layout(job.problem, guess, request.constraints)
+    x = assemble_curve(job, guess, request, shape).x
     leg, limits = guess.legs[0], job.problem.limits
     half = limits.actuators.half_range
     gauss = leg.basis.gauss(POINTS)[0].ravel()

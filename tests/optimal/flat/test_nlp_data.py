@@ -9,9 +9,9 @@ from optimal.flat.bends import GOAL, KINDS, START, VIA, bent, spec, task
 
 def nlp_data(kind, **more):
     job = task(kind)
-    guess, asked = bent(job.problem), spec(job.problem, **more)
-    shape = curve_layout(job.problem, guess, asked.constraints)
-    return job, guess, shape, assemble_curve(job, guess, asked, shape)
+    guess, want = bent(job.problem), spec(job.problem, **more)
+    shape = curve_layout(job.problem, guess, want.constraints)
+    return job, guess, shape, assemble_curve(job, guess, want, shape)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -86,10 +86,8 @@ def test_room_is_taken_off_the_torques_rates():
 @pytest.mark.parametrize(("kind", "count"), [("acceleration and jerk", 0), ("torque rate", 0), ("frame speed", 1)])
 def test_what_control_points_and_torques_keep_takes_no_rows(kind, count):
     job, _, shape, _ = nlp_data(kind)
-    asked = spec(job.problem)
-    assert (
-        len(rows_of(job.problem, asked.constraints)) == len(constraint_values(job.problem, asked.constraints)) == count
-    )
+    want = spec(job.problem)
+    assert len(rows_of(job.problem, want.constraints)) == len(constraint_values(job.problem, want.constraints)) == count
     assert shape.rated == (kind == "torque rate")
     assert shape.orders == ((1, 2, 3) if kind == "acceleration and jerk" else (1,))
     assert shape.smooth == (1 if kind == "frame speed" else 2)

@@ -16,10 +16,10 @@ SMOOTH, TRAVEL, STEPS = 0.01, 0.02, 0.03
 def built(kind):
     """A program, and the numbers of a bent curve."""
     job = task(kind)
-    guess, asked = bent(job.problem), spec(job.problem, smooth=SMOOTH, travel=TRAVEL, steps=STEPS)
-    shape = curve_layout(job.problem, guess, asked.constraints)
-    program = build(job.dynamics, shape, rows_of(job.problem, asked.constraints), False)
-    return program, shape, guess, job, assemble_curve(job, guess, asked, shape)
+    guess, request = bent(job.problem), spec(job.problem, smooth=SMOOTH, travel=TRAVEL, steps=STEPS)
+    shape = curve_layout(job.problem, guess, request.constraints)
+    program = build(job.dynamics, shape, rows_of(job.problem, request.constraints), False)
+    return program, shape, guess, job, assemble_curve(job, guess, request, shape)
 
 
 def values(program):
@@ -179,8 +179,8 @@ def test_unknowns_stand_where_they_are_said_to_once_each():
 
 def test_equal_questions_get_one_program():
     job = task("via")
-    guess, asked = bent(job.problem), spec(job.problem)
+    guess, request = bent(job.problem), spec(job.problem)
     first, second = (
-        build(job.dynamics, curve_layout(problem("via"), guess, asked.constraints), (), False) for _ in range(2)
+        build(job.dynamics, curve_layout(problem("via"), guess, request.constraints), (), False) for _ in range(2)
     )
     assert first is second

@@ -23,13 +23,13 @@ BEYOND = 1e-6 + 5e-5
 a thousandth of those of a torque that swings through a few per cent within an interval."""
 
 
-def ur5(**asked):
+def ur5(**options):
     """A random pair of poses over 80 % of the range, clipped to ±π."""
     robot, rng = ad.Robot.from_library("ur5"), np.random.default_rng(1)
     lower, upper = (np.clip(side, -np.pi, np.pi) for side in (robot.limits.position_lower, robot.limits.position_upper))
     middle, half = (lower + upper) / 2, 0.4 * (upper - lower)
     start, goal = (rng.uniform(middle - half, middle + half) for _ in range(2))
-    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **asked)
+    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, **options)
 
 
 def straight(task, intervals=None):
@@ -77,17 +77,17 @@ def test_limits_of_torque_rates_are_kept_between_the_points():
     assert 0.99 * limit < rate <= 1.02 * limit
 
 
-def cart_task(**asked):
-    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], **asked)
+def cart_task(**options):
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], **options)
     return Task.of(problem, ad.MinimumTimeOptions(compile=False))
 
 
 def test_where_nothing_is_exceeded_nothing_is_solved_again():
     job = cart_task(acceleration_limit=0.5)  # half the torque will do
-    told = []
-    settled = refine_curve(replace(job, progress=told.append), straight(job, 20))
+    messages = []
+    settled = refine_curve(replace(job, progress=messages.append), straight(job, 20))
     once = solve_curve(job, straight(job, 20), CurveSpec(TightenedConstraints.of(job), smooth=job.policy.curves.smooth))
-    assert not told and settled.iterations == once.result.iterations
+    assert not messages and settled.iterations == once.result.iterations
     assert settled.curve.duration == pytest.approx(once.curve.duration, rel=1e-6)  # slowed by IPOPT's 1e-7
     assert settled.reports.reasons == ()
 
@@ -106,9 +106,9 @@ def test_room_is_added_only_where_a_torque_exceeds_its_limit():
             np.testing.assert_allclose(over.upper[2 * k + half], np.max(tau) - 1, atol=1e-6)  # of parabolas
             np.testing.assert_allclose(over.lower[2 * k + half], -1 - np.min(tau), atol=1e-6)
     assert 0 < np.count_nonzero(over.upper > 0) < 21 and np.max(over.upper) > 1e-3
-    told = []
-    settled = refine_curve(replace(job, progress=told.append), straight(job, 21))
-    assert told and settled.excess <= 0
+    messages = []
+    settled = refine_curve(replace(job, progress=messages.append), straight(job, 21))
+    assert messages and settled.excess <= 0
     # To slow the motion down would cost the root of the excess; what is taken off where it is costs less.
     assert settled.curve.duration < curve.duration * (np.sqrt(1 + np.max(over.upper)) - 1e-3)
     assert shares(job.problem, settled.curve)[0] <= 1 + BEYOND

@@ -17,8 +17,8 @@ AWAY = 2.0
 EVEN = 1.0
 
 
-def fastest(intervals=56, shortest=EVEN, near=None, goal=AWAY, **asked):
-    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[goal], **asked)
+def fastest(intervals=56, shortest=EVEN, near=None, goal=AWAY, **options):
+    problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[goal], **options)
     task = Task.of(problem, ad.MinimumTimeOptions(compile=False))
     guess = near.curve if near else Curve.straight(problem, Basis(graded(intervals, shortest)), 3.0)
     solved = solve_curve(task, guess, CurveSpec(TightenedConstraints.of(task)), near)
@@ -51,9 +51,9 @@ PROFILES = [
 ]
 
 
-@pytest.mark.parametrize(("asked", "duration"), PROFILES)
-def test_a_cart_takes_the_time_of_its_profile(asked, duration):
-    coarse, fine = (fastest(intervals, **asked).curve.duration / duration - 1 for intervals in (28, 56))
+@pytest.mark.parametrize(("options", "duration"), PROFILES)
+def test_a_cart_takes_the_time_of_its_profile(options, duration):
+    coarse, fine = (fastest(intervals, **options).curve.duration / duration - 1 for intervals in (28, 56))
     # A corner of the profile within an interval of 1/56 is rounded: 2e-3, less where the mesh happens to fit.
     assert -1e-5 < fine < 2e-3  # torques at two points of an interval may be a little above one between
     assert fine < 0.6 * coarse or coarse < 2e-3
@@ -96,8 +96,8 @@ def test_with_a_jerk_limit_accelerations_are_zero_at_both_ends_in_flight_too():
 
 
 def test_position_limits_are_kept_everywhere():
-    asked = {"v_start": [-0.6], "relative_effort_weight": 20.0}
-    free, held = (fastest(24, **asked, **more) for more in ({}, {"position_limit": (-0.25, 3.0)}))
+    options = {"v_start": [-0.6], "relative_effort_weight": 20.0}
+    free, held = (fastest(24, **options, **more) for more in ({}, {"position_limit": (-0.25, 3.0)}))
     lowest = [solved.curve.legs[0].at(np.linspace(0, 1, 2000))[0].min() for solved in (free, held)]
     assert lowest[0] < -0.3
     assert -0.25 - 1e-7 < lowest[1] < -0.2  # control points are bounded, up to IPOPT's relaxation of 1e-8
@@ -111,9 +111,9 @@ def test_velocity_limits_are_kept_everywhere():
 
 
 def test_a_warm_start_is_quicker_and_as_good():
-    asked = {"velocity_limit": 0.6}
-    cold = fastest(**asked)
-    warm = fastest(near=cold, **asked)
+    options = {"velocity_limit": 0.6}
+    cold = fastest(**options)
+    warm = fastest(near=cold, **options)
     assert warm.result.iterations < cold.result.iterations / 2
     assert warm.curve.duration == pytest.approx(cold.curve.duration, rel=1e-6)  # IPOPT's 1e-7
 

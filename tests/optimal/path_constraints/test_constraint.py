@@ -48,8 +48,8 @@ def test_all_that_is_asked_is_found_once():
     problem = rr(*two, obstacles=[ball], via=[[-0.7, 0.8]], acceleration_limit=100, jerk_limit=1e4)
     names = [condition.name for condition in path_constraints_of(problem)]
     assert names == ["clearance", "via points", "acceleration limits", "jerk limits", *["frame speed limits"] * 2]
-    asked = ("obstacles", *dict.fromkeys(names[1:]))
-    assert problem.path_constraint_names == asked and problem.continuous_torque
+    keywords = ("obstacles", *dict.fromkeys(names[1:]))
+    assert problem.path_constraint_names == keywords and problem.continuous_torque
 
 
 def test_names_of_the_command_line():

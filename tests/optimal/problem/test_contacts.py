@@ -10,8 +10,8 @@ from armdyn.optimal.path_constraints.clearance import KeepsClear
 from problems import paper_arm
 
 
-def posed(**asked):
-    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=[-1.5, 0.0], q_goal=[0.2, 0.0], **asked)
+def posed(**options):
+    return ad.MinimumTimeProblem(paper_arm("rr"), q_start=[-1.5, 0.0], q_goal=[0.2, 0.0], **options)
 
 
 def test_obstacles_of_one_name_are_numbered():
@@ -47,10 +47,10 @@ def test_a_box_leaves_its_table_and_does_not_dig_in():
     # The arm stretched out above a table: a box under its end stands on it where both joints are at 0.
     box = ad.Box((0.04, 0.04, 0.1), (0, 0, -0.05))
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, shapes=[box]))
-    asked = {"obstacles": [ad.Plane((0, 0, -0.1), name="table")], "q_start": [0.0, 0.0], "q_goal": [0.3, 0.2]}
+    options = {"obstacles": [ad.Plane((0, 0, -0.1), name="table")], "q_start": [0.0, 0.0], "q_goal": [0.3, 0.2]}
     with pytest.raises(ProblemError, match="at the start, 'payload' touches 'table'; clearance is 5 mm"):
-        ad.MinimumTimeProblem(robot, **asked)
-    problem = ad.MinimumTimeProblem(robot, **asked, end_contacts=[("table", "payload")])
+        ad.MinimumTimeProblem(robot, **options)
+    problem = ad.MinimumTimeProblem(robot, **options, end_contacts=[("table", "payload")])
     up = ad.ramp(robot, problem.q_start, problem.q_goal, 1.0)
     assert KeepsClear().check(problem, up, np.empty(0)).reasons == ()
     down = ad.ramp(robot, [0.0, 0.0], [-0.01, 0.0], 1.0)  # the box digs in, 5 mm at the end
@@ -58,10 +58,10 @@ def test_a_box_leaves_its_table_and_does_not_dig_in():
     assert "inside 'table'" in report.reasons[0]
     model, least = problem.collision_model(), -problem.clearance
     assert model.is_free([0.0, 0.0], least) and not model.is_free([-0.1, 0.0], least)
-    free = ad.MinimumTimeProblem(robot, **asked, allowed_contacts=[("table", "payload")]).without_obstacles()
+    free = ad.MinimumTimeProblem(robot, **options, allowed_contacts=[("table", "payload")]).without_obstacles()
     assert not (free.obstacles or free.allowed_contacts)
     with pytest.raises(ProblemError, match=r"end_contacts\[0\].*did you mean 'table'"):
-        ad.MinimumTimeProblem(robot, **asked, end_contacts=[("payload", "tabl")])
+        ad.MinimumTimeProblem(robot, **options, end_contacts=[("payload", "tabl")])
 
 
 def test_end_contacts_in_files_and_on_the_command_line(tmp_path):

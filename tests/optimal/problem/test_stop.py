@@ -61,12 +61,12 @@ def test_a_part_of_some_work_is_interrupted_with_it():
 def test_forks_see_an_interruption():
     stop, (ours, theirs) = Stop(), multiprocessing.Pipe()
 
-    def asked():
+    def stop_requested():
         for _ in range(2):
             theirs.recv()
             theirs.send(stop.interrupted)
 
-    process = multiprocessing.get_context("fork").Process(target=asked)
+    process = multiprocessing.get_context("fork").Process(target=stop_requested)
     process.start()
     answers = []
     for _ in range(2):

@@ -53,9 +53,9 @@ def test_the_faster_way_is_not_the_shorter(tmp_path):
     assert solution.duration == pytest.approx(exact(0.0, goal - 2 * np.pi), rel=1e-8)
     other = next(tried for tried in solution.goals if tried.q[0] > 0)
     assert other.duration == pytest.approx(exact(0.0, goal), rel=1e-8)
-    asked = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[goal]))
-    assert asked.trajectory.q[-1, 0] == pytest.approx(goal, abs=1e-6)
-    assert asked.duration == pytest.approx(other.duration, rel=1e-8)
+    found = ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[goal]))
+    assert found.trajectory.q[-1, 0] == pytest.approx(goal, abs=1e-6)
+    assert found.duration == pytest.approx(other.duration, rel=1e-8)
 
 
 @pytest.mark.parametrize(("start", "goal", "short"), [(3.0, -3.0, 2 * np.pi - 6), (0.0, 20.0, 20 - 6 * np.pi)])

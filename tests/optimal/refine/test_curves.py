@@ -33,14 +33,14 @@ HALF = np.array([150.0, 150, 150, 28, 28, 28])
 """Torque limits [N m]."""
 
 
-def ur5(start=START, goal=GOAL, robot=None, **asked):
+def ur5(start=START, goal=GOAL, robot=None, **options):
     robot = robot or ad.Robot.from_library("ur5")
-    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=None if "goal_pose" in asked else goal, **asked)
+    return ad.MinimumTimeProblem(robot, q_start=start, q_goal=None if "goal_pose" in options else goal, **options)
 
 
-def held(start=START[:3], goal=GOAL[:3], **asked):
+def held(start=START[:3], goal=GOAL[:3], **options):
     """The usual pair, or another, with the wrist held still."""
-    return ur5(start, goal, held_ur5(), **asked)
+    return ur5(start, goal, held_ur5(), **options)
 
 
 @cache
@@ -225,15 +225,15 @@ def test_a_goal_pose_is_reached():
 
 @pytest.mark.slow
 def test_endless_joints_go_the_shorter_way_round():
-    asked = {
+    options = {
         "position_limit": (-np.inf, np.inf),
         "start": [3.0, -1, 1, -1, -1.5, 0],
         "goal": [-3.0, -1, 1, -1, -1.5, 0.1],
     }
-    short = ad.solve_minimum_time(ur5(wrap=True, **asked), ad.MinimumTimeOptions(bound=False))
+    short = ad.solve_minimum_time(ur5(wrap=True, **options), ad.MinimumTimeOptions(bound=False))
     assert short.success, short.message
     assert short.trajectory.q[-1][0] == pytest.approx(2 * np.pi - 3.0, abs=1e-6)  # as it lands
-    assert short.duration < 0.2 * ur5(**asked).duration_bound()
+    assert short.duration < 0.2 * ur5(**options).duration_bound()
 
 
 CART_ARM = """<robot name="cart_arm"><link name="base"/>{}</robot>"""
@@ -344,13 +344,13 @@ ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
 """The straight way between these goes through NEAR."""
 
 
-@pytest.mark.parametrize("asked", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
-def test_what_the_free_optimum_clears_costs_nothing(asked):
-    problem, told = ur5(**asked), []
-    task = replace(Task.of(problem), progress=told.append)
+@pytest.mark.parametrize("options", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
+def test_what_the_free_optimum_clears_costs_nothing(options):
+    problem, messages = ur5(**options), []
+    task = replace(Task.of(problem), progress=messages.append)
     optima, found = curves(task)
     assert optima[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
-    assert "the way without obstacles" in told and not any("guesses" in text for text in told)
+    assert "the way without obstacles" in messages and not any("guesses" in text for text in messages)
     assert optima[0].reports.clearance.distance >= problem.clearance and not found.listed
 
 
@@ -369,13 +369,13 @@ def test_round_a_ball_that_the_straight_way_hits():
 
 @pytest.mark.slow
 def test_guesses_of_the_options_are_begun_with():
-    problem, told = ur5(), []
+    problem, messages = ur5(), []
     task = replace(
         Task.of(problem, ad.MinimumTimeOptions(guesses=(free(ur5).trajectory,), workers=1, calm=0.0)),
-        progress=told.append,
+        progress=messages.append,
     )
     again, _ = curves(task)
-    assert "2 guesses" in told
+    assert "2 guesses" in messages
     assert again[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
     other = ad.Trajectory(np.array([0.0, 1.0]), *(np.zeros((2, 3)) for _ in range(3)))
     with pytest.raises(ProblemError, match=r"guesses\[0\] moves 3 joints, ur5.* has 6"):
@@ -399,10 +399,10 @@ def test_what_is_interrupted_later_is_usable():
 
 
 @pytest.mark.parametrize(
-    "asked", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
+    "options", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
 )
-def test_what_did_not_converge_says_so(asked):
-    solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**asked))
+def test_what_did_not_converge_says_so(options):
+    solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**options))
     assert not solution.certificate.ok
     if solution.success:  # any curve within its limits is a motion
         assert "did not converge" in solution.message

@@ -92,10 +92,10 @@ def test_what_keeps_its_limits_stays_a_certified_extremal():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("asked", [{"effort_weight": 1.0}, {"obstacles": [ad.Sphere((0.33, 0, -0.12), 0.05)]}])
-def test_other_strategies_end_in_the_same_slowing(asked):
+@pytest.mark.parametrize("options", [{"effort_weight": 1.0}, {"obstacles": [ad.Sphere((0.33, 0, -0.12), 0.05)]}])
+def test_other_strategies_end_in_the_same_slowing(options):
     """Time and energy, and motions past obstacles, that exceed a speed limit by 2.8e-5, and an acceleration by 1e-4."""
-    free = solve(paper_problem("rr", **asked), starts=2)
+    free = solve(paper_problem("rr", **options), starts=2)
     motion = ad.replay_torques(free.problem.robot, dense(free.trajectory, 1000))
     (speeds, accelerations, _), _ = peaks(free.problem.robot, motion)
     problem = free.problem.variant(velocity_limit=speeds / (1 + 2.8e-5), acceleration_limit=accelerations / (1 + 1e-4))
@@ -110,15 +110,15 @@ def test_other_strategies_end_in_the_same_slowing(asked):
     assert np.all(accelerations <= (1 + TOLERANCE) * problem.acceleration_limit)
 
 
-@pytest.mark.parametrize("asked", [{"v_goal": [1e-3, 0]}, {"position_limit": (-np.inf, 0.15)}])
-def test_what_no_slower_motion_mends_is_left_as_it_is(asked):
+@pytest.mark.parametrize("options", [{"v_goal": [1e-3, 0]}, {"position_limit": (-np.inf, 0.15)}])
+def test_what_no_slower_motion_mends_is_left_as_it_is(options):
     solution = solved("rr")
     limit = np.max(np.abs(solution.trajectory.v)) / 1.01
     problem = solution.problem.variant(velocity_limit=limit)
     mending = slowed(Task.of(problem), optimum_of(problem, solution.trajectory))
     assert mending.within_limits
-    asked = {"q_goal": [0.14, -0.03]} | asked if "position_limit" in asked else asked
-    other = problem.variant(**asked)
+    options = {"q_goal": [0.14, -0.03]} | options if "position_limit" in options else options
+    other = problem.variant(**options)
     left = optimum_of(other, solution.trajectory)
     assert slowed(Task.of(other), left) is left
 
@@ -166,8 +166,8 @@ LIMITED = [("rr", 15.0, 200.0), ("ur5", 5.0, 40.0), ("panda", 5.0, 50.0)]
 @pytest.mark.parametrize(("arm", "acceleration", "jerk"), LIMITED)
 def test_accelerations_and_jerks_are_kept_in_an_independent_replay(arm, acceleration, jerk):
     robot = paper_problem("rr").robot if arm == "rr" else ad.Robot.from_library(arm)
-    asked = {"acceleration_limit": acceleration, "jerk_limit": jerk}
-    problem = ad.MinimumTimeProblem(robot, **random_pair(robot, 7), **asked)
+    options = {"acceleration_limit": acceleration, "jerk_limit": jerk}
+    problem = ad.MinimumTimeProblem(robot, **random_pair(robot, 7), **options)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False))
     assert solution.usable, solution.message
     assert limit_violation(problem.limits, solution.trajectory, dense=20) <= TOLERANCE

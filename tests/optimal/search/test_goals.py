@@ -29,9 +29,9 @@ def test_a_goal_that_velocity_limits_put_far_behind_is_not_tried():
     robot, near = paper_arm("rr"), np.array([0.2, 0.5])
     place = ad.GoalPose(robot.tip, placement(robot, near).translation)
     problem = ad.MinimumTimeProblem(robot, q_start=near - 0.3, goal_pose=place, velocity_limit=1.0)
-    told = []
-    tasks, tried = screened(Task.of(problem, progress=told.append))
-    assert len(told) == 1 and len(tried) == len(tasks) == 2
+    messages = []
+    tasks, tried = screened(Task.of(problem, progress=messages.append))
+    assert len(messages) == 1 and len(tried) == len(tasks) == 2
     # 0.3 rad at no more than 1 rad/s, gained and lost; the other elbow is 0.7 rad away.
     np.testing.assert_allclose(tried[0].q, near, atol=1e-8)
     assert 0.3 < tried[0].duration < 0.5 and tried[1].duration == np.inf

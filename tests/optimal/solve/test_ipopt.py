@@ -112,14 +112,14 @@ def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):
 
 
 def test_without_time_to_compile_it_is_built_without():
-    task, asked = Task.of(paper_problem("r"), stop=Stop(deadline=0.0)), []
+    task, modes = Task.of(paper_problem("r"), stop=Stop(deadline=0.0)), []
 
     def build(scheme):
-        asked.append(scheme.compile)
+        modes.append(scheme.compile)
         if scheme.compile is not False:
             raise NoTimeError
         return scheme
 
     for _ in range(2):
         assert in_time(task, build).compile is False
-    assert asked == [None, False, False]  # it is not tried again and again
+    assert modes == [None, False, False]  # it is not tried again and again

@@ -125,5 +125,5 @@ def test_effort_scales_whatever_is_guessed(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
     options = ad.MinimumTimeOptions(search=effort)
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)
-    asked = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
-    assert (search.guesses(asked, 24), search.refinements(asked, 6)) == (3, 2)
+    settings = ad.MinimumTimeOptions(search=effort, starts=3, refinements=2)
+    assert (search.guesses(settings, 24), search.refinements(settings, 6)) == (3, 2)

@@ -15,10 +15,10 @@ number = st.floats(-3, 3)
 
 def system(function, jacobian):
     """Equations with a dense solver, and a list of the points at which they were asked."""
-    asked = []
+    calls = []
 
     def equations(x):
-        asked.append(x.copy())
+        calls.append(x.copy())
         residual = np.atleast_1d(function(x))
 
         def step():
@@ -29,7 +29,7 @@ def system(function, jacobian):
 
         return Point(residual, step)
 
-    return equations, asked
+    return equations, calls
 
 
 def never():
@@ -51,24 +51,24 @@ def test_linear_equations_take_one_step(numbers):
 @given(st.lists(st.floats(1e-2, 1e2), min_size=1, max_size=4), st.floats(1e-2, 1e2))
 def test_square_roots_from_any_positive_guess(squares, guess):
     a = np.array(squares)
-    equations, asked = system(lambda x: x**2 / a - 1, lambda x: np.diag(2 * x / a))
+    equations, calls = system(lambda x: x**2 / a - 1, lambda x: np.diag(2 * x / a))
     found = newton(equations, np.full(a.size, guess), positive=a.size, **HOW)
     assert found.status is Status.SOLVED, found.reason
     np.testing.assert_allclose(found.unknowns, np.sqrt(a), rtol=1e-12)
-    assert np.all(np.array(asked) > 0)
+    assert np.all(np.array(calls) > 0)
 
 
 @settings(deadline=None)
 @given(number, number)
 def test_a_curved_valley_is_followed_downward(x, y):
     # Rosenbrock's: of the full step from (-1.2, 1) the residual is twenty times the guess's.
-    equations, asked = system(
+    equations, calls = system(
         lambda z: np.array([10 * (z[1] - z[0] ** 2), 1 - z[0]]), lambda z: np.array([[-20 * z[0], 10], [-1, 0]])
     )
     found = newton(equations, np.array([x, y]), **HOW)
     assert found.status is Status.SOLVED, found.reason
     np.testing.assert_allclose(found.unknowns, [1, 1], atol=1e-11)
-    norms = [np.linalg.norm(equations(z).residual) for z in tuple(asked)]
+    norms = [np.linalg.norm(equations(z).residual) for z in tuple(calls)]
     assert found.steps < len(norms)
     assert np.linalg.norm(found.residual) == min(norms)
 
@@ -77,11 +77,11 @@ def test_a_curved_valley_is_followed_downward(x, y):
 @given(st.floats(1.5, 50))
 def test_steps_are_shortened_where_full_ones_diverge(start):
     # |arctan| grows under full steps from beyond 1.39.
-    equations, asked = system(np.arctan, lambda x: 1 / (1 + x**2))
+    equations, calls = system(np.arctan, lambda x: 1 / (1 + x**2))
     found = newton(equations, np.array([start]), **HOW)
     assert found.status is Status.SOLVED, found.reason
     assert abs(found.unknowns[0]) < 1e-12
-    assert len(asked) - 1 > found.steps
+    assert len(calls) - 1 > found.steps
 
 
 def test_a_stiff_function_takes_its_steps_and_can_go_on():
@@ -97,9 +97,9 @@ def test_a_stiff_function_takes_its_steps_and_can_go_on():
 
 
 def test_it_is_of_second_order():
-    equations, asked = system(lambda x: np.exp(x) - 2, np.exp)
+    equations, calls = system(lambda x: np.exp(x) - 2, np.exp)
     newton(equations, np.array([1.0]), **HOW)
-    error = np.abs(np.array(asked)[:4, 0] - np.log(2))
+    error = np.abs(np.array(calls)[:4, 0] - np.log(2))
     # e_{k+1} = F''/(2F') e_k², which is ½ at the root.
     np.testing.assert_allclose(error[2:] / error[1:-1] ** 2, 0.5, rtol=0.05)
 
@@ -120,10 +120,10 @@ def test_where_no_root_is_it_gets_stuck_or_singular(start):
 
 
 def test_a_singular_jacobian_is_told():
-    equations, asked = system(lambda x: np.array([x[0] + x[1], x[0] + x[1] - 1]), lambda x: np.ones((2, 2)))
+    equations, calls = system(lambda x: np.array([x[0] + x[1], x[0] + x[1] - 1]), lambda x: np.ones((2, 2)))
     found = newton(equations, np.zeros(2), **HOW)
     assert found.status is Status.FAILED and "singular" in found.reason
-    assert found.steps == 0 and len(asked) == 1
+    assert found.steps == 0 and len(calls) == 1
 
 
 def test_what_is_not_a_number_is_no_descent():
@@ -137,11 +137,11 @@ def test_what_is_not_a_number_is_no_descent():
 @given(st.floats(0.1, 10), st.floats(0.1, 10))
 def test_positive_unknowns_stay_positive(x, y):
     # The root is at −1 for the second one, which is told to be positive; the first may go where it likes.
-    equations, asked = system(lambda z: np.array([z[0] + 1, z[1] + 1]), lambda z: np.eye(2))
+    equations, calls = system(lambda z: np.array([z[0] + 1, z[1] + 1]), lambda z: np.eye(2))
     found = newton(equations, np.array([x, y]), positive=1, **HOW)
     assert found.status is not Status.SOLVED
     # At most nine tenths of the way to zero, up to rounding.
-    assert all(z[1] > 0 for z in asked) and asked[1][1] >= 0.1 * y * (1 - 1e-9)
+    assert all(z[1] > 0 for z in calls) and calls[1][1] >= 0.1 * y * (1 - 1e-9)
 
 
 def test_a_stop_is_obeyed_before_the_next_step():
@@ -149,16 +149,16 @@ def test_a_stop_is_obeyed_before_the_next_step():
     assert late.status is Status.TIME_LIMIT and late.reason == "time limit"
     assert late.steps == 0 and late.unknowns[0] == 1
     stop = Stop()
-    inner, asked = system(lambda x: np.expm1(40 * x), lambda x: 40 * np.exp(40 * x))
+    inner, calls = system(lambda x: np.expm1(40 * x), lambda x: 40 * np.exp(40 * x))
 
     def equations(x):
-        if len(asked) == 5:
+        if len(calls) == 5:
             stop.interrupt()
         return inner(x)
 
     found = newton(equations, np.array([1.0]), stop=stop, **HOW)
     assert found.status is Status.INTERRUPTED and found.reason == "interrupted"
     assert found.steps == 5
-    assert found.unknowns[0] == asked[5][0]
+    assert found.unknowns[0] == calls[5][0]
     root = newton(lambda x: Point(np.zeros(1), never), np.ones(1), stop=stop, **HOW)
     assert root.status is Status.SOLVED  # what is found is found, however late

@@ -30,7 +30,7 @@ def line(problem, status=Status.SOLVED, shift=0.0):
     t = np.linspace(0, 4, 41)
     s = t / 4
     y = np.column_stack([shift + 2 * (3 * s**2 - 2 * s**3), 3 * s * (1 - s), -1 + 0 * t, 2 * s - 1])
-    samples = ExtremalSamples(t, y, np.zeros((41, 1)), 0.1 * s, 4.5, status, "as told", 1e-7)
+    samples = ExtremalSamples(t, y, np.zeros((41, 1)), 0.1 * s, 4.5, status, "converged", 1e-7)
     return checked(problem, OPTIONS, samples, direct=None)
 
 
@@ -40,7 +40,7 @@ def extremal(problem, y, duration=4.0):
     guess = BoundaryExtremal(s, np.ones((4, s.size)), 3.0)
     system = canonical_system(problem.robot)
     boundary = BoundaryProblem(system, problem.x_start, problem.x_goal, 1.0, -none, none, guess, Stop())
-    return boundary, BoundaryExtremal(s, y, duration, Status.SOLVED, "as told", 1e-8)
+    return boundary, BoundaryExtremal(s, y, duration, Status.SOLVED, "converged", 1e-8)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_options_that_make_no_sense_are_refused(wrong):
 def test_what_is_within_all_limits_is_a_solution():
     found = line(cart_problem())
     assert found.success and found.status is Status.SOLVED
-    assert found.message == "4 s; as told"
+    assert found.message == "4 s; converged"
     assert (found.duration, found.cost, found.residual) == (4.0, 4.5, 1e-7)
     assert found.hamiltonian_spread == 0.1
     assert found.costates.shape == (41, 2) and found.costates[0].tolist() == [-1, -1]
@@ -75,7 +75,7 @@ def test_a_limit_that_is_left_is_told(limits, shift, said):
     found = line(problem, shift=shift)
     assert not found.success and found.status is Status.INFEASIBLE
     assert said in found.message and "torque limits only" in found.message
-    assert line(problem, Status.FAILED, shift).message == "4 s; as told"  # of what failed no more is said
+    assert line(problem, Status.FAILED, shift).message == "4 s; converged"  # of what failed no more is said
 
 
 def test_torque_cost_and_h_of_an_extremal():

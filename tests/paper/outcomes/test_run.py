@@ -51,10 +51,10 @@ def test_two_links_with_1_kg_cost_less_than_the_references():
 
 
 def test_a_neighbour_is_where_the_search_begins(monkeypatch):
-    asked = []
+    requests = []
 
     def solve(problem, options, progress):
-        asked.append(options)
+        requests.append(options)
         return solve_minimum_time(problem, options, progress)
 
     monkeypatch.setattr(run, "solve_minimum_time", solve)
@@ -63,7 +63,7 @@ def test_a_neighbour_is_where_the_search_begins(monkeypatch):
     _check_time_energy(outcome, reference_time("r", "tip", 0.1219))
     run_case(Case(1, "r", "time_energy", 0.1219), near=replace(near, facts=near.facts | {"certified": False}))
     run_case(Case(1, "r", "time_energy", 0.1219), near=replace(near, success=False, time=None))
-    assert [(len(options.guesses), options.starts) for options in asked] == [(0, None), (1, 1), (1, None), (0, None)]
+    assert [(len(options.guesses), options.starts) for options in requests] == [(0, None), (1, 1), (1, None), (0, None)]
 
 
 def _check_time_energy(outcome, expected):

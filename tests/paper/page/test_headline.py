@@ -26,8 +26,8 @@ def rows():
 
 def test_the_counts_are_those_of_the_rows(rows):
     found = list(standings(rows).values())
-    told = [int(n) for n in re.findall(r"<b>(\d+)</b>", lead(rows, outcomes()))]
-    assert told == [found.count("reproduced"), found.count("close"), found.count("not reproduced")]
+    printed = [int(n) for n in re.findall(r"<b>(\d+)</b>", lead(rows, outcomes()))]
+    assert printed == [found.count("reproduced"), found.count("close"), found.count("not reproduced")]
     assert f"Of {len(found)} numbers" in lead(rows, outcomes())
 
 
@@ -39,8 +39,8 @@ def test_the_headline_follows_the_comparison(rows):
 
 def test_certified_optima_and_the_second_method_are_counted(rows):
     optima = [one for one in outcomes() if one.case.kind != "pid"]
-    told = words(lead(rows, outcomes()))
-    assert f"{sum(one.facts['certified'] for one in optima)} of {len(optima)} optima are certified" in told
+    printed = words(lead(rows, outcomes()))
+    assert f"{sum(one.facts['certified'] for one in optima)} of {len(optima)} optima are certified" in printed
     doubted = [replace(one, facts={**one.facts, "certified": False}) for one in optima]
     assert f"0 of {len(optima)} optima are certified" in words(lead(rows, doubted))
 
@@ -57,16 +57,16 @@ def test_minimum_times_are_evidence_only_where_ours_are_shorter(rows):
 
 def test_an_unstable_loop_is_evidence_with_its_eigenvalue(rows):
     unstable = outcome(Case(6, "rrr", "pid", 0.1006))
-    told = " ".join(words(evidence(rows, outcomes())).split())
-    assert f"with 1 of 1 payloads: max Re λ is {unstable.facts['max_real_eigenvalue']:+.2f} 1/s" in told
+    printed = " ".join(words(evidence(rows, outcomes())).split())
+    assert f"with 1 of 1 payloads: max Re λ is {unstable.facts['max_real_eigenvalue']:+.2f} 1/s" in printed
     damped = replace(unstable, facts={**unstable.facts, "max_real_eigenvalue": -1.0})
     assert "no settling time" not in evidence(rows, [damped])
 
 
 def test_the_payloads_that_can_be_held_are_said(rows):
-    told = words(evidence(rows, outcomes()))
-    assert "more than 2 of the 3 arms can hold" in told
-    assert "1.086 kg (R), 0.466 kg (RR), 0.237 kg (RRR)" in told  # as docs/paper.md and its tests
+    printed = words(evidence(rows, outcomes()))
+    assert "more than 2 of the 3 arms can hold" in printed
+    assert "1.086 kg (R), 0.466 kg (RR), 0.237 kg (RRR)" in printed  # as docs/paper.md and its tests
 
 
 def test_what_comes_out_again_is_said(rows):

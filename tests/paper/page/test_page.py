@@ -131,8 +131,8 @@ def test_wide_tables_say_that_they_scroll(chromium, written):
         page.wait_for_function("document.querySelector('#tables .sideways:not([hidden])') !== null", timeout=10_000)
         hints = """() => [...document.querySelectorAll('.scroll')].filter(one => one.checkVisibility()).map(one =>
             [one.scrollWidth > one.clientWidth + 4, !one.previousElementSibling.hidden, one.matches('.more')])"""
-        told = page.evaluate(hints)
-        assert any(wide for wide, _, _ in told) and all(wide == said == more for wide, said, more in told)
+        measured = page.evaluate(hints)
+        assert any(wide for wide, _, _ in measured) and all(wide == said == more for wide, said, more in measured)
         page.evaluate("document.querySelector('#tables .scroll').scrollLeft = 10000")
         page.wait_for_function("!document.querySelector('#tables .scroll').classList.contains('more')", timeout=10_000)
         page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")

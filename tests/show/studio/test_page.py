@@ -46,7 +46,7 @@ main()
 @contextlib.contextmanager
 def served(folder, *arguments, robot="rr", command=COMMAND):
     """A running studio, and what it says of itself first; killed in the end, if it has not ended."""
-    asked = [
+    line = [
         *command,
         "studio",
         robot,
@@ -59,7 +59,7 @@ def served(folder, *arguments, robot="rr", command=COMMAND):
         "quick",
         *arguments,
     ]
-    process = subprocess.Popen([str(one) for one in asked], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen([str(one) for one in line], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         line = process.stdout.readline()
         assert line, process.stderr.read()
@@ -93,7 +93,7 @@ def browser(chromium):
         for context in contexts:
             context.close()
     assert not errors
-    assert not [asked for url, asked in requests if not asked.startswith((url, "data:", "blob:"))]
+    assert not [link for url, link in requests if not link.startswith((url, "data:", "blob:"))]
 
 
 def goal(page):

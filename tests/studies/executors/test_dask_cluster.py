@@ -41,8 +41,8 @@ def cluster():
 def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
     killed = []
 
-    def kill(told):
-        if told.done >= 5 and not killed:
+    def kill(progress):
+        if progress.done >= 5 and not killed:
             killed.append(next(iter(cluster.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
 
@@ -106,9 +106,9 @@ def test_a_connection_that_breaks_is_made_again(cluster, tmp_path):
             crews.append(executor)
             yield executor
 
-    def cut(told):
-        if told.done >= 20 and not broken:
-            broken.append(told.done)
+    def cut(progress):
+        if progress.done >= 20 and not broken:
+            broken.append(progress.done)
             client = crews[0]._client
             client.loop.add_callback(client.scheduler_comm.comm.abort)
 

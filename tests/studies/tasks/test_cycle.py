@@ -32,10 +32,10 @@ def study(tmp_path):
 
 @pytest.mark.slow
 def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_path):
-    asked = study()
-    assert asked.task.options.seed == 3 and asked.task.options.search == "quick"
-    assert asked.task.options.bound_programs == 40
-    run = ad.run_study(asked, tmp_path / "rows.sqlite")
+    request = study()
+    assert request.task.options.seed == 3 and request.task.options.search == "quick"
+    assert request.task.options.bound_programs == 40
+    run = ad.run_study(request, tmp_path / "rows.sqlite")
     rows = ad.study_table(run.file)
     assert [row["status"] for row in rows] == ["usable", "usable", "refused", "refused"]
     assert "step 2 (grasp bolt): the arm cannot rest with 'bolt' of 90 kg" in rows[2]["message"]
@@ -63,8 +63,8 @@ def test_what_is_wrong_is_said_with_its_line(study, change, said):
 
 
 def test_a_move_s_end_is_no_range(study):
-    asked = study(STUDY.replace("[0.8, 1.0]", "{ from = 0.8, to = 1.0, count = 3 }"))
-    assert [asked.parameters(k)["steps.to the hole.to.0"] for k in range(3)] == [0.8, 0.9, 1.0]
+    request = study(STUDY.replace("[0.8, 1.0]", "{ from = 0.8, to = 1.0, count = 3 }"))
+    assert [request.parameters(k)["steps.to the hole.to.0"] for k in range(3)] == [0.8, 0.9, 1.0]
     with pytest.raises(ProblemError, match=r"from = A, to = B"):
         study(STUDY.replace("parts.bolt.mass = [0.1, 90.0]", "parts.bolt.mass = { to = 1 }"))
 

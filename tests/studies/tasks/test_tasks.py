@@ -100,17 +100,17 @@ def test_another_studys_arm_of_the_same_name_has_a_reference_of_its_own():
 
 
 @pytest.mark.parametrize(
-    ("settings", "told"),
+    ("settings", "words"),
     [
         ({"kp": 1.0}, "controller 'pid' needs ki, kd"),
         ({"kp": 1.0, "ki": 1.0, "kd": 1.0}, "a ramp takes how long"),
     ],
 )
-def test_what_does_not_fit_is_refused_in_a_row(settings, told):
+def test_what_does_not_fit_is_refused_in_a_row(settings, words):
     outcome, seconds = result_of(
         TrackTask(problems=ArmProblems(arms=(R,)), controller="pid", reference="ramp"), settings, b""
     )
-    assert outcome.status == "refused" and told in outcome.message and not outcome.good and seconds >= 0
+    assert outcome.status == "refused" and words in outcome.message and not outcome.good and seconds >= 0
 
 
 def test_what_json_and_sqlite_cannot_say_is_made_sayable():

@@ -134,13 +134,13 @@ class Impatient(Stop):
 
     def __init__(self, failure=None):
         super().__init__()
-        self.asked, self.failure = 0, failure
+        self.calls, self.failure = 0, failure
 
     def __bool__(self):
-        self.asked += 1
-        if self.asked == 3 and self.failure:
+        self.calls += 1
+        if self.calls == 3 and self.failure:
             raise self.failure
-        return self.asked == 3
+        return self.calls == 3
 
 
 def test_asked_every_few_iterations_whether_to_stop():
