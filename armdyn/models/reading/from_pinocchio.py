@@ -124,7 +124,7 @@ def locked_joints(
         if at is None:
             what = (
                 f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn knows no coupled joints: lock that one, "
-                "and this follows, or this one alone if it does not matter"
+                "and this follows, or this one alone if it does not matter; `armdyn doctor FILE --repair` says where"
             )
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
         if not abs(at) <= LARGEST:

@@ -130,7 +130,8 @@ def _copy(parent: ElementTree.Element, tag: str, to: ElementTree.Element) -> Non
     element = parent.find(tag)
     if element is None:
         return
-    kept = {key: element.attrib[key] for key in _KEPT[tag] if key in element.attrib}
+    missing = {"effort": "0", "velocity": "0"} if tag == "limit" else {}  # urdfdom needs both; 0: not known
+    kept = missing | {key: element.attrib[key] for key in _KEPT[tag] if key in element.attrib}
     if "link" not in kept:
         kept = {key: " ".join(text.split()) for key, text in kept.items()}  # urdfdom stumbles over line ends
     copy = ElementTree.SubElement(to, tag, kept)
@@ -212,11 +213,11 @@ def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dic
         if kind == "continuous":
             return
         raise UrdfError(source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where)
-    for key, value in zip(("effort", "velocity"), _numbers(limit, ("effort", "velocity"), source, where), strict=True):
-        if value < 0:
-            raise UrdfError(source, f"{key} limit is {value}; it must not be negative", where)
-    given = tuple(key for key in ("lower", "upper") if limit.get(key) is not None)
+    given = tuple(key for key in _KEPT["limit"] if limit.get(key) is not None)
     numbers = dict(zip(given, _numbers(limit, given, source, where), strict=True))
+    for key in ("effort", "velocity"):
+        if numbers.get(key, 0.0) < 0:
+            raise UrdfError(source, f"{key} limit is {numbers[key]}; it must not be negative", where)
     lower, upper = numbers.get("lower", 0.0), numbers.get("upper", 0.0)
     if kind != "continuous" and lower > upper:
         raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)

@@ -39,16 +39,6 @@ BAD = {
     "nameless link": (urdf("<link/>"), None, "no name"),
     "joint without limits": (jointed(inside=""), "joint 'shoulder'", "needs <limit"),
     "prismatic without limits": (jointed("prismatic", ""), "joint 'shoulder'", "needs <limit"),
-    "no effort": (
-        jointed(inside='<limit lower="-1" upper="1" velocity="3"/>'),
-        "joint 'shoulder'",
-        "lacks effort",
-    ),
-    "no velocity": (
-        jointed(inside='<limit lower="-1" upper="1" effort="3"/>'),
-        "joint 'shoulder'",
-        "lacks velocity",
-    ),
     "negative effort": (
         jointed(inside='<limit effort="-1" velocity="3"/>'),
         "joint 'shoulder'",
@@ -151,6 +141,12 @@ def test_bad_urdf_is_named(case, file):
     assert element is None or element in str(error)
     assert words in str(error)
     assert isinstance(error, ArmdynError)
+
+
+def test_missing_limits_of_torque_and_velocity_are_not_known(read):
+    limits = read(jointed(inside='<limit lower="-1" upper="1"/>')).limits
+    assert np.isinf([*limits.effort_lower, *limits.effort_upper, *limits.velocity]).all()
+    assert (*limits.position_lower, *limits.position_upper) == (-1, 1)
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar", "spherical", ""])
