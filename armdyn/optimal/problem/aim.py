@@ -1,4 +1,4 @@
-"""Points to aim at instead of via points and goal, corrected by the misses of a replay."""
+"""Terminal correction: offsets of via points and goal that cancel the misses of the replay."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -12,23 +12,23 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """Offsets of a solve's via points and goal with which its replay is on the original ones.
+    """Offsets of a solve's via points and goal that cancel the misses of its replay.
 
     Attributes:
-        offsets: q [rad or m], shape (legs, nv), or one for all.
-        end_velocity: the same for the velocity at the goal [rad/s or m/s], shape (nv,).
+        offsets: offsets of q [rad or m], shape (legs, nv), or (nv,) for all legs.
+        end_velocity: offset of the velocity at the goal [rad/s or m/s], shape (nv,).
     """
 
     offsets: Array | float = 0.0
     end_velocity: Array | float = 0.0
 
     def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
-        """Correct the aim by a replay's misses at via points and goal.
+        """Correct the offsets by a replay's misses at via points and goal.
 
         Args:
-            problem: its poses.
-            replay: what became of the last solve.
-            passing: when it should be at the via points [s], shape (vias,); None: there are none.
+            problem: the original problem, with the true poses.
+            replay: motion of the last solve, integrated.
+            passing: times of the via points [s], shape (vias,); None: no via points.
         """
         vias = np.empty((0, problem.robot.nv)) if passing is None else replay(passing).q.reshape(-1, problem.robot.nv)
         missed = np.vstack([vias, replay.q[-1]]) - problem.poses[1:]

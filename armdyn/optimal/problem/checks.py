@@ -1,4 +1,4 @@
-"""Checks of a problem: errors and warnings."""
+"""Checks of a minimum-time problem: errors and warnings."""
 
 import warnings
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import kept_words
 
 _TYPED = 1e-9
-"""So far [rad or m] beyond its limit a pose may be: it was typed with ten digits."""
+"""Largest excess of a pose over a position limit that is accepted [rad or m]: poses are typed with ten digits."""
 
 _STILL = 1e-3
-"""Velocity across a position limit that is none [rad/s or m/s]: a motion that slides along its limit may have it."""
+"""Velocity across a position limit that counts as zero [rad/s or m/s]: the motion may slide along the limit."""
 
 _ROUNDING = 1e-9
-"""Of the size of a torque: what gravity takes of an upright pole is not quite zero."""
+"""Relative tolerance of a torque: gravity's torque on an upright pole is not exactly zero."""
 
 SLOWEST = 1e-9
-"""Velocity limits below it are refused [rad/s or m/s]: a turn in two hundred years."""
+"""Smallest velocity limit that is accepted [rad/s or m/s]: one turn in two hundred years."""
 
 
 def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str, reserve: Array) -> None:
-    """Refuse a state outside the limits; reserve: parts of the velocity limits that these are less by, shape (nv,)."""
+    """Refuse a state outside the limits; reserve: parts by which the velocity limits are reduced, shape (nv,)."""
     for i, joint in enumerate(robot.joint_names):
         if not limits.position_lower[i] - _TYPED <= q[i] <= limits.position_upper[i] + _TYPED:
             unit = "m" if robot.slides[i] else "rad"
@@ -43,7 +43,7 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
                 f"{limits.velocity[i]:.6g} rad/s{kept_words(reserve[i], limits.velocity[i], 'rad/s')}"
             )
-        outward = -v[i] if name == "goal" else v[i]  # at the goal it comes from there
+        outward = -v[i] if name == "goal" else v[i]  # backwards in time at the goal
         on_upper, on_lower = q[i] >= limits.position_upper[i], q[i] <= limits.position_lower[i]
         if (on_upper and outward > _STILL) or (on_lower and outward < -_STILL):
             unit = "m" if robot.slides[i] else "rad"
@@ -54,7 +54,7 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
 
 
 def _degrees_words(robot: Robot, limits: JointLimits, q: Array) -> str:
-    """The end of a message about a pose beyond its limits, shape (nv,), that is within them as degrees; else empty."""
+    """Hint that a pose, shape (nv,), was given in degrees, where that would be within the limits; else empty."""
     turns = ~robot.slides
     meant = np.where(turns, np.deg2rad(q), q)
     within = (limits.position_lower - _TYPED <= meant) & (meant <= limits.position_upper + _TYPED)
@@ -86,7 +86,7 @@ def check_every_joint_has_motor(robot: Robot, limits: JointLimits, what: str) ->
 
 
 def check_limits(robot: Robot, limits: JointLimits) -> None:
-    """Refuse limits that leave no room, and torques without limits."""
+    """Refuse empty ranges of position or torque, and infinite torque limits."""
     for i, joint in enumerate(robot.joint_names):
         lower, upper = limits.actuators.lower[i], limits.actuators.upper[i]
         if not (lower < upper or limits.passive[i]) or not np.isfinite(upper - lower):
@@ -105,7 +105,7 @@ def check_limits(robot: Robot, limits: JointLimits) -> None:
 
 
 def check_poses(poses: Array) -> None:
-    """Refuse a leg between two of the poses, shape (legs + 1, nv), that goes nowhere."""
+    """Refuse a leg of zero length; poses: shape (legs + 1, nv)."""
     legs = np.max(np.abs(np.diff(poses, axis=0)), axis=1)
     if legs.size > 1 and np.min(legs) == 0:
         raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
@@ -125,7 +125,7 @@ def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec
 
 
 def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clearance: float) -> None:
-    """Refuse a named pose in which something is nearer than the clearance [m]."""
+    """Refuse a named pose that violates the clearance [m]."""
     for name, q in poses:
         if contacts := model.nearer(q, clearance):
             rest = len(contacts) - 1
@@ -135,7 +135,7 @@ def check_clear(model: CollisionModel, poses: Sequence[tuple[str, Array]], clear
 
 
 def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float) -> tuple[Array, ...]:
-    """Goals in which all distances are at least the clearance [m]; refuses a problem without any."""
+    """Goals that keep the clearance [m]; refuses a problem without any."""
     contacts = [model.nearer(q, clearance) for q in goals]
     clear = tuple(q for q, near in zip(goals, contacts, strict=True) if not near)
     if not clear:
@@ -154,10 +154,10 @@ class Unheld:
 
     Attributes:
         joint: its name.
-        excess: of the torque over the limit, as a part of the limit's size.
-        motor: it has one.
-        beyond: beyond the actuator itself, not only beyond what a reserve leaves of it.
-        words: torque and limit, with units.
+        excess: (holding torque - limit) / limit [-].
+        motor: whether the joint has a motor.
+        beyond: whether the actuator itself is too weak, not only its limit less the reserve.
+        words: holding torque and limit, with units, for messages.
     """
 
     joint: str
@@ -172,10 +172,10 @@ def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, p
 
     Args:
         robot: the arm.
-        limits: that hold for the motion.
-        q: joint positions [rad or m], shape (nv,); dry friction takes its part of the torque that holds them.
-        reserve: parts of the torque limits that these are less by, shape (nv,).
-        pose: its name, in words.
+        limits: limits of the motion.
+        q: joint positions [rad or m], shape (nv,); dry friction reduces the holding torque.
+        reserve: parts by which the torque limits are reduced, shape (nv,).
+        pose: name of the pose, for messages.
     """
     found, torque = [], robot.holding_torque(q)
     lower, upper = limits.actuators.range(q, np.zeros_like(q))

@@ -1,4 +1,4 @@
-"""Path constraints as a problem sees them: the base of `PathConstraint`."""
+"""Base of all path constraints, as the problem knows them."""
 
 from typing import Any, ClassVar, Self
 
@@ -11,9 +11,9 @@ class PathConstraintSpec:
     """A path constraint, as `MinimumTimeProblem.path_constraints` takes it: derive from `PathConstraint`.
 
     Attributes:
-        name: for people, in the plural: "torque-rate limits".
-        continuous_torque: it forbids jumps of the torque, which is then linear between knots.
-        curves_alone: no mesh keeps it.
+        name: plural, for messages: "torque-rate limits".
+        continuous_torque: whether the torque must be continuous, hence linear between knots.
+        curves_alone: whether only curves, not meshes, can satisfy the constraint.
     """
 
     name: ClassVar[str]
@@ -21,36 +21,36 @@ class PathConstraintSpec:
     curves_alone: ClassVar[bool] = False
 
     def option_text(self) -> str:
-        """The constraint as --limit and problem files say it, such as "tip-speed=0.25@tool0".
+        """Text of the constraint for --limit and problem files, such as "tip-speed=0.25@tool0".
 
         Raises:
-            ProblemError: no text says it.
+            ProblemError: the constraint has no text.
         """
-        raise ProblemError(f"{self!r} has no text that --limit or a problem file could say it by: give option_text")
+        raise ProblemError(f"{self!r} has no text for --limit or a problem file: implement option_text")
 
     def entry(self) -> str | dict[str, Any]:
-        """The constraint as problem files say it: a text, as --limit does, or a table of values."""
+        """Entry of the constraint in a problem file: the text of `option_text`, or a table of values."""
         return self.option_text()
 
     def fits(self, problem: Any) -> None:
-        """Check a whole problem, once its poses are known.
+        """Check the constraint against a whole problem, once its poses are known.
 
         Args:
             problem: a `MinimumTimeProblem`.
 
         Raises:
-            ProblemError: the constraint cannot hold in it.
+            ProblemError: the constraint cannot hold in the problem.
         """
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """The constraint for an arm, checked against it and against the motion's ends.
+        """Bind the constraint to an arm; check it against the arm and the motion's ends.
 
         Args:
             robot: the arm.
             start: its state (q, v), shape (2 nv,).
-            goal: likewise.
+            goal: goal state (q, v), shape (2 nv,).
 
         Raises:
-            ProblemError: it does not fit them; the message names argument, joint or frame, value, and what would fit.
+            ProblemError: the constraint does not fit; the message names argument, joint or frame, value and remedy.
         """
         return self

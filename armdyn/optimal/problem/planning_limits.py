@@ -1,4 +1,4 @@
-"""The limits that a motion is planned with: the robot's or those given, less the reserves for feedback."""
+"""Limits of a planned motion: the robot's or given ones, less the reserves for feedback."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ from armdyn.models.values.per_joint import per_joint
 
 @dataclass(frozen=True, eq=False)
 class Reserve:
-    """Parts of the limits that a motion leaves to feedback.
+    """Parts of the limits that are kept for feedback.
 
     Attributes:
-        effort: of each torque limit [-], shape (nv,), at least 0 and below 1.
-        velocity: of each velocity limit, likewise.
+        effort: part of each torque limit [-], shape (nv,), at least 0 and below 1.
+        velocity: part of each velocity limit [-], shape (nv,), likewise.
     """
 
     effort: Array
@@ -30,7 +30,7 @@ class Reserve:
 
     @classmethod
     def of(cls, effort: ArrayLike, velocity: ArrayLike, joints: Sequence[str]) -> Self:
-        """Reserves as they are given: one number, or one per joint.
+        """Reserves from one number, or one per joint.
 
         Raises:
             ProblemError: wrong length, not a number, negative, or nothing left.
@@ -43,10 +43,10 @@ class Reserve:
         return bool(np.any(self.effort) or np.any(self.velocity))
 
     def left(self, limits: JointLimits, joints: Sequence[str]) -> JointLimits:
-        """Limits times (1 - r), of torques and velocities, with the reserves r.
+        """Limits of torque and velocity times (1 - reserve).
 
         Raises:
-            ProblemError: a joint's torque limits are both above zero, or both below, and nothing nearer to zero lies
+            ProblemError: a joint's torque limits are both above zero, or both below, and no limits nearer to zero lie
                 between them.
         """
         one_sided = (self.effort > 0) & ((limits.effort_lower > 0) | (limits.effort_upper < 0))
@@ -68,12 +68,12 @@ class Reserve:
 
 
 def kept_words(part: float, left: float, unit: str) -> str:
-    """The reserve of a limit as the end of a message about it; empty if there is none.
+    """Reserve of a limit as the end of a message; empty without a reserve.
 
     Args:
-        part: that is kept [-].
-        left: what is left of the limit.
-        unit: its.
+        part: part of the limit that is kept in reserve [-].
+        left: the limit less its reserve.
+        unit: of the limit.
     """
     return f" ({100 * part:.3g} % of {abs(left) / (1 - part):.4g} {unit} is kept in reserve)" if part else ""
 
@@ -84,10 +84,10 @@ def resolved_limits(
     velocity_limit: ArrayLike | None,
     position_limit: tuple[ArrayLike, ArrayLike] | None,
 ) -> JointLimits:
-    """The robot's limits, but for those that are given; see `MinimumTimeProblem`.
+    """The robot's limits, replaced by the given ones; see `MinimumTimeProblem`.
 
     Raises:
-        ProblemError: one is not one number, nor one per joint.
+        ProblemError: a limit is neither one number nor one per joint.
     """
 
     def read(value: Any, name: str) -> Array:
@@ -116,9 +116,9 @@ def resolved_limits(
 
 
 def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
-    """The stricter of given limits and a controller's.
+    """The tighter of given limits and a controller's.
 
-    Where a velocity limit falls to zero with the position, the position is limited to where the arm may rest.
+    Where a velocity limit falls to zero with the position, the position is limited to where the arm can be at rest.
     """
     lower, upper = limits.position_lower, limits.position_upper
     velocity, torque = preset.limit("velocity"), preset.limit("torque")
@@ -138,7 +138,7 @@ def limits_under(limits: JointLimits, preset: ControllerPreset) -> JointLimits:
 
 
 def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: ControllerPreset | None) -> Array | None:
-    """The stricter of a given rate limit and a controller's, shape (nv,) [rad/s² or rad/s³]; None: there is neither.
+    """The tighter of a given rate limit and a controller's, shape (nv,) [rad/s² or rad/s³]; None: neither exists.
 
     Args:
         value: the given limit; None: only the controller's holds.
@@ -160,7 +160,7 @@ def rate_limit(value: ArrayLike | None, name: str, robot: Robot, preset: Control
 
 
 def _parts(value: ArrayLike, joints: Sequence[str], name: str) -> Array:
-    """A part for each joint, shape (nv,)."""
+    """Reserve of each joint, shape (nv,)."""
     parts = per_joint(value, joints, name, error=ProblemError)
     for i, part in enumerate(parts):
         if not 0 <= part < 1:

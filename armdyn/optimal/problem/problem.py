@@ -1,4 +1,4 @@
-"""A minimum-time problem: from one pose to another within limits, as fast as possible."""
+"""Minimum-time problem: from one pose to another within limits, as fast as possible."""
 
 from __future__ import annotations
 
@@ -51,51 +51,52 @@ from armdyn.trajectory import Trajectory
 @brief
 @dataclass(frozen=True, eq=False)
 class MinimumTimeProblem:
-    """Bring an arm from one state to another in minimum time, or minimum time and effort.
+    """Bring an arm from one state to another in minimum time, or with minimum time and effort.
 
     Minimise J = ∫ (1 + w/2 τᵀτ) dt over the torques and the final time, subject to the equations of
     motion, the joints' friction included, and the limits. With w = 0 this is minimum time.
 
     Attributes:
         robot: the arm.
-        q_start: joint positions at the start [rad or m], shape (nv,), or the name of one of `robot.poses`.
-        q_goal: likewise at the end; with `goal_pose` the nearest that reach it.
+        q_start: joint positions at the start [rad or m], shape (nv,), or a name in `robot.poses`.
+        q_goal: joint positions at the goal, likewise; with `goal_pose` the nearest solution of the inverse kinematics.
         v_start: joint velocities at the start [rad/s or m/s], shape (nv,); None: at rest.
         v_goal: joint velocities at the end, shape (nv,); None: at rest.
         effort_limit: torque limits [N m or N]: one number, one per joint, or (lower, upper); None: the robot's.
-            Zero is a joint without a motor.
+            Zero: the joint has no motor.
         velocity_limit: [rad/s or m/s]: one number or one per joint, inf for none; None: the robot's.
         position_limit: (lower, upper) [rad or m], each one number or one per joint; None: the robot's.
         reserve: part of every torque limit that is kept for feedback [-]: one number or one per joint, at least 0 and
             below 1. The motion is planned with (1 - reserve) of the lower and of the upper limit.
         velocity_reserve: likewise of every velocity limit.
-        passive: names of joints without a motor, such as a cart's pole, besides those that effort_limit or the robot
-            says are; their torque limits are zero.
+        passive: names of further joints without a motor, such as a cart's pole; their torque limits are zero.
         effort_weight: w [1/(N m)²].
-        relative_effort_weight: the same of torques as parts of half their ranges [-], so that small joints' count, too;
-            not with passive joints.
-        wrap: goals of endless joints, which turn and have no position limits, are meant modulo 2π: each is tried
-            by the shorter and by the longer way round. Without, a joint goes to the very angle that was asked
-            for: from 0 to 6 rad is nearly a whole turn, as where a cable must not be wound up.
-        goal_pose: instead of q_goal, where a frame is to be at the end; inverse kinematics choose among branches.
-        via: what is passed through in this order, at any time and any velocity: poses, like q_start, or regions,
-            `GoalPose` with tolerances or free directions: the program chooses where in them. With one the goal may be
-            the start.
-        obstacles: what the arm must keep clear of, in the world.
-        self_collision: whether its links must keep clear of each other, too.
-        clearance: how far, at least [m].
-        allowed_contacts: pairs of names, of links, tool, payload and obstacles, that may touch: they are not compared.
+        relative_effort_weight: weight of the torques relative to half their ranges [-], so that small joints count,
+            too; not with passive joints.
+        wrap: goals of endless joints (revolute, without position limits) are meant modulo 2π: the shorter and the
+            longer way round are tried. False: a joint goes to the given angle, where a cable must not be wound up: from
+            0 to 6 rad is nearly a whole turn.
+        goal_pose: pose of a frame at the goal, instead of q_goal; inverse kinematics give its branches.
+        via: via points in order, passed at any time and velocity: poses, like q_start, or regions, `GoalPose` with
+            tolerances or free directions, in which the program chooses the pose. With a via point the goal may be the
+            start.
+        obstacles: bodies in the world that the arm must not touch.
+        self_collision: whether pairs of the arm's own links keep the clearance, too.
+        clearance: least distance of bodies [m].
+        allowed_contacts: pairs of names, of links, tool, payload and obstacles, that may touch: no distance is
+            computed.
         end_contacts: pairs of names that may touch at the start, a via point or the goal, such as a payload and the
-            table that it stands on: along the way they keep the clearance, or the least distance at these poses.
+            table under it: during the motion they keep the clearance, or the least distance at these poses.
         acceleration_limit: [rad/s² or m/s²]: one number or one per joint; None: none.
         jerk_limit: likewise [rad/s³ or m/s³]; with one, the acceleration is zero at both ends.
-        path_constraints: what else is asked along the way, such as `FrameSpeedLimit(0.25)` or `TorqueRateLimit(50.0)`.
-        preset: conditions of the robot's controller, those of the preset's interface, necessary and recommended: where
-            they are stricter than the limits above, they take their place.
-        limits: the limits that hold for the motion, less the reserves, each of shape (nv,). Certificate, lower bound,
-            sensitivities and all else that is said of the motion speak of these.
-        goals: all joint positions that are tried as goals, each of shape (nv,); the first is q_goal.
-        poses: start, via points and goal [rad or m], shape (legs + 1, nv); of a via region joint positions within it.
+        path_constraints: further constraints along the path, such as `FrameSpeedLimit(0.25)` or
+            `TorqueRateLimit(50.0)`.
+        preset: limits of the robot's controller, those of the preset's interface, necessary and recommended; the
+            tighter of these and the limits above holds.
+        limits: limits of the motion, less the reserves, each of shape (nv,); certificate, lower bound and sensitivities
+            refer to these.
+        goals: joint positions that are tried as goals [rad or m], each of shape (nv,); the first is q_goal.
+        poses: start, via points and goal [rad or m], shape (legs + 1, nv); in a via region sampled joint positions.
 
     Raises:
         ProblemError: wrong length, not finite, a state outside the limits or in contact, start = goal without
@@ -162,7 +163,7 @@ class MinimumTimeProblem:
             check_state(self.robot, self.limits, np.asarray(q), np.asarray(v), name, self.reserves.velocity)
         if np.array_equal(self.x_start, self.x_goal) and not several(self.via, "via"):
             raise ProblemError(
-                f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: nothing is to be moved"
+                f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: no motion is needed"
             )
         self._resolve_path_constraints()
         warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
@@ -184,7 +185,7 @@ class MinimumTimeProblem:
 
     @property
     def path_constraint_names(self) -> tuple[str, ...]:
-        """Names of the path constraints; the mesh and curves keep them, arcs do not."""
+        """Names of the path constraints; meshes and curves satisfy them, arcs do not."""
         active = {
             "obstacles": bool(self.obstacles),
             "self-collision": self.self_collision,
@@ -200,21 +201,21 @@ class MinimumTimeProblem:
 
     @property
     def crowded(self) -> bool:
-        """Whether pairs of bodies keep a clearance: motions are planned round obstacles and the arm itself."""
+        """Whether pairs of bodies keep a clearance, so that paths around obstacles and the arm itself are planned."""
         return bool(self.obstacles) or self.self_collision
 
     @property
     def regional(self) -> bool:
-        """Whether a frame passes regions or keeps to them: only curves, by sequential convexification, do that."""
+        """Whether a frame passes through or stays in regions: only curves by sequential convexification can."""
         return bool(self.via_regions) or any(one.curves_alone for one in self.path_constraints)
 
     def collision_model(self) -> CollisionModel:
-        """The arm among its obstacles, and the pairs of bodies that keep a clearance."""
+        """Collision model of the arm and its obstacles, with the pairs of bodies that keep a clearance."""
         contacts = tuple(self.allowed_contacts), tuple(self.end_contacts)
         return collision_model(self.robot, tuple(self.obstacles), self.self_collision, *contacts)
 
     def without_obstacles(self) -> Self:
-        """The problem in free space, where the arm may go through itself."""
+        """The problem without obstacles and self-collision."""
         return self.variant(obstacles=(), self_collision=False, allowed_contacts=(), end_contacts=())
 
     @property
@@ -228,12 +229,12 @@ class MinimumTimeProblem:
 
     @property
     def via_regions(self) -> Mapping[int, GoalPose]:
-        """Via regions by their numbers among the via points, which are those of the legs that end in them."""
+        """Via regions by their index among the via points, the index of the leg that ends there."""
         return {i: one for i, one in enumerate(self.via) if isinstance(one, GoalPose)}
 
     @property
     def fixed_poses(self) -> Array:
-        """`poses` but for those in via regions, from which the motion may deviate, shape (fixed legs + 1, nv)."""
+        """`poses` without those in via regions, which the motion need not meet, shape (fixed legs + 1, nv)."""
         return np.delete(self.poses, [1 + i for i in self.via_regions], axis=0)
 
     @property
@@ -262,15 +263,15 @@ class MinimumTimeProblem:
         return self.effort_weight + self.relative_effort_weight / self.limits.actuators.scale**2
 
     def to_toml(self, folder: str | os.PathLike[str] | None = None) -> str:
-        """This problem as a problem file, which `read_problem` reads; docs/problem_files.md.
+        """The problem as a TOML file for `read_problem`; docs/problem_files.md.
 
         Args:
-            folder: in which the file will be: a robot's file inside it is named. Else the text of the robot's URDF or
-                MJCF becomes part of the problem file; its meshes do not.
+            folder: folder of the file: a robot's file inside the folder is referred to by name. Else the text of the
+                robot's URDF or MJCF becomes part of the problem file; its meshes do not.
 
         Raises:
-            SpecError: the robot is of Pinocchio's model, or was changed by hand.
-            ProblemError: a condition has no text, see `PathConstraint.option_text`; or the text is larger than is read.
+            SpecError: the robot was made from a Pinocchio model, or was changed by hand.
+            ProblemError: a path constraint has no text, see `PathConstraint.option_text`; or the file is too large.
         """
         given = {}
         for own in fields(self):
@@ -302,9 +303,9 @@ class MinimumTimeProblem:
 
     @property
     def unheld(self) -> Unheld | None:
-        """Joint whose motor falls shortest of holding the arm at the goal; None if the arm can stay there.
+        """The joint whose motor is the weakest for holding the arm at the goal; None: all motors hold the arm.
 
-        Joints without a motor are not asked: upright they are balanced by feedback.
+        Joints without a motor do not count: feedback balances them upright.
         """
         if np.any(np.asarray(self.v_goal)):
             return None
@@ -312,10 +313,10 @@ class MinimumTimeProblem:
 
     @property
     def unstable_ends(self) -> tuple[str, ...]:
-        """Joints that drift from an end at which the arm is to rest, apart from `unheld`, in words.
+        """Joints that drift from an end at which the arm should rest, apart from `unheld`, in words.
 
-        At the start those whose motors are too weak: they are held by brakes until then. At both ends those without a
-        motor, which fall unless feedback balances them.
+        At the start: joints with too weak motors, which brakes hold until then. At both ends: joints without a motor,
+          which fall unless feedback balances them.
         """
         found = []
         for pose, q, v in (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal)):
@@ -346,7 +347,7 @@ class MinimumTimeProblem:
         return np.asarray(bounds)
 
     def _resolve_ends(self) -> None:
-        """Check the states at both ends, and keep them as arrays; no velocity is rest, no pose is none."""
+        """Check the states at both ends and store them as arrays; no velocity: at rest; no pose: no goal."""
         for name in ("q_start", "q_goal", "v_start", "v_goal"):
             given = getattr(self, name)
             if name == "q_goal" and self.goal_pose is not None:
@@ -361,7 +362,7 @@ class MinimumTimeProblem:
             object.__setattr__(self, name, array)
 
     def _resolve_path_constraints(self) -> None:
-        """Check via points, obstacles and path constraints, and keep them as tuples and arrays."""
+        """Check via points, obstacles and path constraints; store them as tuples and arrays."""
         object.__setattr__(self, "via", self._resolved_via())
         obstacles = check_scene(several(self.obstacles, "obstacles"), self.clearance)
         object.__setattr__(self, "obstacles", obstacles)
@@ -380,7 +381,7 @@ class MinimumTimeProblem:
             constraint.fits(self)
 
     def _resolved_via(self) -> tuple[Via, ...]:
-        """Via points as arrays and regions, checked."""
+        """Checked via points, as arrays and regions."""
         via = list[Via]()
         for i, one in enumerate(several(self.via, "via")):
             if isinstance(one, GoalPose):
@@ -393,7 +394,7 @@ class MinimumTimeProblem:
         return tuple(via)
 
     def _resolve_poses(self) -> None:
-        """Choose joint positions in via regions, and keep all poses as one array."""
+        """Choose joint positions in via regions; store all poses as one array."""
         model = self.collision_model() if self.crowded and self.via_regions else None
 
         def is_clear(q: Array) -> bool:
@@ -407,7 +408,7 @@ class MinimumTimeProblem:
         check_poses(self.poses)
 
     def _resolve_clear(self) -> None:
-        """Drop goals in contact; complain of a start, a via point, or all goals."""
+        """Drop goals in contact; raise if start, a via point or all goals are in contact."""
         if not self.crowded:
             return
         model = self.collision_model()
@@ -431,7 +432,7 @@ class MinimumTimeProblem:
         check_motors(robot, limits, self.relative_effort_weight)
         check_limits(robot, limits)
         left = kept.left(limits, robot.joint_names)
-        if kept.any:  # which may leave no velocity worth its name
+        if kept.any:  # which may leave almost zero velocity
             check_limits(robot, left)
         return left
 
@@ -446,7 +447,7 @@ def _is_default(value: object, default: object) -> bool:
 
 
 def _plain(value: Any) -> Any:
-    """A field's value in numbers, texts, lists and tables."""
+    """A field's value as numbers, strings, lists and tables, for TOML."""
     if isinstance(value, GoalPose):
         region = {"free": list(value.free), "tolerance": list(value.tolerance)}
         return {
@@ -470,6 +471,6 @@ def expect_problem(problem: object) -> MinimumTimeProblem:
     """Check the argument `problem`.
 
     Raises:
-        ProblemError: it is none, but a robot, say.
+        ProblemError: the argument is something else, such as a robot.
     """
     return expect(problem, MinimumTimeProblem, "problem", "pose it: MinimumTimeProblem(robot, q_start=…, q_goal=…)")

@@ -1,4 +1,4 @@
-"""A robot as the table [robot] of a problem file: read, and written."""
+"""Reader and writer of the table [robot] of a problem file."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -33,15 +33,15 @@ _LIKELY = ("payload", "inertias", "armature", "damping", "friction", "friction_w
 """The keys of [[robot.likely]]; the others are those of [robot]."""
 
 _WORDS = {"payload": "payload", "tool": "tool", "--lock": "lock", "no robot": "name", "no such file": "name"}
-"""Words in messages, to the key that they are about."""
+"""Words in messages, and the key of [robot] that each concerns."""
 
 
 def robot_from(table: Table, mass: float | None = None) -> Robot:
     """The robot that a table [robot] describes.
 
     Args:
-        table: its keys; a file that it names is inside the folder of the table's file.
-        mass: of the payload instead of the table's [kg]; None: the table's.
+        table: the table [robot]; a file named there is inside the folder of the table's file.
+        mass: mass of the payload [kg], instead of the table's; None: the table's.
 
     Raises:
         ProblemError: a key is unknown or wrong; the message says in which line.
@@ -74,11 +74,12 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
     """The table [robot] that describes a robot.
 
     Args:
-        robot: read by one of its readers, and changed at most in payload, inertias, limits, rotors and friction.
-        folder: in which the table will be written: a robot's file inside it is named. Else its text is in the table.
+        robot: a robot from one of the readers, changed at most in payload, inertias, limits, rotors and friction.
+        folder: folder of the problem file: a robot's file inside it is referred to by name. Else the table contains its
+            text.
 
     Raises:
-        SpecError: the robot is of Pinocchio's model, or was changed otherwise: no table describes it.
+        SpecError: the robot was made from a Pinocchio model, or changed otherwise, which no table describes.
     """
     origin, options = robot.origin, robot.options
     if origin is None or origin.model is not None:
@@ -119,7 +120,7 @@ def robot_table(robot: Robot, folder: str | os.PathLike[str] | None = None) -> d
 
 
 def likely_from(table: Table) -> tuple[Robot, ...]:
-    """The likely arms of a table [robot], which fit a log of it as well; none: the table has none.
+    """Likely arms of a table [robot], which fit the same log as well as the identified arm; empty without any.
 
     Raises:
         ProblemError: a key is unknown or wrong; the message says in which line.
@@ -132,7 +133,7 @@ def likely_from(table: Table) -> tuple[Robot, ...]:
 
 
 def likely_tables(tables: Mapping[str, Any], arms: Iterable[Robot]) -> list[dict[str, Any]]:
-    """Tables of likely arms: only what differs from the identified arm's table [robot]."""
+    """Tables of likely arms: only the differences from the identified arm's table [robot]."""
     every = (robot_table(arm) for arm in arms)
     return [{key: one[key] for key in _LIKELY if key in one and one[key] != tables.get(key)} for one in every]
 
@@ -168,7 +169,7 @@ def _source(table: Table) -> RobotSource:
 
 
 def _inner(table: Table, key: str, known: tuple[str, ...] | None = None) -> Mapping[str, Any]:
-    """The values of a table within a table, whose keys are known; None: any."""
+    """Values of an inner table; known: its allowed keys; None: any."""
     if not isinstance(value := table.values[key], dict):
         example = "{ mass = 0.5 }" if key == "payload" else "{ name = value }"
         raise table.error(key, f"{key} is {shown(value)}; it is a table, such as {example}")
@@ -178,7 +179,7 @@ def _inner(table: Table, key: str, known: tuple[str, ...] | None = None) -> Mapp
 
 
 def _written_source(origin: RobotSource, folder: str | os.PathLike[str] | None) -> dict[str, Any]:
-    """The keys that say where a robot is read from."""
+    """Keys that name the source of a robot."""
     if origin.spec is not None:
         name = next((name for name in PLANAR_ARMS if origin.spec == ArmSpec.paper(name)), None)
         return {"spec": asdict(origin.spec)} if name is None else {"name": name}

@@ -1,4 +1,4 @@
-"""Limits so low that no motion within them is worth a search."""
+"""Check for limits in a wrong unit: so low that any motion takes longer than `LONGEST`."""
 
 import numpy as np
 
@@ -6,20 +6,20 @@ from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 LONGEST = 3600.0
-"""Motions that take longer at the least are not solved [s]: a limit in a wrong unit, rather than a motion."""
+"""Largest lower bound on the duration that is accepted [s]; beyond, a limit most likely has a wrong unit."""
 
 
 def check_pace(problem: MinimumTimeProblem) -> None:
     """Refuse velocity, acceleration or jerk limits so low that the motion takes longer than `LONGEST`.
 
     Raises:
-        ProblemError: with the limit, the joint, the least duration and the limit that would be enough.
+        ProblemError: names the limit, the joint, the least duration and a sufficient limit.
     """
     none = np.full(problem.robot.nv, np.inf)
     net = np.abs(problem.poses[-1] - problem.poses[0])
     limits = {
         "velocity": (problem.limits.velocity, np.sum(np.abs(np.diff(problem.fixed_poses, axis=0)), axis=0), 1.0),
-        # From rest to rest: half of the way speeding up; with a jerk limit, in four ramps of the acceleration.
+        # From rest to rest: acceleration over half the way; with a jerk limit, four ramps of the acceleration.
         "acceleration": (problem.acceleration_limit, net, 4.0),
         "jerk": (problem.jerk_limit, net, 32.0),
     }

@@ -1,4 +1,4 @@
-"""How a solve ended, and its worst violation."""
+"""Status of a solve and its worst violation."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,30 +8,30 @@ from armdyn.errors import ProblemError
 
 
 class Status(StrEnum):
-    """How a solve ended."""
+    """Status of a solve."""
 
     SOLVED = "solved"
-    """Converged, and the replay lands on the goal."""
+    """Converged, and the replay reaches the goal."""
     REPLAY_MISSED = "replay_missed"
-    """Converged on every mesh that was tried, but the replay does not land on the goal."""
+    """Converged on every mesh that was tried, but the replay does not reach the goal."""
     CONDITION_MISSED = "condition_missed"
-    """It lands on the goal, but touches something, passes beside a via point, or exceeds an acceleration or jerk."""
+    """The replay reaches the goal, but collides, misses a via point, or exceeds an acceleration or jerk limit."""
     LIMIT_EXCEEDED = "limit_exceeded"
-    """It lands on the goal, but exceeds a limit of torque, velocity or position."""
+    """The replay reaches the goal, but exceeds a limit of torque, velocity or position."""
     INFEASIBLE = "infeasible"
-    """No motion was found that satisfies all constraints; among obstacles no collision-free path by the planner."""
+    """No motion was found that satisfies all constraints; among obstacles the planner may have found no path."""
     ITERATION_LIMIT = "iteration_limit"
-    """The solver used up its iterations."""
+    """The solver reached its iteration limit."""
     TIME_LIMIT = "time_limit"
-    """The clock ended the search or its proof: the best so far may be usable, and is not certified."""
+    """The time limit ended the search or its proof: the best motion so far may be usable, and is not certified."""
     FOLLOWED = "followed"
-    """Of a `Resolver`: no motion to the goal was found in time; it is the rest of the last motion, to its own goal."""
+    """Of a `Resolver`: no motion to the goal was found in time; the rest of the last motion, to its own goal."""
     STOPPED = "stopped"
-    """Of a `Resolver`: no motion to the goal was found in time; it brings the arm to rest within all limits."""
+    """Of a `Resolver`: no motion to the goal was found in time; a stop within all limits."""
     INTERRUPTED = "interrupted"
-    """Stopped by Ctrl-C; the best so far is kept."""
+    """Stopped by Ctrl-C; the best motion so far is kept."""
     FAILED = "failed"
-    """The solver gave up for a numerical reason; the message has its word."""
+    """The solver failed numerically; the message has its status."""
 
     @classmethod
     def _missing_(cls, value: object) -> None:
@@ -40,13 +40,13 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class Violation:
-    """The worst violation, scaled (1 is as large as a limit or a whole motion).
+    """The worst violation, scaled (1: as large as a limit or the whole motion).
 
     Attributes:
-        constraint: what it is: "position defect", "velocity defect", "dynamics", "torque limit", "jerk limit", …
-        joint: name of the joint; of the frame or body, where that is limited.
-        time: in the motion [s].
-        value: by how much, scaled.
+        constraint: kind: "position defect", "velocity defect", "dynamics", "torque limit", "jerk limit", …
+        joint: name of the joint, or of the limited frame or body.
+        time: time of the violation [s].
+        value: size, scaled.
     """
 
     constraint: str

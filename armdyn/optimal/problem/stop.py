@@ -1,4 +1,4 @@
-"""Stops a solve from outside: at a deadline, or on Ctrl-C, with the last iterate kept."""
+"""Stopping conditions of a solve: deadline and Ctrl-C, with the last iterate kept."""
 
 import mmap
 import signal
@@ -15,14 +15,14 @@ from armdyn.optimal.problem.status import Status
 
 
 class Stop:
-    """Stopping condition of a solve: deadline and Ctrl-C, and which of them it was.
+    """Stopping condition of a solve: a deadline or Ctrl-C.
 
-    Processes forked after it was made share an interruption, and whether the deadline ended some of their work.
+    Processes forked after construction share the interruption, and whether the deadline cut work short.
 
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
-        hurried: there was no time to compile a program, and there will be none for others.
-        within: stop of the work that this is a part of: what interrupts one of the two interrupts both; None: of none.
+        hurried: whether there was no time to compile a program; then no other is compiled either.
+        within: stop of the enclosing work: an interruption of one interrupts both; None: no enclosing work.
     """
 
     def __init__(self, deadline: float = np.inf, interrupted: bool = False, within: "Stop | None" = None):
@@ -48,11 +48,11 @@ class Stop:
 
     @property
     def cut_short(self) -> bool:
-        """The deadline ended some work: somebody asked after it. Work that was done before it needs no such word."""
+        """Whether work was left undone because of the deadline, rather than finished just before it."""
         return bool(self._flags[1])
 
     def cut(self) -> None:
-        """Record that a deadline ended some work."""
+        """Record that the deadline cut work short."""
         self._flags[1] = True
 
     @property
@@ -72,12 +72,12 @@ class Stop:
 
 
 class Budget(Stop):
-    """A `Stop` that also ends when a number of integrator steps is spent.
+    """A `Stop` that also holds once a number of integrator steps is spent.
 
-    Steps, not seconds: they are the same on every machine, so that the same seed gives the same answer.
+    Steps, not seconds, are counted, so that the same seed gives the same answer on every machine.
 
     Attributes:
-        left: steps that may still be taken.
+        left: integrator steps that may still be taken.
     """
 
     def __init__(self, stop: Stop, steps: float = np.inf):
@@ -85,12 +85,12 @@ class Budget(Stop):
         self._flags, self.left = stop._flags, steps
 
     def spend(self, steps: float) -> None:
-        """Take steps off the budget."""
+        """Subtract steps from the budget."""
         self.left -= steps
 
     @property
     def word(self) -> str:
-        """Why it stopped, for people."""
+        """Reason of the stop, for messages."""
         return super().word if super().__bool__() else "the budget of integrator steps is spent"
 
     def __bool__(self) -> bool:
@@ -101,14 +101,14 @@ class Budget(Stop):
 def stopping(seconds: float, within: Stop | None = None) -> Iterator[Stop]:
     """Context in which Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
 
-    Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays so.
+    Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays ignored.
 
     Args:
         seconds: time limit [s].
-        within: see `Stop`; a process that was forked hears by it that its parent was interrupted.
+        within: see `Stop`; through it a forked process learns that its parent was interrupted.
     """
     stop, pressed = Stop(time.perf_counter() + seconds, within=within), False
-    in_main_thread = threading.current_thread() is threading.main_thread()  # which alone gets signals
+    in_main_thread = threading.current_thread() is threading.main_thread()  # the only thread that receives signals
     if not in_main_thread or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         yield stop
         return

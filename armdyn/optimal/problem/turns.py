@@ -1,4 +1,4 @@
-"""Goals of joints that turn without end: the same pose, reached by either way round."""
+"""Goals of joints without position limits: the same pose, reached either way round."""
 
 from collections.abc import Sequence
 from itertools import product
@@ -10,31 +10,31 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 
 MOST_WAYS = 16
-"""So many goals are tried at most: four joints, each by either way."""
+"""Largest number of goals that are tried: four joints, each either way round."""
 
 _STILL = 1e-9
-"""Of a joint that a whole number of turns brings to its goal, so near that it need not move [rad]."""
+"""Distance modulo 2π below which a joint counts as already at its goal and need not move [rad]."""
 
 
 def endless(robot: Robot, limits: JointLimits) -> Flags:
-    """Joints that turn and have no position limits, shape (nv,)."""
+    """Revolute joints without position limits, shape (nv,)."""
     axes = [np.ravel(joint.createData().S)[3:] for joint in list(robot.model.joints)[1:]]
     turns = np.array([bool(np.any(axis)) for axis in axes])
     return np.asarray(turns & np.isinf(limits.position_lower) & np.isinf(limits.position_upper))
 
 
 def ways_round(q_start: Array, goals: Sequence[Array], limits: JointLimits, turning: Flags) -> list[Array]:
-    """The goals with every endless joint's goal by the shorter and by the longer way round.
+    """The goals, with each endless joint's goal reached by the shorter and by the longer way round.
 
-    A third way, once more around, is longer than both by a turn. The order is by the time [s] that the
-    velocity limits allow no motion to beat, and then by the longest way of a joint: a solver may stop at
-    `MOST_WAYS`, where this leaves off, or as soon as that time is no better than what it has.
+    A third way, once more around, is longer than both by a turn. The order is by the lower bound on the duration by the
+    velocity limits [s], then by the longest travel of a joint. A solver may stop at `MOST_WAYS` goals, the most
+    that are returned, or once the next lower bound is no better than its best duration.
 
     Args:
-        q_start: [rad or m], shape (nv,).
-        goals: likewise, each a pose to be reached in any of its turns.
-        limits: their velocities.
-        turning: which joints are endless, see `endless`, shape (nv,).
+        q_start: joint positions at the start [rad or m], shape (nv,).
+        goals: joint positions at the goal, likewise, each meant modulo 2π.
+        limits: limits with the velocities.
+        turning: the endless joints, see `endless`, shape (nv,).
     """
     ways = []
     for goal in goals:

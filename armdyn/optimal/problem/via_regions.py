@@ -1,4 +1,4 @@
-"""Via regions: a frame passes through the region of a `GoalPose`, with joint positions within it as the guess."""
+"""Via regions: a frame passes through the region of a `GoalPose`; joint positions within the region as a guess."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -18,20 +18,20 @@ from armdyn.models.values.joint_limits import JointLimits
 Via = Array | GoalPose
 
 _ARM = 0.3
-"""Lever [m] by which turns of a frame count as much as its ways: about a hand's distance from the wrist."""
+"""Length [m] that weighs rotations of a frame against translations: about a hand's distance from the wrist."""
 
 
 def via_positions(
     robot: Robot, limits: JointLimits, ends: tuple[Array, Array], via: Sequence[Any], is_clear: Callable[[Array], bool]
 ) -> tuple[Array, ...]:
-    """Joint positions at every via point, sampled in regions: near the neighbour whose frame is nearest.
+    """Joint positions at every via point; in a region the sample whose frame is nearest to the neighbouring pose.
 
     Args:
         robot: the arm.
-        limits: of the positions.
+        limits: limits with the positions.
         ends: start and goal [rad or m], each of shape (nv,).
         via: joint positions and regions.
-        is_clear: whether joint positions touch nothing.
+        is_clear: whether joint positions are free of collisions.
 
     Raises:
         ProblemError: a region is out of reach.
@@ -52,7 +52,7 @@ def via_positions(
 def _sampled(
     robot: Robot, limits: JointLimits, region: GoalPose, beside: tuple[Array, Array], is_clear: Callable[[Array], bool]
 ) -> Array:
-    """Joint positions in a region: its centre if that can be reached, clear of everything if any found are."""
+    """Joint positions in a region: at its centre if that can be reached; collision-free ones if any are found."""
 
     def away(q: Array) -> float:
         off = region.pose.actInv(frame_placement(robot, region.frame, q))
@@ -78,7 +78,7 @@ def _sampled(
 
 
 def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:
-    """Refuse a region that holds the pose before or after it: the motion would be through it before it left that pose.
+    """Refuse a region that contains the pose before or after it: the motion would pass the region without moving.
 
     Args:
         robot: the arm.
@@ -92,6 +92,6 @@ def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:
             if np.all(np.abs(deviations_of(robot, region, poses[k])) <= region.deviations):
                 name = "the start" if k == 0 else "the goal" if k == len(poses) - 1 else f"via[{k - 1}]"
                 raise ProblemError(
-                    f"via[{i}] is wider than its leg: {name} lies in it, and it would be passed by not moving; "
+                    f"via[{i}] is wider than its leg: {name} lies in it, so that it would be passed without moving; "
                     "give it smaller tolerances or fewer free directions, or leave it out"
                 )

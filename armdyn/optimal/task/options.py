@@ -10,17 +10,16 @@ from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 MAX_STARTS = 10**5
-"""Guesses of one search, at most: a hundred times what `search="thorough"` has; they are drawn before it begins."""
+"""Largest number of guesses: a hundred times that of `search="thorough"`; all are drawn before the search begins."""
 MAX_CALM = 0.5
-"""Of `MinimumTimeOptions.calm`: more is no longer a motion of least time."""
+"""Upper bound on `MinimumTimeOptions.calm`: a motion with more is not one of least time."""
 REPLAY_TOLERANCE = 1e-3
-"""Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about a millimetre at the tip, which a controller makes
-up for."""
+"""Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about 1 mm at the tip, which a controller corrects."""
 WAY_TOLERANCE = 1e-2
-"""Goal error that counts as landed, at most, as a part of the way from rest to rest: of 1e-5 rad, or an arm that stays
-where it is would land."""
+"""Largest goal error from rest to rest, as a part of the way: with 1e-5 rad alone, an arm that does not move might
+land on a near goal."""
 LEAST_TOLERANCE = 1e-10
-"""Of the replay [rad or m], whatever the way: ten times what integrators of relative tolerance 1e-10 leave."""
+"""Smallest goal error that counts as a miss [rad or m]: ten times the error of an integrator of tolerance 1e-10."""
 
 
 def _motions(value: object, name: str) -> tuple[Trajectory, ...]:
@@ -38,46 +37,47 @@ def _meshes(value: object, name: str) -> tuple[int, ...]:
 class MinimumTimeOptions:
     """Options of `solve_minimum_time`.
 
-    Where an attribute is None the problem's policy decides: `armdyn doctor ROBOT --policy` shows what, and why.
-    Arms of more than three joints move along curves: refinements, coarse_intervals, intervals, max_intervals, arcs,
-    method, control, dynamics and tolerance say nothing for them.
+    An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
+    Arms of more than three joints move along curves, for which refinements, coarse_intervals, intervals, max_intervals,
+    arcs, method, control, dynamics and tolerance have no effect.
 
     Attributes:
-        guesses: motions of the same joints to begin with, beside the search's own: optima of similar problems.
-        search: how much is searched: "quick" solves a third of the guesses, "thorough" five times as many and all of
-            them, and refines three times as many optima (docs/search.md); likewise of curves, and where effort is paid
-            for, which have numbers of their own.
-        starts: guesses of the global search, whatever the level; at most 100,000.
-        seed: of the guesses after the first; the same seed gives the same answer.
-        refinements: so many of the optima found are refined, slower ones than a certified one, too; None: these are
-            listed as the mesh has them.
-        coarse_intervals: of the search's meshes, which its guesses take turns on.
-        intervals: of the mesh on which the arcs are read.
-        max_intervals: of the finest such mesh, tried when the arcs resist or the replay misses the goal.
-        arcs: resolve the arcs to exact switching times; without, the answer is the mesh's.
+        guesses: motions of the same joints as additional initial guesses, such as optima of similar problems.
+        search: level of the search: "quick" solves a third of the guesses, "thorough" five times as many, without
+            ending early, and refines three times as many optima (docs/search.md); likewise for curves, and where effort
+            has a weight, which have numbers of their own.
+        starts: number of guesses of the global search, whatever the level; at most 100,000.
+        seed: seed of the guesses after the first; the same seed gives the same answer.
+        refinements: number of the optima found that are refined, even if slower than a certified one; None: slower ones
+            are listed with the mesh's duration.
+        coarse_intervals: intervals of the search's meshes, which the guesses use in turn.
+        intervals: intervals of the mesh from which the arcs are detected.
+        max_intervals: intervals of the finest such mesh, tried if the arcs do not converge or the replay misses the
+            goal.
+        arcs: resolve the arcs to exact switching times; False: the answer is the mesh's.
         replay_tolerance: largest goal error of the replay [rad or m] that counts as landed; from rest to rest at most
             a hundredth of the way.
         method: collocation tableau; "lobatto3" is Hermite-Simpson.
-        control: torque "linear" or "constant" between knots; the arcs are read from constant ones.
+        control: torque "linear" or "constant" between knots; arcs are detected from constant torques.
         dynamics: "forward", accelerations by the articulated-body algorithm; "inverse", torques by recursive
-            Newton-Euler with the accelerations as more unknowns.
-        compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and
-            kept in the user's cache: always, never, or (None) where building takes only seconds or is done.
-        max_iterations: of IPOPT, for one guess on one mesh, or one curve; steps of a curve's convexification likewise.
+            Newton-Euler with the accelerations as further unknowns.
+        compile: the program's derivatives as machine code, ten times as fast, built once by the C compiler and cached
+            for the user: always, never, or (None) if the build takes only seconds or is cached already.
+        max_iterations: of IPOPT, for one guess on one mesh, or one curve; also steps of a curve's convexification.
         tolerance: of IPOPT, on the scaled problem.
-        calm: part of the duration that may be given for calm joints, where motions are curves: of those about so much
-            slower than the fastest one found, the one whose joints travel and turn back least. A motion within a
-            proven thousandth of the least duration stays so. 0: the fastest.
-        bound: prove a lower bound on the duration, where velocity limits shape the motion: without, the same motion is
-            found in less time, and neither a gap nor a certificate by it is known.
-        bound_programs: linear programs that the lower bound of a cycle may take where a stop is a goal pose, 0.02 to
-            0.1 s each on one core; more may prove a smaller gap. None: as many as `BoundPolicy` says.
-        time_limit: wall time for the whole solve [s]. What is tried is a count of work, the same on every machine; the
-            clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking the motion
-            takes up to 1 s and a tenth of the limit beyond it.
-        workers: processes of search and refinement; None: one per core. They make no difference to the answer.
-            Threads may solve at once: they take turns at IPOPT, and each gets what it would get alone.
-        verbose: let solvers print.
+        calm: part of the duration that may be spent on calm joints, where motions are curves: the answer is the motion
+            with the least travel and fewest reversals of the joints among those slower than the fastest by this part. A
+            motion proven within 0.1 % of the least duration stays so. 0: the fastest motion.
+        bound: prove a lower bound on the duration, where velocity limits shape the motion; False: the same motion in
+            less time, without a gap or a certificate by the bound.
+        bound_programs: number of linear programs for the lower bound of a cycle with goal poses as stops, 0.02 to 0.1 s
+            each on one core; more may prove a smaller gap. None: the number in `BoundPolicy`.
+        time_limit: wall time of the whole solve [s]. The search is limited by counts of work, the same on every
+            machine; the clock only ends it, and then `status` is "time_limit" unless the motion is certified. Checking
+            the motion takes up to 1 s and a tenth of the limit more.
+        workers: processes of search and refinement; None: one per core. The answer does not depend on them. Threads may
+            solve concurrently: IPOPT is locked, and each thread gets the answer that it would get alone.
+        verbose: print the solvers' iterations.
     """
 
     guesses: tuple[Trajectory, ...] = checked(_motions, ())
@@ -106,4 +106,4 @@ class MinimumTimeOptions:
     def __post_init__(self) -> None:
         check_fields(self)
         if self.calm > MAX_CALM:
-            raise ProblemError(f"calm is {self.calm:g}; a part of the duration of at most {MAX_CALM:g} may be given")
+            raise ProblemError(f"calm is {self.calm:g}; it must be a part of the duration of at most {MAX_CALM:g}")

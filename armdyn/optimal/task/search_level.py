@@ -1,7 +1,7 @@
-"""Levels of search. Imports nothing, so that the command line can use it."""
+"""Levels of search. Imports nothing, for the command line."""
 
 from typing import Literal
 
 SearchLevel = Literal["quick", "normal", "thorough"]
 SEARCH_LEVELS: tuple[SearchLevel, ...] = ("quick", "normal", "thorough")
-"""From the quickest on."""
+"""Levels from the quickest on."""

@@ -1,18 +1,18 @@
-"""How a solver of nonlinear programs is set up."""
+"""Settings of a solver of nonlinear programs."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Acceptable:
-    """An error, above the tolerance, at which a solver may stop once it no longer makes progress.
+    """Error, above the tolerance, at which a solver may stop without further progress.
 
     Attributes:
-        tolerance: of the optimality conditions, on the scaled problem.
-        equations: of the equations.
-        cost: largest relative change of the cost; None: any. The stagewise method asks for that of the barrier
-            function in `after` iterations; with None it ends at its tolerance or its iteration limit alone.
-        after: iterations in a row.
+        tolerance: error of the optimality conditions, on the scaled problem.
+        equations: error of the equations, on the scaled problem.
+        cost: largest relative change of the cost; None: any. The stagewise method requires it of the barrier function
+            over `after` iterations; with None it ends at its tolerance or its iteration limit alone.
+        after: number of consecutive iterations.
     """
 
     tolerance: float
@@ -26,17 +26,17 @@ class SolverSettings:
     """Settings of one solve of a program: tolerance, iterations, initial barrier.
 
     Attributes:
-        tolerance: of the optimality conditions and the equations, on the scaled problem.
-        max_iterations: at most.
+        tolerance: error of the optimality conditions and the equations, on the scaled problem.
+        max_iterations: iteration limit.
         verbose: print the iterations.
         barrier: first barrier parameter of an interior-point method, by default IPOPT's; others ignore it.
-        acceptable: error at which it may stop early; None: as the solver has it.
-        exact: bounds are not relaxed, and nothing but the tolerance is accepted.
-        push: how far the start may be moved off its bounds, whose multipliers the stagewise method then takes from the
-            barrier; None: as the solver has it.
-        warm: start from the multipliers of a nearly equal program, too.
-        convex: least curvature that the stagewise method gives the torques of an interval along which the cost has no
-            minimum; 0: it gives as much to all unknowns, as IPOPT does.
+        acceptable: error at which it may stop early; None: the solver's default.
+        exact: whether bounds are not relaxed and only the tolerance is accepted.
+        push: largest distance by which the start is moved off its bounds, whose multipliers the stagewise method then
+            initialises from the barrier; None: the solver's default.
+        warm: whether to start from the multipliers of a similar program, too.
+        convex: least curvature that the stagewise method gives the torques of an interval in which the cost is not
+            convex; 0: all unknowns are regularised alike, as in IPOPT.
     """
 
     tolerance: float

@@ -1,4 +1,4 @@
-"""Transcription scheme: collocation method as data, torque parametrisation, form of the dynamics."""
+"""Transcription scheme: collocation tableau, torque parametrisation, form of the dynamics."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,16 +12,16 @@ from armdyn.locks import cached_property
 
 @dataclass(frozen=True)
 class Tableau:
-    """The Butcher tableau of a collocation method.
+    """Butcher tableau of a collocation method.
 
     The s stages of an interval are x_i = x_k + h Σ_j A_ij f_j, and x_{k+1} = x_k + h Σ_j b_j f_j.
 
     Attributes:
-        name: what users call it.
-        A: shape (s, s).
-        b: shape (s,).
-        c: where the stages lie in the interval, shape (s,), increasing.
-        order: of convergence in the state at the knots.
+        name: name in options.
+        A: coefficients of the stages, shape (s, s).
+        b: weights of the step, shape (s,).
+        c: nodes of the stages in the interval, shape (s,), increasing.
+        order: order of convergence of the states at the knots.
     """
 
     name: str
@@ -38,26 +38,26 @@ class Tableau:
 
     @cached_property
     def starts_at_knot(self) -> bool:
-        """The first stage is the knot at the interval's start."""
+        """Whether the first stage is the knot at the interval's start."""
         return bool(self.c[0] == 0 and not np.any(self.A[0]))
 
     @cached_property
     def ends_at_knot(self) -> bool:
-        """The last stage is the knot at the interval's end: stiffly accurate."""
+        """Whether the last stage is the knot at the interval's end: stiffly accurate."""
         return bool(self.c[-1] == 1 and np.array_equal(self.A[-1], self.b))
 
     @cached_property
     def inner(self) -> range:
-        """The stages that are no knots."""
+        """Indices of the stages that are not knots."""
         return range(int(self.starts_at_knot), self.c.size - int(self.ends_at_knot))
 
 
 def _collocation(name: str, c: Array, order: int) -> Tableau:
-    """The method that integrates the polynomial through the rates at the nodes c."""
+    """Collocation method at the nodes c: integrates the polynomial through the rates there."""
     powers = np.arange(c.size)
     integrals = np.linalg.inv(c[:, None] ** powers)
     A = (c[:, None] ** (powers + 1) / (powers + 1)) @ integrals
-    A[c == 0] = 0.0  # to the start there is nothing to integrate
+    A[c == 0] = 0.0  # exact zeros of the node at the interval's start
     b = A[-1] if c[-1] == 1 else (1 / (powers + 1)) @ integrals
     return Tableau(name=name, A=A, b=b, c=c, order=order)
 
@@ -73,7 +73,7 @@ def _radau(stages: int) -> Tableau:
 
 
 def _gauss(stages: int) -> Tableau:
-    """Gauss: no stage is a knot; 2 stages is the highest order there is (the same, IV.5)."""
+    """Gauss: no stage is a knot; 2 stages is the highest possible order (the same, IV.5)."""
     return _collocation(f"gauss{stages}", (1 + legendre.leggauss(stages)[0]) / 2, 2 * stages)
 
 
@@ -81,14 +81,14 @@ LOBATTO_3 = _collocation("lobatto3", np.array([0.0, 0.5, 1.0]), 4)
 """Three-stage Lobatto IIIA: Hermite-Simpson."""
 RADAU_2, RADAU_3 = _radau(2), _radau(3)
 RADAU_5 = _radau(5)
-"""For the smooth arcs of a known structure, where a high order pays."""
+"""Gauss tableau for the smooth arcs of a known structure, where a high order pays."""
 GAUSS_2, GAUSS_3 = _gauss(2), _gauss(3)
 
 TABLEAUS = {tableau.name: tableau for tableau in (LOBATTO_3, RADAU_2, RADAU_3, RADAU_5, GAUSS_2, GAUSS_3)}
 
 
 def lagrange(nodes: Array, s: Array | float) -> Array:
-    """Values at s, shape (m,), of the polynomials that are 1 at one node and 0 at the others: shape (m, nodes)."""
+    """Lagrange polynomials at s, shape (m,): 1 at one node and 0 at the others; shape (m, nodes)."""
     apart = nodes[:, None] - nodes + np.eye(nodes.size)
     factors = (np.atleast_1d(s)[:, None, None] - nodes) / apart  # (m, j, i)
     factors[:, np.arange(nodes.size), np.arange(nodes.size)] = 1.0
@@ -97,7 +97,7 @@ def lagrange(nodes: Array, s: Array | float) -> Array:
 
 
 def differentiation(nodes: Array) -> Array:
-    """Derivatives at the nodes of the polynomials of `lagrange`: shape (nodes, nodes)."""
+    """Derivatives at the nodes of the Lagrange polynomials: shape (nodes, nodes)."""
     powers = np.arange(nodes.size)
     derivatives = powers * nodes[:, None] ** np.maximum(powers - 1, 0)
     return np.asarray(derivatives @ np.linalg.inv(nodes[:, None] ** powers))
@@ -112,13 +112,12 @@ class Scheme:
     """Transcription scheme: collocation method, torque parametrisation, form of the dynamics.
 
     Attributes:
-        method: name of a tableau.
-        control: torque between knots. Linear and constant both stay within their bounds everywhere;
-            "stage", a value for every stage, does so only where it is fixed, as on the arcs of a known
-            structure.
-        dynamics: "forward", acceleration from the articulated-body algorithm; or "inverse", torque from
+        method: name of the tableau.
+        control: torque between knots. Linear and constant torques keep their bounds everywhere; "stage", one value per
+            stage, does so only where it is fixed, as on the arcs of a known structure.
+        dynamics: "forward", accelerations by the articulated-body algorithm; or "inverse", torques by
             recursive Newton-Euler with the accelerations as unknowns.
-        compile: derivatives as machine code: always, never, or where it costs little (see `compiled`).
+        compile: whether derivatives become machine code: always, never, or (None) if cheap (see `compiled`).
     """
 
     method: str = "lobatto3"

@@ -1,4 +1,4 @@
-"""The task of a solve: problem, dynamics, scheme, options, policy."""
+"""Task of a solve: problem, dynamics, scheme, options, policy."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -33,7 +33,7 @@ def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
 
 
 def _unknown() -> None:
-    """Lower bound that is not known."""
+    """Lower bound of a task without one: None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,14 +42,14 @@ class Task:
 
     Attributes:
         problem: the minimum-time problem.
-        dynamics: of its robot, with a free last body.
-        scheme: how motion becomes unknowns.
-        options: what the user chose.
-        policy: what depends on the kind of problem, and the tuned numbers.
-        stop: asked every few iterations.
+        dynamics: dynamics of the problem's robot, with a symbolic last body.
+        scheme: transcription scheme.
+        options: options of the user.
+        policy: choices by the class of the problem, and tuned numbers.
+        stop: stopping condition, polled every few iterations.
         progress: called with a line of text on the current step.
-        lower_bound: returns the proven lower bound on the duration [s], and may wait for it; None: none is known.
-        pool: workers of `results`; None: each series of jobs has its own.
+        lower_bound: returns the proven lower bound on the duration [s], perhaps after a wait; None: no bound is known.
+        pool: worker pool of `results`; None: each series of jobs starts its own.
     """
 
     problem: MinimumTimeProblem
@@ -70,16 +70,16 @@ class Task:
         stop: Stop | None = None,
         progress: Callable[[str], None] | None = None,
     ) -> Self:
-        """The task that a problem and a user's options make.
+        """Make a task from a problem and a user's options.
 
         Args:
             problem: the minimum-time problem.
-            options: by default, `MinimumTimeOptions()`.
-            stop: by default nothing stops it.
-            progress: by default nobody is told.
+            options: by default `MinimumTimeOptions()`.
+            stop: stopping condition; by default none.
+            progress: called with progress messages; by default they are ignored.
 
         Raises:
-            ProblemError: a guess in the options moves other joints.
+            ProblemError: a guess in the options has a different number of joints.
         """
         options, policy = options or MinimumTimeOptions(), Policy.of(problem)
         for k, guess in enumerate(options.guesses):
@@ -98,7 +98,7 @@ class Task:
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:
-        """The task of another problem, with the same changes of the policy."""
+        """The task for another problem, with the same overrides of the policy."""
         policy = self.policy.about(problem)
         dynamics = Dynamics(problem.robot, free_last_body=True)
         options = replace(self.options, replay_tolerance=_landing(problem, self.options))
@@ -117,7 +117,7 @@ class Task:
 
     @contextmanager
     def pooled(self, threads: bool = False) -> Iterator[Self]:
-        """The task with workers for several series of jobs; what jobs need is built before the first.
+        """The task with a worker pool for several series of jobs; compiled programs are built before the first.
 
         Args:
             threads: see `shared_pool`.
@@ -126,10 +126,10 @@ class Task:
             yield replace(self, pool=pool)
 
     def results(self, jobs: Sequence[Callable[[Self], Result]]) -> Iterator[Result]:
-        """Results of jobs in their order, on the task's workers.
+        """Yield the results of jobs in their order, on the task's workers.
 
         Args:
-            jobs: functions of the task as it was when its workers were pooled; they are pickled.
+            jobs: functions of the task, in its state when the pool was made; they are pickled.
         """
         if self.pool is not None:
             yield from self.pool.results(jobs)
@@ -143,21 +143,21 @@ class Task:
         return self.options.coarse_intervals or self.policy.search.meshes
 
     def coarse(self) -> list[SolverSettings]:
-        """Settings of IPOPT for the search; guesses take turns on them."""
+        """Settings of IPOPT for the search, used by the guesses in turn."""
         numbers = self.policy.program
         return [self._settings(numbers.coarse_tolerance, barrier) for barrier in numbers.coarse_barriers]
 
     def fine(self) -> SolverSettings:
-        """Settings for a guess that is a solution on another mesh, and is to be stayed near."""
+        """Settings for a guess that is a solution on another mesh, to stay near it."""
         return self._settings(self.policy.program.fine_tolerance, self.policy.program.fine_barrier)
 
     def sharp(self) -> SolverSettings:
-        """Settings for locating switches on finer and finer meshes."""
+        """Settings for locating switches on successively finer meshes."""
         numbers, barrier = self.policy.switch_mesh, self.policy.program.fine_barrier
         return SolverSettings(numbers.tolerance, numbers.iterations, self.options.verbose, barrier)
 
     def alone(self) -> SolverSettings:
-        """Settings for a guess without a search."""
+        """Settings for a single guess without a search."""
         return self._settings(self.options.tolerance, SolverSettings.barrier)
 
     def _settings(self, tolerance: float, barrier: float) -> SolverSettings:

@@ -238,7 +238,7 @@ def test_bad_input_says_what_is_wrong():
         resolver.solve(READY, REST, THERE, deadline=-1.0)
     with pytest.raises(ad.ArmdynError, match="beyond its limit"):
         resolver.solve(READY, 10 * np.ones(7), THERE)
-    with pytest.raises(ad.ArmdynError, match="nothing is to be moved"):
+    with pytest.raises(ad.ArmdynError, match="no motion is needed"):
         resolver.solve(READY, REST, READY)
     with pytest.raises(ad.ArmdynError, match="expected a usable motion"):
         resolver.begin_with(ad.Resolver(panda().with_payload(HEAVY)).solve(READY, REST, THERE))

@@ -20,8 +20,8 @@ class CurvePolicy:
     intervals: int = tuned(56, "intervals", "of a leg; 40 are 0.004 % slower, 100 as much faster")
     coarse: int = tuned(16, "intervals", "of a leg, where goals are compared: right to 1 %", "UR5: eight branches")
     shortest: float = by_kind("of a leg", "first and last interval: ramps to a velocity limit are this short")
-    starts: int = by_kind("guesses", "one where velocity limits shape the motion: from eight comes the same")
-    more_starts: int = tuned(6, "guesses", "where the first has come to nothing", "bravo7")
+    starts: int = by_kind("guesses", "one where velocity limits shape the motion: eight gave the same optimum")
+    more_starts: int = tuned(6, "guesses", "if the first has failed", "bravo7")
     slack: float = tuned(1.2, "of the time at the velocity limits", "duration of a guess that cruises")
     patience: int = by_kind(
         "iterations",
@@ -29,7 +29,7 @@ class CurvePolicy:
         TRAINED + ", xArm6",
     )
     barrier: float = tuned(0.1, "scaled", "IPOPT's mu_init from a straight guess")
-    warm_barrier: float = tuned(1e-6, "scaled", "the same, where little has changed")
+    warm_barrier: float = tuned(1e-6, "scaled", "IPOPT's mu_init where little has changed")
     tolerance: float = tuned(1e-7, "scaled", "of IPOPT")
     accepted: float = tuned(
         1e-5,
@@ -43,8 +43,8 @@ class CurvePolicy:
     travel: float = tuned(
         1e-4,
         "-",
-        "weight of mean squared velocities where time is given for calm joints; with twice that some motions take more "
-        "time than is given",
+        "weight of mean squared velocities where time may be spent on calm joints; with twice that some motions take "
+        "more time than allowed",
         RESTING,
     )
     torque_steps: float = tuned(
@@ -57,42 +57,40 @@ class CurvePolicy:
     resting: float = tuned(
         1e-3,
         "of a velocity limit",
-        "mean speed below which joints are the calmer the less far they have to go; at 0.02 resting joints travel "
+        "mean speed below which joints with less far to go are weighted more; at 0.02 resting joints travel "
         "twice as far",
         RESTING,
     )
     in_flight: float = tuned(
-        1e-5, "of a limit", "kept from velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
+        1e-5, "of a limit", "reserve of velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
     )
-    steep_in_flight: float = tuned(1e-3, "of a limit", "the same of how fast torques change", "UR5")
-    looks: int = tuned(24, "places", "of an interval at which torques are held against their limits")
-    eager: float = tuned(1.5, "-", "times what a torque exceeds its limit by beside a point is taken off there")
-    eager_steps: float = tuned(
-        1.2, "-", "the same between steps, after which torques are soon looked at again", MARGINS
-    )
+    steep_in_flight: float = tuned(1e-3, "of a limit", "reserve of rates of torques likewise", "UR5")
+    looks: int = tuned(24, "places", "of an interval at which torques are checked")
+    eager: float = tuned(1.5, "-", "times a torque's excess between points is the margin of the nearest point")
+    eager_steps: float = tuned(1.2, "-", "the same between steps, as torques are soon checked again", MARGINS)
     given_back: float = tuned(
         0.3,
         "-",
-        "times what a torque stays below its limit by beside a point is given back of a margin between steps",
+        "multiplies the slack of a torque between points, by which a margin is reduced between steps",
         MARGINS,
     )
     giving_rounds: int = tuned(
         4, "rounds", "in which margins may fall; with 3 xArm7 1 is 0.16 % slower, with 6 bravo7 1 fails", MARGINS
     )
-    spare: float = tuned(1e-5, "of half the range", "taken off besides, or the excess only halves")
-    little: float = tuned(5e-5, "of half the range", "excess that slowing down mends at half its size")
-    rough: float = tuned(3e-3, "of half the range", "excess that is left where time is then given for calm joints")
+    spare: float = tuned(1e-5, "of half the range", "added to each margin, or the excess only halves")
+    little: float = tuned(5e-5, "of half the range", "excess of which slowing down removes half")
+    rough: float = tuned(3e-3, "of half the range", "excess that is accepted where time is then spent on calm joints")
     beside: float = tuned(
         0.03,
         "of half the range",
-        "by which a point may be within its bound where torques beside it are not",
+        "slack of a point whose torque counts as on its bound if torques next to it exceed theirs",
         "Baxter 1",
     )
-    rounds: int = tuned(8, "rounds", "of asking again for what is exceeded between the points")
+    rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points")
     off: float = tuned(
         1e-5,
         "of a velocity limit",
-        "estimated error of the replay's velocities, by which samples are chosen, and which is kept from the limits: "
+        "estimated error of the replay's velocities, for the choice of samples, and a reserve of the limits: "
         "with 2e-6 there are 1.35 (UR5) to 1.6 (Kinova) times as many samples",
         "Panda, UR5, xArm7, Kinova, TIAGo Pro, pairs 0 to 3 of docs/arms.md",
     )
@@ -109,14 +107,14 @@ class CurvePolicy:
     finer: int = tuned(
         2,
         "-",
-        "multiplies the samples where Coulomb friction jumps between them, which leaves the replay 3 times nearer, "
+        "multiplies the samples where Coulomb friction jumps between them (a third of the replay's error), "
         "where torques may not jump, and where velocity limits do not shape the motion",
         "xArm6",
     )
     slower_again: float = tuned(
-        2.0, "-", "times the slowing that the limits take: the next replay is as far off its curve elsewhere", "xArm6"
+        2.0, "-", "multiplies the slowing that the limits require: the next replay's error is elsewhere", "xArm6"
     )
-    hopeless: float = tuned(1e-2, "of a limit", "excess beyond which a replay is not merely off its curve")
-    least_share: float = tuned(1e-4, "of the time", "a smaller share is what IPOPT's barrier leaves of none")
-    idle: float = tuned(1e-2, "of the time", "a joint whose limits decide less moves as it likes mostly")
-    bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps torques to their curve")
+    hopeless: float = tuned(1e-2, "of a limit", "excess that is more than the replay's error")
+    least_share: float = tuned(1e-4, "of the time", "a smaller share is zero up to IPOPT's barrier")
+    idle: float = tuned(1e-2, "of the time", "a joint whose limits are active for less is mostly undetermined")
+    bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps the replay on its curve")

@@ -8,7 +8,7 @@ from armdyn.optimal.task.policy.tuned import tuned
 
 @dataclass(frozen=True, kw_only=True)
 class CyclePolicy:
-    """Which branches of a cycle's stops are tried, and when their search ends."""
+    """Tuned numbers of the choice among branches of a cycle's stops, and of the end of their search."""
 
     cases: ClassVar = "25/300/25 mm: UR5, Panda, Kinova; Panda, bins and wall"
 
@@ -26,7 +26,7 @@ class CyclePolicy:
     quick: float = tuned(
         0.5,
         "of the duration",
-        "by which other tours may still be shorter when a quick search ends: bounds know neither straight segments nor "
+        "by which other tours may still be shorter when a quick search ends: bounds ignore straight segments and "
         "obstacles, so that most tours would have to be solved",
     )
     beyond: float = tuned(0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up")

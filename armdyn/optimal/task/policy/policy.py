@@ -36,33 +36,33 @@ from armdyn.optimal.task.tableau import Scheme
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
-    """Settings for one class of problems; every number has its unit, its reason and the cases that it was tuned on.
+    """Settings for one class of problems; each number has its unit, its reason and the cases of its tuning.
 
     Attributes:
-        strategy: methods of refinement, in the order in which they are tried.
-        program: how motion becomes a nonlinear program.
-        search: guesses, and which of their optima go on.
-        goals: which of many goals are tried, and how an end slides along a pose.
-        same: when two durations are one optimum's.
-        refinement: how far an optimum of a mesh is refined.
-        switch_mesh: how a mesh is refined at the switches before arcs are read from it.
-        motion_mesh: how a mesh is refined until its motion is the optimum's.
-        arcs: how arcs are read, laid and solved.
-        switching: how a switching structure is corrected.
-        rollout: how finely its arcs are integrated.
-        descent: how its times come to the least duration.
-        contacts: which contacts with limits of the state are corrected.
-        singular: where torques are free, and what they are at first.
-        landing: how a mesh's torques are brought to land.
-        shooting: the same interval by interval, and costates along it.
-        adjoint: how finely the adjoint equations are checked.
+        strategy: refinement methods, in the order in which they are tried.
+        program: nonlinear program and its solver.
+        search: guesses, and the choice of optima to refine.
+        goals: choice among many goals, and the descent of an end along a pose.
+        same: tolerances within which two durations belong to one optimum.
+        refinement: refinement of a mesh's optimum.
+        switch_mesh: mesh refinement at the switches, before arcs are detected.
+        motion_mesh: mesh refinement until the motion is resolved.
+        arcs: detection, meshes and solution of arcs.
+        switching: correction of a switching structure.
+        rollout: integration of a switching structure's arcs.
+        descent: optimisation of the switching times.
+        contacts: correction of contacts with state limits.
+        singular: insertion and initial guess of singular arcs.
+        landing: terminal correction of a mesh's torques.
+        shooting: multiple shooting, and costates along its motion.
+        adjoint: integration of the adjoint equations.
         smooth: optima of time and energy.
-        path_constraints: what is asked along the way.
+        path_constraints: tightening of path constraints.
         curves: motions as curves.
-        sequential: curves among obstacles.
-        live: motions that are planned anew while the arm moves.
-        bound: how tight a lower bound is made.
-        overrides: groups and numbers that `changed` has set, in turn.
+        sequential: sequential convexification: curves among obstacles.
+        live: replanning while the arm moves.
+        bound: tightness of the lower bound.
+        overrides: groups and numbers set by `changed`, in order.
     """
 
     strategy: StrategyPolicy
@@ -92,12 +92,12 @@ class Policy:
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem) -> Self:
-        """The policy for a problem, by its joints, its limits and its path constraints."""
+        """The policy for a problem, from its joints, limits and path constraints."""
         motors = not np.any(problem.limits.passive)
         speed_limited = is_speed_limited(problem)
         joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
         plain = motors and not asked and not problem.pays_effort
-        many = plain and joints == 3  # optima, hundreds
+        many = plain and joints == 3  # hundreds of optima
         some = plain and joints == 2
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
         return cls(
@@ -145,12 +145,12 @@ class Policy:
         return rows(self)
 
     def changed(self, group: str, **numbers: object) -> Self:
-        """The policy with other numbers in one group, to try them; other problems keep them, see `about`."""
+        """The policy with other numbers in one group, for experiments; `about` applies them to other problems."""
         own = {group: replace(getattr(self, group), **numbers), "overrides": (*self.overrides, (group, numbers))}
         return replace(self, **own)
 
     def about(self, problem: MinimumTimeProblem) -> Self:
-        """The policy for another problem, with the same numbers changed."""
+        """The policy for another problem, with the same overrides."""
         policy = self.of(problem)
         for group, numbers in self.overrides:
             policy = policy.changed(group, **numbers)
@@ -158,7 +158,7 @@ class Policy:
 
 
 def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) -> StrategyPolicy:
-    """The methods for a kind of problem."""
+    """Refinement methods for a class of problems."""
     alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.regional)
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
@@ -171,7 +171,7 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
 
 
 def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
-    """The first interval of a curve: torques that may not jump ramp more slowly than velocity limits are reached."""
+    """First interval of a curve: longer for continuous torques, which ramp more slowly than speeds saturate."""
     if not speed_limited:
         return 1.0
     return 2e-3 if problem.continuous_torque else 3e-4
@@ -183,5 +183,5 @@ def _has_rows(problem: MinimumTimeProblem) -> bool:
 
 
 def _by_joints(joints: int, *numbers: int) -> int:
-    """The number for so many joints; the last is for all beyond."""
+    """Number for a count of joints; the last is for all larger counts."""
     return numbers[min(joints, len(numbers)) - 1]

@@ -1,4 +1,4 @@
-"""Tuned numbers of the program and of the search."""
+"""Tuned numbers of the nonlinear program and of the search."""
 
 import math
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ class ProgramPolicy:
 
     solver: str = tuned("ipopt", "-", "solver of nonlinear programs, by its name in `solve.registry`")
     linear: bool = by_kind(
-        "-", "torque linear between knots: a condition forbids it to jump, or its limits fall with speed"
+        "-", "torque linear between knots: a path constraint forbids jumps, or the limits fall with speed"
     )
     condensed: bool = by_kind(
         "-",
-        "the middle of an interval is put in: half the unknowns; it needs forward dynamics and no rows along the way",
+        "the interval's middle is eliminated: half the unknowns; it needs forward dynamics and no path constraints",
         "RR, RRR with 100.6 g: 48 guesses each",
     )
     flat: float | None = by_kind(
         "scaled",
-        "IPOPT's error at which it may stop once the equations hold: rows along the way make a flat valley",
+        "IPOPT's error at which it may stop once the equations hold: path constraints make the minimum flat",
         "sphere and post before RR and Panda",
     )
     near_limit: float = tuned(
-        1e-3, "of travel or limit", "a guess so near a limit is likely to exceed it between knots", UNRECORDED
+        1e-3, "of travel or limit", "least distance of guesses from limits exceeded between knots", UNRECORDED
     )
-    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: with 1e-4 durations blur", PLANAR)
+    coarse_tolerance: float = tuned(1e-5, "scaled", "of IPOPT in the search: 1e-4 is too inaccurate", PLANAR)
     coarse_barriers: tuple[float, ...] = by_kind(
         "scaled",
         "IPOPT's mu_init in turn: small ones keep more of the guess; with three joints ten times as large ones miss "
@@ -42,10 +42,10 @@ class ProgramPolicy:
     fine_barrier: float = tuned(
         1e-4,
         "scaled",
-        "its mu_init there: the guess shall not be left; with 1e-3 one in forty is that with 1e-4 is kept",
+        "its mu_init there, small to stay near the guess: with 1e-3 one in forty is lost that 1e-4 keeps",
         "RRR, random",
     )
-    again_barrier: float = tuned(1e-5, "scaled", "the same on the same mesh, asked for a little more", UNRECORDED)
+    again_barrier: float = tuned(1e-5, "scaled", "the same on the same mesh with slightly tighter limits", UNRECORDED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,60 +57,60 @@ class SearchPolicy:
     starts: int = by_kind(
         "guesses",
         "32 for two joints, with path constraints 16; 140 for three, changes of optima among them; 40 where one of two "
-        "has no motor; around obstacles ways are chosen among many",
+        "has no motor; around obstacles paths are chosen among many",
         "planar arms; RRR, random pairs (seed 1); RR, random arms (seeds 337, 347, 401, 409)",
     )
     meshes: tuple[int, ...] = by_kind(
         "intervals",
-        "which guesses take turns on; without a motor there are swings to resolve, and coarse meshes know faster ones "
-        "that there are not",
+        "used by the guesses in turn; joints without a motor swing, and coarse meshes admit spurious optima that are "
+        "faster than any motion",
     )
     ends_early: bool = by_kind(
         "-",
-        "where few optima have come again and again, among path constraints or where effort is paid for; else, of 34 "
-        "searches with three joints, that would save an eighth of the guesses, and it lost 5.9 % of the duration where "
+        "end once few optima recur, with path constraints or effort in the cost; else, of 34 "
+        "searches with three joints, this would save an eighth of the guesses, and lost 5.9 % of the duration where "
         "60 guesses had led to one optimum; with two joints 4.3 %",
         "RRR, random (seeds 8, 33, 123, poses within ±π); RR, random arms (seed 337)",
     )
     quick: float = tuned(1 / 3, "of the guesses", 'search="quick"', "RRR, random")
-    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; all of them are solved', "RRR, random")
+    thorough: float = tuned(5.0, "of the guesses", 'search="thorough"; without an early end', "RRR, random")
     more_refined: int = tuned(3, "times the optima", 'search="thorough" refines', "RRR, random")
     neighbour_starts: int = by_kind(
         "guesses",
-        "of a search that has a neighbour's optimum; half where effort is paid for; beyond three joints the straight",
+        "of a search from a neighbour's optimum; half with effort in the cost; beyond three joints the straight",
     )
     side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
-    again: bool = by_kind("-", "where a finer mesh contradicts the search it is done again on that")
-    refined: int = tuned(4, "optima", "so many are worth a finer mesh")
+    again: bool = by_kind("-", "the search is repeated on a finer mesh that contradicts it")
+    refined: int = tuned(4, "optima", "that are solved on a finer mesh")
     looked_at: int = tuned(
-        6, "times as many", "coarse optima are solved on the finer mesh: many are too good to be true", "RRR, random"
+        6, "times as many", "coarse optima are solved on the finer mesh: many are spurious", "RRR, random"
     )
-    again_at_least: int = tuned(50, "guesses", "of another search, on finer meshes")
+    again_at_least: int = tuned(50, "guesses", "of a repeated search on finer meshes, at least")
     worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
-        1.05, "of the coarse duration", "where the finer mesh makes the best this slow, coarse ones are left"
+        1.05, "of the coarse duration", "duration of the best on the finer mesh from which the search is repeated"
     )
-    doubted: float = tuned(1.01, "of the coarse duration", "the same, where replays tell whether it is")
+    doubted: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
     astray: float = tuned(
-        0.2, "of a joint's way", "it is where those of all its optima end this far beside the goal", "RRR 500 g, 1 kg"
+        0.2, "of a joint's way", "they confirm it if those of all its optima miss the goal by this", "RRR 500 g, 1 kg"
     )
     bow: float = tuned(
-        2.0, "rad", "least spread of random poses: fast motions fold far out of the straight way", "RR, RRR, Luus"
+        2.0, "rad", "least spread of random poses: fast motions fold far off the straight path", "RR, RRR, Luus"
     )
     swing_ups: tuple[int, ...] = tuned(
         (1, 2, 3, 4, 6, 8),
         "swings",
-        "in turn, of guesses on which joints without a motor swing up",
+        "durations, in turn, of guesses in which joints without a motor swing up",
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
-    unlike: float = tuned(0.3, "of the way, rad or m", "by which such guesses differ from each other", "the same")
+    unlike: float = tuned(0.3, "of the way, rad or m", "least difference of such guesses", "the same")
     spread: float = by_kind("times the way", "standard deviation of random poses")
     turn: float = by_kind(
         "rad",
-        "by which random poses are off beside that, any distance as likely; 0: not. Of 160 random RR arms 32 guesses "
+        "uniform spread of random poses instead; 0: none. Of 160 random RR arms 32 guesses "
         "within 4 rad, hasty, miss 1 %, near ones 2 %, 16 near ones that end early 3 %. With three joints, within a "
         "turn and a quarter, a hundred guesses miss one best optimum in three where within 1.5 times the way it is one "
-        "in two; heavy arms, whose search is done again, move less",
+        "in two; heavy arms, whose search is repeated, move less",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
     haste: float = by_kind(
@@ -121,66 +121,66 @@ class SearchPolicy:
     )
     changes: float = by_kind(
         "of the guesses",
-        "are changes of optima that the others have led to; where hundreds of random guesses meet an optimum once, one "
-        "change in ten does",
+        "are mutations of optima of the others; where hundreds of random guesses find an optimum once, one "
+        "mutation in ten does",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
-    round: int = tuned(32, "guesses", "changed at once: each round forks anew", "RRR, random")
-    parents: int = tuned(6, "optima", "are changed", "RRR, random")
-    favoured: float = tuned(3.0, "optima", "about so many of the first are chosen again and again", "RRR, random")
+    round: int = tuned(32, "guesses", "mutated at once: each round forks anew", "RRR, random")
+    parents: int = tuned(6, "optima", "that are mutated", "RRR, random")
+    favoured: float = tuned(3.0, "optima", "of the best, about, that are chosen most often", "RRR, random")
     bend: float = tuned(
-        0.3, "times the way", "standard deviation of what is added halfway to all joints", "RRR, random"
+        0.3, "times the way", "standard deviation of the offset of all joints at half time", "RRR, random"
     )
-    led: float = tuned(6.0, "rad or m", "the most by which one joint is led elsewhere", "RRR, random")
-    slack: float = tuned(1.2, "of an optimum's duration", "changes of it begin with", "RRR, random")
+    led: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint", "RRR, random")
+    slack: float = tuned(1.2, "of an optimum's duration", "initial duration of its mutations", "RRR, random")
     bunch: int = tuned(
         4,
         "guesses",
-        "that a worker gets at once: one takes hardly longer than its result; of more some of many workers have none",
+        "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle",
         "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
     )
-    asks: int = tuned(24, "times", "that a search asks whether it has seen enough: that takes its time, too")
-    brisk: float = tuned(10.0, "rad/s", "stands for a missing velocity limit where ways are compared", UNRECORDED)
+    asks: int = tuned(24, "times", "that a search tests its early end, which takes time, too")
+    brisk: float = tuned(10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED)
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of guesses that the options request.
 
         Args:
-            options: starts, or effort.
-            normal: so many where effort is normal; None: those of this search.
+            options: options with starts or the level of search.
+            normal: number at the normal level; None: that of this search.
         """
         factor = {"quick": self.quick, "normal": 1.0, "thorough": self.thorough}[options.search]
         return options.starts or max(1, math.ceil(factor * (self.starts if normal is None else normal)))
 
     def refinements(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
-        """Number of optima to refine that the options request; arguments as of `guesses`."""
+        """Number of optima to refine that the options request; arguments as for `guesses`."""
         own = self.refined if normal is None else normal
         return options.refinements or own * (self.more_refined if options.search == "thorough" else 1)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GoalPolicy:
-    """Which of many goals are tried, and how goals and ends slide along the joint positions that reach a pose."""
+    """Tuned numbers of the choice among many goals, and of the descent along the joint positions that reach a pose."""
 
     cases: ClassVar = "RRR"
 
     solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
     hopeless: float = tuned(
-        1.05, "of the best coarse duration", "goals that velocity limits alone put so far behind are not tried", "UR5"
+        1.05, "of the best coarse duration", "goals with larger bounds by velocity limits are not tried", "UR5"
     )
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
-    slid: int = tuned(4, "goals", "that are kept of those slid by velocity limits", "UR5, Panda: positions")
+    slid: int = tuned(4, "goals", "kept of those optimised by velocity limits", "UR5, Panda: positions")
     slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
     farthest: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
-    shortest: float = tuned(1e-3, "rad or m", "last step: far below what coarse solves tell apart", "UR5, Panda")
+    shortest: float = tuned(1e-3, "rad or m", "last step: far below the resolution of coarse solves", "UR5, Panda")
     others: float = tuned(
-        1e-3, "-", "weight of all joints' times against the slowest's: the others stay near", "UR5, Panda"
+        1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
     )
-    distinct: float = tuned(0.05, "rad or m", "goals of which no joint is further off are one", "UR5, Panda")
-    end_solves: int = tuned(8, "solves", "of an end that slides down the duration: RRR needs two to six")
+    distinct: float = tuned(0.05, "rad or m", "goals of which no joint differs by more are one", "UR5, Panda")
+    end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
     end_first: float = tuned(0.02, "rad or m", "first step of such an end")
-    end_farthest: float = tuned(0.3, "rad or m", "any step: the switching structure is to stay the same")
-    end_least: float = tuned(1e-5, "rad or m", "step that is worth no solve: it saves about its square")
+    end_farthest: float = tuned(0.3, "rad or m", "largest step: the switching structure must stay the same")
+    end_least: float = tuned(1e-5, "rad or m", "step below which no solve is worth it: it saves about its square")
     bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
 
 
@@ -194,12 +194,12 @@ class SamePolicy:
     apart: float = tuned(
         0.3,
         "rad or m",
-        "motions of the same duration that are this far from each other, on the same mesh or another, are two optima's",
+        "distance of two optima of the same duration, on the same mesh or different ones",
         "RRR, random",
     )
-    near_known: float = tuned(8e-3, "-", "a coarse one beside a better known one: it may be off by a few of those")
+    near_known: float = tuned(8e-3, "-", "a coarse one against an accurate one: its error may be a few tolerances")
     mesh: float = tuned(5e-4, "-", "from different guesses on one mesh")
     coarse_cost: float = tuned(1e-4, "-", "J on coarse meshes")
-    coarse_duration: float = tuned(1e-3, "-", "durations of motions of the same J on coarse meshes")
+    coarse_duration: float = tuned(1e-3, "-", "durations at the same J on coarse meshes")
     resolved: float = tuned(1e-6, "-", "resolved to arcs")
     resolved_cost: float = tuned(1e-7, "-", "J by the ninth order")

@@ -1,4 +1,4 @@
-"""Strategy: by which methods a kind of problem is solved, chosen once; speed-limited or torque-limited problems."""
+"""Strategy: refinement methods by the class of problem; speed-limited or torque-limited problems."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -11,28 +11,28 @@ from armdyn.optimal.task.policy.curves import TRAINED
 from armdyn.optimal.task.policy.tuned import by_kind
 
 Method = Literal["arcs", "time-energy", "mesh", "curves"]
-"""From guesses to replayed optima: switching times of torques on their limits; smooth torques where effort has a
-weight; collocation, tightened until the replay keeps the path constraints; B-splines with inverse dynamics."""
+"""Refinement methods: switching times of bang-bang torques; smooth torques where effort has a weight; collocation,
+tightened until the replay satisfies the path constraints; B-splines with inverse dynamics."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrategyPolicy:
-    """Methods in the order in which they are tried."""
+    """Refinement methods, in the order in which they are tried."""
 
     cases: ClassVar = TRAINED
 
     methods: tuple[Method, ...] = by_kind(
         "methods",
-        "tried in turn until an optimum is certified: beyond three joints idle ones leave arcs undetermined, and "
-        "curves stand alone; where velocity limits shape the motion curves are often proven, and come first",
+        "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
+        "only curves are used; where velocity limits shape the motion curves are often proven, and come first",
     )
     fallback: tuple[Method, ...] = by_kind(
         "methods",
-        "tried from what landed where no optimum is usable: a curve is a motion whether it converges or not; it needs "
+        "tried from landed motions if no optimum is usable: a curve is a motion even without convergence; it needs "
         "a motor at every joint, since a torque of zero would be an equation all along it",
         "by definition",
     )
-    bounded: bool = by_kind("-", "velocity limits shape the motion: a lower bound by them is computed concurrently")
+    bounded: bool = by_kind("-", "velocity limits shape the motion: their lower bound is computed concurrently")
 
     @property
     def curves_alone(self) -> bool:
@@ -43,11 +43,11 @@ class StrategyPolicy:
 def is_speed_limited(problem: MinimumTimeProblem) -> bool:
     """Whether velocity limits shape the fastest motion, by an estimate.
 
-    They do if the joint that they keep longest on its way reaches its limit on it: alone, from and to rest, with the
-    inertia that it has at the start of its leg and half the range of its torque.
+    They do if the joint with the largest lower bound by its velocity limit reaches that limit: moving alone, from and
+    to rest, with the inertia at the start of its leg and half its torque range.
 
     Args:
-        problem: any.
+        problem: the problem.
     """
     ways, limits, robot = np.abs(np.diff(problem.poses, axis=0)), problem.limits, problem.robot
     times = ways / limits.velocity

@@ -1,4 +1,4 @@
-"""A tuned number: its value, unit, reason, and the cases that it was chosen on."""
+"""Tuned numbers: value, unit, reason, and the cases of the tuning."""
 
 from collections.abc import Iterator
 from dataclasses import field, fields, is_dataclass
@@ -12,24 +12,24 @@ UNRECORDED = "not recorded"
 
 
 def tuned(value: Value, unit: str, why: str, cases: str = "") -> Value:
-    """A field that is the same for every kind of problem.
+    """Field with one value for all classes of problems.
 
     Args:
         value: the number.
-        unit: of it; "-" for none.
-        why: what it is, and why so much.
-        cases: that it was chosen on; "": those of its group.
+        unit: of the number; "-" for none.
+        why: meaning of the number, and reason of its value.
+        cases: cases of the tuning; "": those of its group.
     """
     return field(default=value, metadata={"unit": unit, "why": why, "cases": cases})
 
 
 def by_kind(unit: str, why: str, cases: str = "") -> Any:
-    """A field that `Policy.of` decides for a kind of problem."""
+    """Field that `Policy.of` sets by the class of the problem."""
     return field(metadata={"unit": unit, "why": why, "cases": cases})
 
 
 def rows(group: object, prefix: str = "") -> Iterator[tuple[str, object, str, str, str]]:
-    """Name, value, unit, reason and cases of every number of a group and of the groups in it."""
+    """Name, value, unit, reason and cases of every number of a group and its subgroups."""
     if not is_dataclass(group):
         raise TypeError(f"{group!r} is no group of numbers")
     for one in fields(group):
