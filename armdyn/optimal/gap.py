@@ -1,4 +1,4 @@
-"""How much time a given motion leaves on the table: any planner's trajectory beside the minimum-time optimum."""
+"""Time optimality of a given motion: any planner's trajectory against the minimum-time optimum."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 BUSY = 0.95
-"""A joint works when its torque, from the middle of its range, or its speed is above this part of its limit."""
+"""Part of a limit above which a torque, from the middle of its range, or a speed makes a joint active."""
 AT_STOP = 1e-3
-"""A joint this near the end of its position range [rad or m] rests on it, and is not idle."""
+"""Distance from the end of the position range [rad or m] within which a joint rests on it, and is not idle."""
 FEASIBLE_TOLERANCE = 1e-3
-"""Excess over a limit, as a part of it, that is forgiven: planners keep limits at samples, not between."""
+"""Excess over a limit, as a part of it, that is tolerated: planners keep limits at samples, not between."""
 
 _CELLS = 2000
-"""Idleness is read off a grid of at least so many cells, besides the trajectory's own samples."""
+"""Least number of cells of the grid on which idleness is measured, besides the trajectory's own samples."""
 _JUMP = 1e-9
-"""Samples nearer than this part of the duration are a jump."""
+"""Distance of samples, as a part of the duration, below which they are a jump."""
 
 
 @brief
 @dataclass(frozen=True, eq=False)
 class MotionCheck:
-    """Whether an arm can do a motion.
+    """Check of a motion: can the arm execute it?
 
     Attributes:
         feasible: the motion keeps the torque, velocity and position limits, to `FEASIBLE_TOLERANCE`.
         worst_violation: of a limit, relative to it (positions: to the range); None if none is exceeded.
-        replay_error: how far from its own end the motion's torques lead when they are replayed [rad or m];
-            infinite if the replay diverges. Large: torques and positions do not belong together, or
-            the samples are too far apart to say. Of several pieces the worst, each from its own first state.
-        growth: largest singular value of the derivative of the end state by the start state, open loop. Beyond
+        replay_error: distance of the replay's end from the motion's own end [rad or m]; infinite if the replay
+            diverges. Large: torques and positions are inconsistent, or the samples too far apart. Of several pieces the
+            worst, each from its own first state.
+        growth: largest singular value of ∂(end state)/∂(start state), open loop. Beyond
             `OPEN_LOOP_GROWTH` the motion is unstable, and other integrators' replays end elsewhere. Of several
             pieces the largest.
     """
@@ -65,7 +65,7 @@ class MotionCheck:
 
     @property
     def unstable(self) -> str:
-        """Remark that other integrators do not reproduce the replay; empty where they do."""
+        """Remark that other integrators do not reproduce the replay; empty if stable."""
         unstable = f"; unstable open loop (growth {self.growth:.2g}): other integrators end elsewhere"
         return unstable if self.growth > OPEN_LOOP_GROWTH else ""
 
@@ -76,12 +76,12 @@ class MotionCheck:
 
 
 def check_motion(robot: Robot, trajectory: Trajectory, limits: JointLimits | None = None) -> MotionCheck:
-    """Whether an arm can do a motion, without a search for a faster one.
+    """Check whether an arm can execute a motion, without a search for a faster one.
 
     Args:
         robot: the arm.
-        trajectory: a motion of it, with torques.
-        limits: that hold; None: the robot's.
+        trajectory: a motion of the arm, with torques.
+        limits: limits to check; None: the robot's.
 
     Raises:
         TrajectoryError: the trajectory is one of another robot, or a piece's model is not known, see `robots_of`.
@@ -105,7 +105,7 @@ def _replay_error(robot: Robot, motion: Trajectory) -> float:
 
 
 def _growth(robot: Robot, motion: Trajectory) -> float:
-    """Open-loop growth, read off a thousand or two of the samples: see `MotionCheck`."""
+    """Open-loop growth, from one or two thousand of the samples: see `MotionCheck`."""
     few = np.append(np.arange(0, motion.t.size - 1, max(1, motion.t.size // 1000)), motion.t.size - 1)
     thin = replace(motion, t=motion.t[few], q=motion.q[few], v=motion.v[few], tau=motion.tau[few])
     return Segments.of(robot, thin, most=1).growth
@@ -114,15 +114,15 @@ def _growth(robot: Robot, motion: Trajectory) -> float:
 @brief
 @dataclass(frozen=True, eq=False)
 class TimeOptimality(MotionCheck):
-    """A motion, checked, beside the fastest one between the same two states.
+    """A checked motion, compared with the fastest one between the same two states.
 
-    It has what `MotionCheck` has: `feasible`, `worst_violation`, `replay_error`, `growth`.
+    Has all of `MotionCheck`: `feasible`, `worst_violation`, `replay_error`, `growth`.
 
     Attributes:
-        trajectory: the motion judged, its torques recomputed if it had none.
-        solution: the optimum between its end states, as far as it was found; look at its `certificate`.
-        idle: per joint, the part of the time that it is on no limit, shape (nv,).
-        idle_intervals: per joint, when that is: (from, to) [s].
+        trajectory: the motion, its torques recomputed if it had none.
+        solution: the optimum found between its end states; see its `certificate`.
+        idle: per joint, the part of the time without an active limit, shape (nv,).
+        idle_intervals: per joint, the idle times: (from, to) [s].
     """
 
     trajectory: Trajectory
@@ -180,15 +180,14 @@ def time_optimality(
     """Compare a motion with the fastest one between its end states.
 
     Args:
-        robot: the arm, with the limits that hold; `Robot.with_limits` gives it others.
-        trajectory: any planner's motion. If its torques are all zero they are taken to be missing, and
+        robot: the arm with its limits; `Robot.with_limits` changes them.
+        trajectory: any planner's motion. If its torques are all zero they are missing, and
             recomputed from its positions and velocities.
-        options: of `solve_minimum_time`, but for `calm`: the fastest motion is compared with.
-        reserve: part of every torque limit that the motion was to keep for feedback, and so does the fastest one
-            that it is compared with: see `MinimumTimeProblem`.
+        options: options of `solve_minimum_time`; `calm` is ignored, as the fastest motion is needed.
+        reserve: part of every torque limit that both motions keep for feedback: see `MinimumTimeProblem`.
         velocity_reserve: likewise of every velocity limit.
-        acceleration_limit: that the planner had to keep [rad/s² or m/s²], and so does the fastest one; whether the
-            trajectory itself keeps it is not checked.
+        acceleration_limit: the planner's limit [rad/s² or m/s²], which the fastest motion keeps, too; the trajectory
+            itself is not checked for it.
         jerk_limit: likewise [rad/s³ or m/s³].
 
     Raises:
@@ -201,7 +200,7 @@ def time_optimality(
             f"the payload changes along the motion of {len(trajectory.pieces)} pieces, and the fastest motion has one: "
             "compare each piece by itself (trajectory.split(), armdyn export --piece), and the robot with its load"
         )
-    if not np.any(trajectory.tau):  # in truly free fall inverse dynamics gives zero again
+    if not np.any(trajectory.tau):  # in true free fall inverse dynamics gives zero again
         trajectory = trajectory_from_path(robot, trajectory.t, trajectory.q, trajectory.v, name=trajectory.name)
     problem = MinimumTimeProblem(
         robot, q_start=trajectory.q[0], q_goal=trajectory.q[-1], v_start=trajectory.v[0], v_goal=trajectory.v[-1],
@@ -230,8 +229,8 @@ def trajectory_from_path(
 ) -> Trajectory:
     """A trajectory from a planner's samples, with torques by inverse dynamics (`rnea` and the joints' friction).
 
-    What is not given is differentiated: the slope of the cubic spline (not-a-knot) through what is. At
-    a jump of the acceleration a spline overshoots over a few samples; give `a` where the planner has it.
+    Missing rates are derivatives of the cubic spline (not-a-knot) through the given ones. At a jump of the acceleration
+    a spline overshoots over a few samples; give `a` if the planner has it.
 
     Args:
         robot: the arm.
@@ -239,10 +238,10 @@ def trajectory_from_path(
         q: joint positions [rad or m], shape (n, nv).
         v: joint velocities [rad/s or m/s], shape (n, nv).
         a: joint accelerations [rad/s² or m/s²], shape (n, nv).
-        name: of the trajectory.
+        name: name of the trajectory.
 
     Raises:
-        TrajectoryError: the arrays do not fit each other or the robot, or two samples are a jump.
+        TrajectoryError: the arrays do not match each other or the robot, or two samples are a jump.
     """
     q = numbers(q, "q", "joint positions, shape (n, nv)", error=TrajectoryError)
     rest = np.zeros_like(q)

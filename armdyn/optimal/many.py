@@ -19,9 +19,9 @@ from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parallel import ForkPool, job_pool
 
 _LISTEN = 0.25
-"""Interval [s] at which Ctrl-C is looked for while workers solve."""
+"""Interval [s] at which Ctrl-C is polled while workers solve."""
 _ATTEMPTS = 2
-"""Workers that may die of a problem, of too little memory, say, before its solution says so."""
+"""Number of workers that may die of one problem, such as for lack of memory, before it is given up."""
 
 
 def solve_many(
@@ -29,23 +29,23 @@ def solve_many(
     options: MinimumTimeOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> list[Solution]:
-    """Solve problems in parallel, each as `solve_minimum_time` does alone.
+    """Solve problems in parallel, each as by `solve_minimum_time` alone.
 
-    Every problem has one process; the first is solved in this process before workers are forked, so that what it
-    builds is built once. A solution does not depend on the number of workers or the order in which they end. For a data
-    set that needs no proofs, `MinimumTimeOptions(bound=False)` leaves out the lower bounds.
+    Every problem has one process; the first is solved in this process before workers are forked, so that they share its
+    compiled programs. A solution does not depend on the number of workers or their order.
+    `MinimumTimeOptions(bound=False)` leaves out the lower bounds, for data sets without proofs.
 
     Args:
-        problems: of one robot or of several.
-        options: of every solve; `workers` is the number of processes, None: one per core.
+        problems: problems of one robot or of several.
+        options: options of every solve; `workers` is the number of processes, None: one per core.
         progress: called with a line of text after every solution.
 
     Returns:
-        One solution for each problem, in their order. Where a solve raised, or its workers died, `status` is "failed"
-        and `message` the reason. After Ctrl-C those that were not finished have the status "interrupted".
+        One solution for each problem, in their order. If a solve raised, or its workers died, `status` is "failed"
+        and `message` the reason. After Ctrl-C unfinished problems have the status "interrupted".
 
     Raises:
-        ProblemError: problems, options or progress is something else.
+        ProblemError: problems, options or progress has a wrong type.
     """
     given = several(problems, "problems")
     checked = [expect(one, MinimumTimeProblem, f"problems[{k}]") for k, one in enumerate(given)]
@@ -62,7 +62,7 @@ def solve_many(
 
 
 class _Batch:
-    """Problems and the solutions that are known."""
+    """Problems and their solutions so far."""
 
     def __init__(
         self, problems: Sequence[MinimumTimeProblem], options: MinimumTimeOptions, progress: Callable[[str], None]
@@ -71,24 +71,24 @@ class _Batch:
         self._known, self._usable, self._began = dict[int, Solution](), 0, time.monotonic()
 
     def solve(self, k: int, stop: Stop) -> None:
-        """Solve a problem in this process, unless it is solved or there is none."""
+        """Solve a problem in this process, unless it is solved or does not exist."""
         if stop or k in self._known or k >= len(self.problems):
             return
         solution = _solved(self.problems[k], self.options)
-        if solution.status is Status.INTERRUPTED:  # the solve itself has heard Ctrl-C
+        if solution.status is Status.INTERRUPTED:  # the solve itself received Ctrl-C
             stop.interrupt()
         else:
             self._add(k, solution)
 
     def share(self, pool: ForkPool[Solution], stop: Stop) -> None:
-        """Solve all other problems by workers."""
+        """Solve the remaining problems by workers."""
         waiting, deaths = deque(k for k in range(len(self.problems)) if k not in self._known), dict[int, int]()
         while len(self._known) < len(self.problems) and not stop:
             while pool.idle and waiting:
                 pool.submit(waiting[0], waiting.popleft())
             for k, _, result in pool.finished(_LISTEN):
                 if result is not None and result[0].status is not Status.INTERRUPTED:
-                    own, solved = self.problems[k], result[0].problem  # of a goal pose the branch that was chosen
+                    own, solved = self.problems[k], result[0].problem  # for a goal pose, its chosen branch
                     self._add(k, replace(result[0], problem=own if len(own.goals) == 1 else solved))
                     continue
                 deaths[k] = deaths.get(k, 0) + (result is None)
@@ -98,7 +98,7 @@ class _Batch:
                     self._add(k, without_motion(self.problems[k], Status.FAILED, "its worker died, twice"))
 
     def solutions(self) -> list[Solution]:
-        """Solutions of all problems, known or not."""
+        """Solutions of all problems; "interrupted" for missing ones."""
         missing = "interrupted before it was solved"
         return [
             self._known.get(k) or without_motion(problem, Status.INTERRUPTED, missing)
@@ -116,8 +116,8 @@ class _Batch:
 
 
 def _solved(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> Solution:
-    """The solution of one problem, whatever happens."""
+    """The solution of one problem; an exception becomes its status."""
     try:
         return solve_minimum_time(problem, options)
-    except Exception as error:  # its solution says so; the other problems are solved
+    except Exception as error:  # reported by its solution; the other problems are solved
         return without_motion(problem, Status.FAILED, f"{type(error).__name__}: {error}")

@@ -34,7 +34,7 @@ METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
     "mesh": constrained,
     "curves": curves,
 }
-"""Methods of refinement: each maps a task to its optima, refined and replayed, and the search that they come from."""
+"""Refinement methods: each maps a task to its refined and replayed optima and the statistics of its search."""
 
 
 def solve_minimum_time(
@@ -42,12 +42,12 @@ def solve_minimum_time(
     options: MinimumTimeOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Solution:
-    """The fastest motion between two states, and how far to trust it.
+    """Find the fastest motion between two states, with its certificate.
 
-    Many guesses are solved on a coarse mesh; the best different optima are solved finer, their arcs
-    resolved to exact switching times, their torques replayed through Pinocchio's `aba` by two independent
-    integrators, their costates checked. The fastest that lands is the answer. Arms of more than three joints move
-    along curves instead, replayed all the same.
+    Many guesses are solved on a coarse mesh; the best different optima are solved on finer meshes, their arcs resolved
+    to exact switching times, their torques replayed through Pinocchio's `aba` by two independent integrators, their
+    costates checked. The answer is the fastest that lands. Arms of more than three joints move along curves instead,
+    which are replayed, too.
 
     Args:
         problem: the minimum-time problem.
@@ -55,11 +55,11 @@ def solve_minimum_time(
         progress: called with a line of text on the current step.
 
     Returns:
-        A `Solution`; look at `success` and `certificate`. Ctrl-C returns the best so far, with status
+        A `Solution`; check `success` and `certificate`. Ctrl-C returns the best motion so far, with status
         "interrupted".
 
     Raises:
-        ProblemError: problem, options or progress is something else, or a limit is so low that every motion takes more
+        ProblemError: problem, options or progress has a wrong type, or a limit is so low that every motion takes more
             than an hour.
     """
     expect_problem(problem)
@@ -68,11 +68,11 @@ def solve_minimum_time(
 
 
 def solve_task(task: Task, seconds: float | None = None) -> Solution:
-    """Solve a task within its time limit, by its own policy.
+    """Solve a task within its time limit, by its policy.
 
     Args:
         task: problem, options and policy, see `Task.of`.
-        seconds: how much of the time limit is left [s]; None: all of it.
+        seconds: rest of the time limit [s]; None: all of it.
     """
     started, problem = time.perf_counter(), task.problem
     check_pace(problem)
@@ -91,7 +91,7 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
 
 
 def refined(task: Task) -> tuple[list[Optimum], Found]:
-    """The optima that the methods of the policy's strategy find, refined and replayed, and their search."""
+    """Optima by the methods of the policy's strategy, refined and replayed, and the statistics of their search."""
     strategy, optima, found = task.policy.strategy, list[Optimum](), Found(())
     for method in strategy.methods:
         if optima and _certified(task, optima[-1]):
@@ -113,7 +113,7 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _by(method: Method, task: Task) -> tuple[list[Optimum], Found]:
-    """Optima by one method; only curves go round obstacles, the others leave them out, and clearances are checked."""
+    """Optima by one method; only curves avoid obstacles, the other methods ignore them, and clearances are checked."""
     free = without_obstacles(task) if method != "curves" else None
     if free is None:
         return METHODS[method](task)
@@ -122,13 +122,13 @@ def _by(method: Method, task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _certified(task: Task, optimum: Optimum) -> bool:
-    """Whether an optimum is certified, by the lower bound if by nothing else, and satisfies the path constraints."""
+    """Whether an optimum is certified, if only by the lower bound, and satisfies the path constraints."""
     bound = task.lower_bound()
     return optimum.certificate.bounded(bound, optimum.trajectory.duration).ok and not optimum.missed
 
 
 def _is_enough(task: Task, optima: list[Optimum]) -> bool:
-    """Whether an optimum is usable, and among obstacles no faster one touches something: a way round may be between."""
+    """Whether an optimum is usable, and among obstacles no faster one collides: a path between may be faster."""
     near = task.options.replay_tolerance
     fastest = min((one.trajectory.duration for one in optima if one.usable(near)), default=np.inf)
     touching = [one for one in optima if task.problem.crowded and one.missed]
@@ -137,7 +137,7 @@ def _is_enough(task: Task, optima: list[Optimum]) -> bool:
 
 @contextmanager
 def _bounded(task: Task) -> Iterator[Task]:
-    """The task with the lower bound on its duration, which is computed concurrently where the strategy asks for it."""
+    """The task with the lower bound on its duration, computed concurrently if the strategy requests it."""
     if not (task.policy.strategy.bounded and task.options.bound):
         yield task
         return

@@ -1,4 +1,4 @@
-"""Problem files: a minimum-time problem in TOML, by the names that it has in Python. docs/problem_files.md says how."""
+"""Problem files: minimum-time problems in TOML, with the names of the Python arguments; docs/problem_files.md."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from armdyn.parsing.toml import Table, read_toml
 TABLES = ("robot", "problem", "options")
 OPTIONS = ("search", "starts", "time_limit", "max_intervals", "seed", "calm")
 PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init and field.name != "robot")
-"""The keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
+"""Keys of [problem]; those of [robot] are `problem.robot_tables.KEYS`."""
 GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
-"""The keys of a goal pose."""
+"""Keys of a goal pose."""
 
 _WORDS = {
     "start": "q_start",
@@ -40,17 +40,17 @@ _WORDS = {
     "obstacle": "obstacles",
     "--limit": "path_constraints",
 }
-"""Words in messages, to the key that they are about."""
+"""Words in messages, and the key that each concerns."""
 
 
 @dataclass(frozen=True, eq=False)
 class ProblemFile:
-    """A problem as a file describes it: plain values, from which robot and problem are made.
+    """A problem file as plain values, from which robot and problem are made.
 
     Attributes:
         robot: the table [robot].
         problem: the table [problem].
-        options: of the solver, by the names of `MinimumTimeOptions`.
+        options: options of the solver, by the names of `MinimumTimeOptions`.
     """
 
     robot: Table
@@ -58,44 +58,44 @@ class ProblemFile:
     options: Mapping[str, Any]
 
     def made_robot(self, mass: float | None = None) -> Robot:
-        """The robot, with another mass of its payload [kg]; None: with its own.
+        """Make the robot, with another payload mass [kg]; None: the file's.
 
         Raises:
-            ProblemError: the table describes none; the message says in which line.
+            ProblemError: the table is invalid; the message has the line.
         """
         return robot_from(self.robot, mass)
 
     def made(self, mass: float | None = None) -> MinimumTimeProblem:
-        """The problem, with another mass of the robot's payload [kg]; None: with its own.
+        """Make the problem, with another payload mass [kg]; None: the file's.
 
         Raises:
-            ProblemError: the tables describe none; the message says in which line.
+            ProblemError: the tables are invalid; the message has the line.
         """
         return problem_from(self.problem, self.made_robot(mass))
 
 
 def read_problem(path: str | os.PathLike[str]) -> MinimumTimeProblem:
-    """The problem that a file describes; docs/problem_files.md says how. `MinimumTimeProblem.to_toml` writes one.
+    """Read a problem file; docs/problem_files.md. `MinimumTimeProblem.to_toml` writes one.
 
-    The file may come from a stranger: it is read up to a size, its robot is a name or a file inside its own folder, and
-    nothing is downloaded.
+    The file is untrusted: its size is limited, its robot is a name or a file inside its own folder, and nothing is
+    downloaded.
 
     Args:
-        path: of a TOML file.
+        path: path of a TOML file.
 
     Raises:
         FileError: the file cannot be read, or is too large.
-        ProblemError: it describes no problem; the message says in which line, and what would be right.
+        ProblemError: the file is invalid; the message has the line and a correction.
     """
     return read_problem_file(path).made()
 
 
 def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:
-    """The tables of a problem file; its keys and the solver's options are checked, robot and problem are not made.
+    """Read the tables of a problem file; keys and options are checked, robot and problem are not made.
 
     Raises:
         FileError: the file cannot be read, or is too large.
-        ProblemError: it is no TOML, or has an unknown table; the message says in which line.
+        ProblemError: the file is no TOML, or has an unknown table; the message has the line.
     """
     file = read_toml(path)
     if "arms" in file.values:
@@ -109,10 +109,10 @@ def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:
 
 
 def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
-    """The problem that a table [problem] describes.
+    """Make the problem of a table [problem].
 
     Raises:
-        ProblemError: a key is unknown or wrong; the message says in which line.
+        ProblemError: a key is unknown or wrong; the message has the line.
     """
     table.only((*PROBLEM, "scene"))
     with table.locating_errors(_WORDS):
@@ -120,7 +120,7 @@ def problem_from(table: Table, robot: Robot) -> MinimumTimeProblem:
 
 
 def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
-    """The arguments of a `MinimumTimeProblem`."""
+    """Arguments of `MinimumTimeProblem`."""
     given = conditions_from(table, robot)
     for key in ("q_start", "q_goal"):
         if key in given:
@@ -141,12 +141,12 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
 
 
 def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
-    """The values of a table with the conditions of a motion made into the arguments of a `MinimumTimeProblem`.
+    """Convert a table's conditions of a motion to arguments of `MinimumTimeProblem`.
 
-    Obstacles, scene, path constraints, preset and torque limits are read; other values stay as they are.
+    Obstacles, scene, path constraints, preset and torque limits are converted; other values stay as they are.
 
     Raises:
-        ProblemError: one is wrong; the message says in which line.
+        ProblemError: a value is wrong; the message has the line.
     """
     given, folder = dict(table.values), Path(table.path).parent
     if "preset" in given:
@@ -171,7 +171,7 @@ def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:
 
 
 def _constraint_from(table: Table, entry: object, robot: Robot, name: str) -> PathConstraint:
-    """The path constraint of a text, as of --limit, or of a table with a region and perhaps a leg."""
+    """The path constraint of a text, as for --limit, or of a table with a region and perhaps a leg."""
     if isinstance(entry, str):
         return path_constraint_from(entry)
     if not isinstance(entry, Mapping) or not isinstance(entry.get("region"), Mapping):
@@ -185,7 +185,7 @@ def _constraint_from(table: Table, entry: object, robot: Robot, name: str) -> Pa
 
 
 def goal_pose_from(table: Table, robot: Robot, name: str = "goal_pose") -> GoalPose:
-    """The goal pose or region that a table describes.
+    """The goal pose or region of a table.
 
     Raises:
         ProblemError: a key is unknown or wrong.

@@ -1,4 +1,4 @@
-"""Advice for an answer that is not usable or not certified: one line for each shortcoming.
+"""Advice for an answer that is not usable or not certified: one line per shortcoming.
 
 Names in backticks are arguments of `MinimumTimeProblem` and `MinimumTimeOptions`, and options of the command line.
 """
@@ -19,22 +19,22 @@ _HOLD = (
 )
 _MORE_ROOM = "another `seed` plans other paths; a smaller `clearance` leaves more room"
 _LITTLE = 0.1
-"""A gap above that is one of a bound that torque limits make weak: the velocity limits decide next to nothing."""
+"""Gap above which the bound is weak because torque limits, not velocity limits, decide the duration."""
 
 
 def advice(
     problem: MinimumTimeProblem, certificate: Certificate, kept: Sequence[ConstraintReport], arcs: bool
 ) -> dict[str, str]:
-    """Advice for each check that failed: "lands", "limits", "conditions", "extremal", "gap".
+    """Advice for each failed check: "lands", "limits", "conditions", "extremal", "gap".
 
-    A motion that is not usable is to become so first: nothing is said of its optimality. A curve with a gap cannot
-    become extremal by anything that is asked: the gap says instead how far it may be from the least time.
+    A motion that is not usable gets no advice on its optimality. A curve with a gap gets none on Pontryagin's
+    conditions, which no option lets a curve satisfy: the gap bounds its distance from the least time.
 
     Args:
         problem: the minimum-time problem.
-        certificate: of the answer.
-        kept: how it keeps the path constraints.
-        arcs: its arcs were resolved.
+        certificate: certificate of the answer.
+        kept: constraint reports of the answer.
+        arcs: whether the answer's arcs were resolved.
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         if problem.crowded:
@@ -51,9 +51,7 @@ def advice(
     if not certificate.keeps_limits:
         lines["limits"] = _for_limits(certificate) + _not_slowed(problem)
     if missed := [each.name for each in kept if each.reasons]:
-        more = (
-            _MORE_ROOM if missed == ["clearance"] else "raise `max_intervals`, or ask for a little more than is needed"
-        )
+        more = _MORE_ROOM if missed == ["clearance"] else "raise `max_intervals`, or tighten the constraint a little"
         lines["conditions"] = f"it does not keep {', '.join(missed)}: {more}{_not_slowed(problem)}"
     if lines:
         return lines
@@ -78,7 +76,7 @@ def _for_limits(certificate: Certificate) -> str:
     if worst is None:
         return "it exceeds a limit: raise `max_intervals`, or give limits a little below the arm's"
     beyond = f"it exceeds the {worst.constraint} of {worst.joint} by {percent(worst.value)} of it"
-    return f"{beyond}: raise `max_intervals`, or give that limit so much lower"
+    return f"{beyond}: raise `max_intervals`, or lower that limit by as much"
 
 
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
@@ -88,27 +86,27 @@ def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: b
         asked = ", ".join(problem.path_constraint_names)
         return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
     if not certificate.on_goal:
-        return "not extremal: it ends more than 1e-6 beside the goal: raise `max_intervals`, or give `armature`"
+        return "not extremal: it ends more than 1e-6 off the goal: raise `max_intervals`, or give `armature`"
     if not arcs:
         return (
             "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`; a small gap would say as much"
         )
-    return "not extremal: its arcs are not quite those of an optimum: raise `max_intervals` or `starts`"
+    return "not extremal: its arcs do not quite satisfy the optimality conditions: raise `max_intervals` or `starts`"
 
 
 def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     if problem.pays_effort:
-        return "no gap: with `effort_weight` not time alone is least; leave it out for the fastest motion"
+        return "no gap: with `effort_weight` the cost is not time alone; leave it out for the fastest motion"
     if certificate.gap is None and np.all(np.isinf(problem.limits.velocity)):
         return "no gap: without velocity limits no lower bound is known: give `velocity_limit`"
     if certificate.gap is None:
-        return "no gap: no lower bound is known; a `velocity_limit` that the motion comes near would give one"
+        return "no gap: no lower bound is known; a `velocity_limit` that the motion nearly reaches would give one"
     if not certificate.gap_proven and certificate.on_goal:
-        return "the motion is faster than the lower bound: one of the two is wrong, and a bug in armdyn"
+        return "the motion is faster than the lower bound: one of the two is wrong: a bug in armdyn"
     if not certificate.gap_proven:
-        return "the gap is not proven: the motion ends more than 1e-6 beside the goal: raise `max_intervals`"
+        return "the gap is not proven: the motion ends more than 1e-6 off the goal: raise `max_intervals`"
     if certificate.gap > _LITTLE:
-        return "a large gap: the bound is one of velocity limits, and says little where torque limits decide"
+        return "a large gap: the bound is by velocity limits, and weak where torque limits decide"
     if certificate.remark == ON_CURVE:
         return (
             f"look for a faster motion with `search` thorough or more `starts`; much of the gap of "

@@ -1,4 +1,4 @@
-"""A solution from the optima of a solve: choose the answer and write its message."""
+"""Assembly of a solution: choice among the optima, status and message."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -21,20 +21,20 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _ALIKE = 1e-6
-"""Relative difference of two durations that are the same to people."""
+"""Relative difference of durations that count as the same in messages."""
 _NEARLY = 1e-3
-"""Of a limit: a motion that exceeds one by more is not named, not even as the best so far."""
+"""Largest excess over a limit, as a part of it, of a motion that is reported as the best so far."""
 
 
 def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, bound: float | None = None) -> Solution:
-    """The best of the optima as an answer, beside the durations of all others met.
+    """The solution from the best of the optima, with the durations of the others.
 
     Args:
-        task: what was solved.
+        task: problem and settings.
         optima: at least one.
-        found: the search that they come from.
+        found: search that found them.
         elapsed: wall time [s].
-        bound: no motion is faster [s], as is proven; None: no bound is known. It says nothing where effort is paid for.
+        bound: proven lower bound on the duration [s]; None: unknown. Not used where effort has a weight.
     """
     best, *others = _certified_first(task, _repeated(task, optima), bound)
     certificate, duration = best.certificate, best.trajectory.duration
@@ -68,13 +68,13 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
 
 
 def _marked(task: Task, motion: Trajectory) -> Trajectory:
-    """The motion, which says so where it is one of a repaired model."""
+    """The motion, marked in its name if its robot's model was repaired."""
     name = task.problem.robot.marked(motion.name)
     return motion if name == motion.name else replace(motion, name=name)
 
 
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
-    """The solution where no motion was found. Arguments as of `assembled`."""
+    """The solution without a motion. Arguments as for `assembled`."""
     attempt, worst = found.failed[0], found.failed[0].worst_violation
     ended = task.stop.cut_short and not task.stop.interrupted
     why = ended_by_time(task.options.time_limit) if ended else attempt.message
@@ -90,13 +90,13 @@ def failed(task: Task, found: Found, elapsed: float) -> Solution:
 
 
 def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: Trajectory | None = None) -> Solution:
-    """A solution that says why there is no motion.
+    """A solution without a motion, with the reason.
 
     Args:
-        problem: that was to be solved.
-        status: of it.
-        why: the reason, for people.
-        last: last iterate; None: there was none, and the trajectory rests at the start.
+        problem: the problem.
+        status: status of the solve.
+        why: the reason, for the message.
+        last: last iterate; None: the trajectory rests at the start.
     """
     if last is None:
         q, names = np.asarray(problem.q_start), problem.robot.joint_names
@@ -107,16 +107,16 @@ def without_motion(problem: MinimumTimeProblem, status: Status, why: str, last: 
 
 
 def ended_in_time(solution: Solution, limit: float) -> Solution:
-    """A solution among several goals of which some were not tried in full, because the time limit [s] ended that."""
+    """Mark a solution with several goals, some of which the time limit [s] left untried."""
     if solution.status is Status.TIME_LIMIT or not solution.success or solution.certificate.ok:
         return solution
     return replace(solution, status=Status.TIME_LIMIT, message=f"{ended_by_time(limit)}; {solution.message}")
 
 
 def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
-    """The optima, best first, of which the first is judged by an integrator of another family: `proof.repeat`.
+    """Check the first of the optima, best first, by an integrator of another family: `proof.repeat`.
 
-    One that does not stand that test makes room for the next.
+    An optimum that fails this check is moved behind the next.
     """
     left, judged = sorted(optima, key=lambda optimum: (_rank(task, optimum), optimum.cost)), list[Optimum]()
     for k, optimum in enumerate(left):
@@ -127,7 +127,7 @@ def _repeated(task: Task, optima: list[Optimum]) -> list[Optimum]:
 
 
 def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> list[Optimum]:
-    """The optima with the first one judged; a certified one that is as fast takes the place of one that is not."""
+    """The optima with the first one judged; a certified one that is as fast replaces an uncertified one."""
     best, *others = optima
     best = _judged(task, best, bound)
     for k, other in enumerate(others):
@@ -141,9 +141,9 @@ def _certified_first(task: Task, optima: list[Optimum], bound: float | None) -> 
 
 
 def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
-    """Complete an optimum's certificate, and replace states of a mesh by those of the replay."""
+    """Complete an optimum's certificate, and replace a mesh's states by the replay's."""
     motion, certificate = optimum.trajectory, optimum.certificate
-    if certificate.growth is None:  # else it was repeated where it was found
+    if certificate.growth is None:  # else it was repeated by its refinement method
         certificate = repeated(task.problem, motion, certificate)
     if not certificate.repeats and (replay := replay_of(task, motion)).t[-1] == motion.t[-1]:
         motion = replace(replay, name=motion.name)
@@ -158,19 +158,19 @@ def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
 
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """Add to a landed optimum's certificate the lower bound and, of an extremal, the error of the adjoint equations."""
+    """Add to the certificate of a landed optimum the lower bound, and for an extremal the adjoint equations' error."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_adjoint_check(task, replace(optimum, certificate=certificate))
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
-    """Sorts: those that land first, of those the ones within their limits, of those the ones that keep conditions."""
+    """Sort key: motions that land first, then those within limits, then those that satisfy path constraints."""
     return not optimum.landed(task.options.replay_tolerance), not optimum.within_limits, bool(optimum.missed)
 
 
 def _moves(task: Task, optimum: Optimum) -> bool:
-    """Whether it is a motion that may be named: it lands, and misses nothing by more than people would see."""
+    """Whether an optimum may be reported as a motion: it lands, and exceeds no limit visibly."""
     nearly = optimum.certificate.limit_violation <= _NEARLY
     return optimum.landed(task.options.replay_tolerance) and nearly and not optimum.missed
 
@@ -193,12 +193,12 @@ def _status(task: Task, optimum: Optimum, found: Found) -> Status:
 
 
 def ended_by_time(limit: float) -> str:
-    """Words for a search that its time limit [s] ended."""
+    """Message for a search that its time limit [s] ended."""
     return f"the time limit of {limit:g} s ended the search"
 
 
 def _worst(optimum: Optimum) -> Violation | None:
-    """Worst violation: of the mesh that did not converge, else of the limits, else of the path constraints."""
+    """Worst violation: of a mesh that did not converge, else of the limits, else of the path constraints."""
     if optimum.worst_violation is not None:
         return optimum.worst_violation
     if not optimum.within_limits:
@@ -207,7 +207,7 @@ def _worst(optimum: Optimum) -> Violation | None:
 
 
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:
-    """Durations of the other optima [s], each once, increasing; a coarse one near a better known one is that one."""
+    """Durations of the other optima [s], distinct and increasing; a coarse one near a more accurate one is dropped."""
     same, known = task.policy.same, list(known)
     more = [d for d in listed if all(abs(d / own - 1) > same.near_known for own in known)]
     groups = grouped([best, *sorted((*known, *more))], within(same.resolved))

@@ -24,11 +24,11 @@ Solve = Callable[[Task, float], Solution]
 
 
 def fastest_goal(task: Task, solve: Solve) -> Solution:
-    """Solve for the most promising goals of a problem; the best solution, with the durations of all.
+    """Solve for the most promising goals of a problem; return the best solution, with the goals of all.
 
     Args:
         task: of a problem with several goals, or a goal pose.
-        solve: solves a task with one goal in so much time [s].
+        solve: solves a task with one goal within a time limit [s].
     """
     started, problem, options, numbers = time.perf_counter(), task.problem, task.options, task.policy.goals
     until = started + options.time_limit
@@ -61,7 +61,7 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
 
 
 def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> Solution | None:
-    """The solution for a goal near that of another one, from its motion; None: the time is up."""
+    """The solution for a goal near another one, from that one's motion; None: the time is up."""
     if task.stop:
         return None
     task.progress("the goal moved along the joint positions that reach its pose")
@@ -72,14 +72,14 @@ def _near(task: Task, solve: Solve, until: float, known: Solution, q: Array) -> 
 def _slid_end(
     best: Solution, goal: GoalPose, numbers: GoalPolicy, solve: Callable[[Solution, Array], Solution | None]
 ) -> Solution:
-    """The fastest solution met on the way down the duration, with steps of Barzilai and Borwein (1988).
+    """The fastest solution met while the goal descends along its pose, with steps of Barzilai and Borwein (1988).
 
     Args:
-        best: a solution at one of the joint positions that reach the pose. It comes back where its costates are not
-            known, or say that no neighbour is faster.
-        goal: the pose.
-        numbers: of the policy.
-        solve: from a solution and another goal, shape (nv,), the solution there; None: the time is up.
+        best: a solution at one of the joint positions that reach the pose; returned unchanged without costates, or if
+            no neighbour is faster.
+        goal: pose at the goal.
+        numbers: settings of the descent.
+        solve: maps a solution and a new goal, shape (nv,), to the solution there; None: the time is up.
     """
     step = numbers.end_first
     for _ in range(numbers.end_solves):
@@ -111,7 +111,7 @@ def _slid_end(
 
 
 def _bound_of_all(task: Task, solutions: list[Solution], seconds: float) -> float | None:
-    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: none is known."""
+    """Lower bound on the duration to any goal of the problem, tried or not [s]; None: no bound is known."""
     if not task.options.bound or any(solution.lower_bound is None for solution in solutions):
         return None
     with stopping(seconds, task.stop) as stop:

@@ -1,4 +1,4 @@
-"""The result of a solve, converged or not."""
+"""Solution of a minimum-time problem, converged or not."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ if TYPE_CHECKING:
 @brief
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A motion and how far to trust it.
+    """A motion, its certificate, and the statistics of its search.
 
     Attributes:
-        success: the solve was not stopped by Ctrl-C, and its motion is `feasible`.
+        success: whether the motion is `feasible` and the solve was not stopped by Ctrl-C.
         status: a `Status`.
-        message: the same for people.
+        message: the status in words.
         problem: the minimum-time problem.
-        duration: t_f [s]; of the last iterate if the solve failed: look at `moves` before it is shown to anybody.
+        duration: t_f [s]; of the last iterate if the solve failed: check `moves` before you show it.
         trajectory: the motion; the last iterate if the solve failed.
-        certificate: what was checked, each apart.
-        arcs: which limit every joint is on, and for how long; empty if that was not resolved.
-        phases: the arcs as solved, with costates; None likewise.
-        local_optima: durations of the other optima met [s], increasing; those that were not refined to
-            the coarse mesh's accuracy.
-        intervals: of the last mesh.
-        iterations: of the solver, over all meshes and starts.
+        certificate: results of the checks.
+        arcs: active limit of every joint and duration of each arc; empty if they were not resolved.
+        phases: the solved arcs with costates; None: not resolved.
+        local_optima: durations of the other optima met [s], increasing; unrefined ones to the coarse mesh's accuracy.
+        intervals: number of intervals of the last mesh.
+        iterations: iterations of the solver, over all meshes and starts.
         solve_time: wall time [s].
-        worst_violation: what is worst violated, by the solver's last iterate or by the motion; None if all is kept.
-        clearance: where the motion comes nearest to an obstacle or to itself; None if neither was to be kept clear of.
-        constraint_reports: how the motion keeps each path constraint; empty without any.
-        via_times: when it passes the via points [s].
-        goals: all joint positions tried that reach a goal pose, fastest first; empty if there was but one.
-        moves: its torques lead to the goal, keep all conditions and, to a thousandth, all limits: where `success` is
-            missing it is the best so far; else it is no motion, and `duration` says nothing.
-        decides: how much of the time each limit decides, most first; empty if that is not known.
-        calm: time that was given for calm joints [s]: without, the motion takes so much less.
-        search_remark: a sentence on the search where the motion is not certified: how many different optima a curve's
-            guesses met, and how often the best, or that refinement was given up; else empty.
+        worst_violation: worst violation by the solver's last iterate or by the motion; None if there is none.
+        clearance: least distance of the motion to an obstacle or to itself; None if no clearance was required.
+        constraint_reports: report of each path constraint; empty without any.
+        via_times: times of the via points [s].
+        goals: joint positions tried that reach a goal pose, fastest first; empty if there was only one.
+        moves: whether the torques reach the goal, satisfy all path constraints and, to a thousandth, all limits.
+            Without `success` such a motion is the best so far; if False there is no motion, and `duration` is
+            meaningless.
+        decides: share of the time that each limit decides, largest first; empty if unknown.
+        calm: time spent on calm joints [s]: the fastest motion takes less by this.
+        search_remark: remark on the search if the motion is not certified: number of different optima from a curve's
+            guesses and how often the best was met, or that refinement was abandoned; else empty.
     """
 
     success: bool
@@ -97,17 +97,17 @@ class Solution:
 
     @property
     def feasible(self) -> bool:
-        """Whether the replay reaches the goal and keeps all limits and conditions. Says nothing about what follows."""
+        """Whether the replay reaches the goal within all limits and path constraints. See also `usable`."""
         return self.certificate.usable and not any(kept.reasons for kept in self.constraint_reports)
 
     @property
     def usable(self) -> bool:
-        """Feasible, and the motors can hold the arm at the goal, where it is to rest there."""
+        """Whether the motion is feasible, and the motors can hold the arm at the goal, if it should rest there."""
         return self.feasible and self.problem.unheld is None
 
     @property
     def certified(self) -> bool:
-        """Feasible, and extremal or proven to be within a thousandth of the least duration of all motions."""
+        """Whether the motion is feasible, and extremal or proven within 0.1 % of the least duration of all motions."""
         return self.feasible and self.certificate.ok
 
     @property
@@ -117,7 +117,7 @@ class Solution:
 
     @property
     def gap(self) -> float | None:
-        """Relative gap (duration - lower_bound) / lower_bound; None without a bound, or if it is not feasible."""
+        """Relative gap (duration - lower_bound) / lower_bound; None without a bound or a feasible motion."""
         return self.certificate.gap if self.feasible else None
 
     @property
@@ -127,7 +127,7 @@ class Solution:
 
     @property
     def what_to_do(self) -> tuple[str, ...]:
-        """Advice, a line for each check that failed; empty if the motion is usable and certified."""
+        """Advice, one line per failed check; empty if the motion is usable and certified."""
         if self.certified and self.usable:
             return ()
         return tuple(advice(self.problem, self.certificate, self.constraint_reports, self.phases is not None).values())
@@ -146,25 +146,25 @@ class Solution:
         """Position, velocity and torque of every joint over time, with the limits and the switching times.
 
         Returns:
-            A figure of matplotlib's, which pyplot does not know: `figure.savefig("motion.pdf")`.
+            A matplotlib figure outside pyplot: `figure.savefig("motion.pdf")`.
         """
         return renderer().figure(self)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
-        """Write the report: one HTML file with the arm that moves, its curves, the verdict and what it rests on.
+        """Write the report: one HTML file with the animated arm, its curves, the verdict and its reasons.
 
         Args:
-            path: of the file, such as "report.html".
+            path: path of the file, such as "report.html".
 
         Returns:
             The path written, as given.
 
         Raises:
-            FileError: it cannot be written.
-            DiskFullError: there is no room for it.
+            FileError: the file cannot be written.
+            DiskFullError: the disk is full.
         """
         return renderer().report(self, path)
 
     def sensitivities(self) -> Sensitivities | None:
-        """Derivatives of t_f by payload and limits; None if the arcs were not resolved."""
+        """Derivatives of t_f with respect to payload and limits; None if the arcs were not resolved."""
         return None if self.phases is None else sensitivities(self.problem, self.phases)

@@ -1,4 +1,4 @@
-"""A solution in sentences."""
+"""Sentences about a solution."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
 
 _MOST_LIMITS = 3
-"""That are named as deciding the time."""
+"""Largest number of limits that are named as deciding the time."""
 _ROUNDING = 1e-9
-"""Excess, as a part of a limit, that is rounding and not mentioned."""
+"""Excess, as a part of a limit, that counts as rounding and is not mentioned."""
 
 
 def verdict(solution: Solution) -> str:
@@ -99,7 +99,7 @@ def _extremal(solution: Solution) -> tuple[bool | None, str]:
 
 
 def _bound(solution: Solution) -> tuple[bool | None, str]:
-    """The lower bound, and how far the motion is above it."""
+    """The lower bound, and the motion's excess over it."""
     if solution.gap is None:
         return None, "none is known"
     above = f"{percent(max(solution.gap, 0.0))} above the lower bound of {solution.lower_bound:.6f} s"
@@ -107,7 +107,7 @@ def _bound(solution: Solution) -> tuple[bool | None, str]:
 
 
 def standing(solution: Solution) -> dict[str, Any]:
-    """Facts that `--require` compares; "missing": why the answer is not "certified", "extremal", of a smaller "gap"."""
+    """Facts that `--require` compares; "missing": reasons why "certified", "extremal" or a "gap" is not reached."""
     certificate, reasons = solution.certificate, "; ".join(solution.certificate.reasons)
     lines = advice(solution.problem, certificate, solution.constraint_reports, solution.phases is not None)
     missing = {"certified": reasons} | {kind: lines.get(kind, reasons) for kind in ("extremal", "gap")}
@@ -123,7 +123,7 @@ def standing(solution: Solution) -> dict[str, Any]:
 
 
 def paragraph(solution: Solution) -> str:
-    """A solution in words: duration, verdict, replay, limits that decide the time, how it was found."""
+    """A solution in words: duration, verdict, replay, limits that decide the time, statistics of the search."""
     robot = solution.problem.robot
     name, joints = " ".join(robot.name.split()), f"{robot.nv} joint{'s' if robot.nv > 1 else ''}"
     said = [assessment(solution)]
@@ -168,7 +168,7 @@ def replay_words(certificate: Certificate) -> str:
 
 
 def _calmed(solution: Solution) -> str:
-    """Time given for calm joints; empty if none was."""
+    """Time spent on calm joints; empty without any."""
     if not (solution.calm and solution.usable):
         return ""
     part = percent(solution.calm / (solution.duration - solution.calm))
@@ -176,7 +176,7 @@ def _calmed(solution: Solution) -> str:
 
 
 def _decided(solution: Solution) -> str:
-    """Limits that decide the time, and the time that a change of them saves; empty where that is not known."""
+    """Limits that decide the time, and the saving by a change of the first; empty if unknown."""
     if not solution.decides or not solution.usable:
         return ""
     most = solution.decides[0]

@@ -1,4 +1,4 @@
-"""Arcs: which limit every joint is on, and from when to when; and the algebra of their sequences."""
+"""Arcs: the active limit of every joint over an interval of time; algebra of their sequences."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ class Mode(StrEnum):
     POSITION_UPPER = "position upper"
     POSITION_LOWER = "position lower"
     FREE = "free"
-    """On no limit: singular, or smooth if effort has a weight."""
+    """No active limit: a singular torque, or a smooth one if effort has a weight."""
     PASSIVE = "passive"
-    """Without a motor: its torque is zero, and it never leaves this mode."""
+    """A joint without a motor: its torque is zero throughout."""
 
 
 BANG = (Mode.UPPER, Mode.LOWER)
 OPPOSITE = {Mode.UPPER: Mode.LOWER, Mode.LOWER: Mode.UPPER}
 HELD = (*BANG, Mode.PASSIVE)
-"""Of a torque that is constant."""
+"""Modes of constant torque."""
 VELOCITY = (Mode.VELOCITY_UPPER, Mode.VELOCITY_LOWER)
 POSITION = (Mode.POSITION_UPPER, Mode.POSITION_LOWER)
 TOWARDS = {
@@ -38,7 +38,7 @@ TOWARDS = {
     Mode.VELOCITY_UPPER: Mode.UPPER,
     Mode.VELOCITY_LOWER: Mode.LOWER,
 }
-"""The torque that presses a joint against its limit."""
+"""Torque mode that presses a joint against its limit."""
 
 
 def stretches(places: Index) -> list[Index]:
@@ -54,12 +54,12 @@ def outward(mode: Mode) -> float:
 @brief
 @dataclass(frozen=True)
 class Arc:
-    """A part of a motion on which no joint changes its mode.
+    """A part of a motion without a change of any joint's mode.
 
     Attributes:
         duration: [s].
         modes: one per joint.
-        touches: joints that touch a position or velocity limit at its end, and do not stay: (joint, mode) pairs.
+        touches: joints that touch a position or velocity limit at the arc's end only: (joint, mode) pairs.
     """
 
     duration: float
@@ -68,13 +68,13 @@ class Arc:
 
     @property
     def singular(self) -> bool:
-        """Whether some joint is on no limit."""
+        """Whether some joint has no active limit."""
         return Mode.FREE in self.modes
 
 
 @dataclass(frozen=True)
 class Event:
-    """Change of a joint's mode, or a touch of a limit."""
+    """Change of a joint's mode, or a touch of a limit, at one time."""
 
     time: float
     joint: int
@@ -83,7 +83,7 @@ class Event:
 
 
 def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float) -> list[Arc]:
-    """Arcs of given lengths from the modes at the start and the changes between them.
+    """Arcs from the modes at the start and the changes between them.
 
     Args:
         first: modes at the start, one per joint.
@@ -106,9 +106,8 @@ def arcs_between(first: Sequence[Mode], events: Sequence[Event], duration: float
 def without_short(arcs: Sequence[Arc], shortest: float) -> list[Arc]:
     """Remove arcs shorter than `shortest` [s] from a structure.
 
-    Between two switches of different joints the order is turned; an arc that a joint enters and
-    leaves by the same mode, or that stands at an end, goes; on a limit of a state it
-    becomes a touch.
+    Two switches of different joints exchange their order. An arc that a joint enters and leaves by the same mode, or at
+    an end of the motion, is removed; on a limit of the state it becomes a touch.
     """
     out = list(arcs)
     k = next((k for k, arc in enumerate(out) if arc.duration < shortest), None)

@@ -1,4 +1,4 @@
-"""Arcs read from the torques and states of a mesh."""
+"""Detection of arcs from the torques and states of a mesh."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ Run = tuple[Mode, int, int]
 """A mode, the first interval on which a joint is in it, and one past the last."""
 
 _TOWARD = {Mode.VELOCITY_UPPER: Mode.UPPER, Mode.VELOCITY_LOWER: Mode.LOWER}
-"""The torque that brings a joint to a velocity limit; away from it, the other."""
+"""Torque mode that brings a joint to a velocity limit; the opposite one leaves the limit."""
 
 
 def detect(
@@ -29,12 +29,12 @@ def detect(
     """The arcs of a collocation solution with constant torques between its knots.
 
     Args:
-        problem: its limits.
+        problem: the problem with its limits.
         trajectory: the solution.
-        mesh: its knots as parts of the duration.
-        switch: so many intervals off all limits in a row are a switch, and not an arc.
-        numbers: how near a limit is on it.
-        brief: part of the duration; what is off all torque limits for no longer is a switch, too.
+        mesh: knots as parts of the duration.
+        switch: number of intervals in a row off all limits up to which they are a switch, not an arc.
+        numbers: tolerances within which a limit is active.
+        brief: part of the duration up to which a time off all torque limits is a switch, too.
     """
     duration, limits, intervals = trajectory.duration, problem.limits, mesh.size - 1
     knots = duration * mesh
@@ -45,14 +45,14 @@ def detect(
     first: list[Mode] = []
     events: list[Event] = []
     for i in range(problem.robot.nv):
-        # Constant torque cannot hold a limit exactly: both ends of an interval near it are enough.
+        # Constant torque cannot hold a limit exactly: an interval is on it if both its ends are near it.
         slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
         bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
         room = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
         scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
         touching = room < numbers.touching * scale
         near = room < numbers.in_contact * scale
-        contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end tells where contact begins or ends
+        contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
         modes = [
@@ -90,7 +90,7 @@ def _state_mode(fast: bool, v: float, contact: bool, above: bool) -> Mode:
 
 
 def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
-    """Merge two contacts with one limit and the free torque between them: a small bounce costs nothing."""
+    """Merge two contacts with one limit and the free torque between them: a small bounce costs no time."""
     out, runs = list(modes), _runs(modes)
     for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):
         if mode is Mode.FREE and before is after and before in POSITION:
@@ -119,7 +119,7 @@ def _first_mode(runs: Sequence[Run], level: Array, switching: bool) -> Mode:
     after = runs[1][0] if len(runs) > 1 else Mode.FREE
     if after in VELOCITY:
         return _TOWARD[after]
-    # The switch lies within the first intervals: it must come from the other side.
+    # The switch lies within the first intervals: it must come from the opposite limit.
     return OPPOSITE.get(after, Mode.UPPER if level[0] > 0 else Mode.LOWER)
 
 
@@ -139,7 +139,7 @@ def _switches(runs: Sequence[Run], level: Array, knots: Array, joint: int, switc
         away = OPPOSITE[_TOWARD[mode]] if mode in VELOCITY else OPPOSITE.get(mode, Mode.FREE)
         after = runs[r + 1][0] if r + 1 < len(runs) else away
         part = float(np.mean((level[start:stop] + 1) / 2))  # of the time on the upper limit
-        if after is mode:  # there and back: a short arc on the other limit
+        if after is mode:  # back to the same mode: a short arc on the other limit
             if mode not in sign:
                 continue
             there = (1 - part) if mode is Mode.UPPER else part

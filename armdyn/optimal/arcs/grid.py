@@ -1,4 +1,4 @@
-"""Where the intervals of a multi-phase mesh lie: short where the motion bends, or dry friction turns around."""
+"""Multi-phase meshes: short intervals where the motion is curved, or a joint reverses through dry friction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """Density of a mesh: relative number of intervals per stretch of time.
+    """Density of a mesh: relative number of intervals per unit of time.
 
     Attributes:
         t: times [s], shape (K + 1,).
-        mass: of the stretches between them, shape (K,).
+        mass: masses of the intervals between them, shape (K,).
     """
 
     t: Array
     mass: Array
 
     def up_to(self, times: Array) -> Array:
-        """The mass before each of some times [s]."""
+        """Mass before given times [s]."""
         return np.asarray(np.interp(times, self.t, np.concatenate([[0], np.cumsum(self.mass)])))
 
     def between(self, start: float, end: float, count: int) -> Array:
@@ -37,27 +37,27 @@ class Density:
         return parts
 
     def with_half_of(self, other: "Density") -> "Density":
-        """Density that places half of the intervals by this one and half by the other, over the same time."""
+        """Density that places half of the intervals by itself and half by the other, over the same time."""
         t = np.union1d(self.t, other.t)
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
 def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[Index, Array]:
-    """Number of intervals of every arc: a few at least, the rest in proportion to weights.
+    """Distribute intervals over arcs: a least number each, the rest in proportion to the density's mass.
 
     Args:
-        durations: of the arcs [s].
-        intervals: to be dealt out.
-        density: where they are needed; None: the same everywhere.
-        per_arc: so many at least.
+        durations: durations of the arcs [s].
+        intervals: number of intervals.
+        density: density of the mesh; None: uniform.
+        per_arc: least number per arc.
 
     Returns:
-        Which arc each interval is in, and its part of that arc, both of shape (intervals,).
+        The index of each interval's arc, and the interval's part of that arc, both of shape (intervals,).
     """
     ends = np.concatenate([[0.0], np.cumsum(durations)])
     if density is None:
         density = Density(ends, np.diff(ends))
-    else:  # the durations may be a guess of others
+    else:  # the density may be of other durations
         density = Density(density.t * (ends[-1] / density.t[-1]), density.mass)
     mass = np.maximum(np.diff(density.up_to(ends)), 1e-12)
     counts = per_arc + np.floor((intervals - per_arc * mass.size) * mass / mass.sum()).astype(int)
@@ -67,16 +67,15 @@ def deal(durations: Array, intervals: int, density: Density | None, per_arc: int
 
 
 def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_density: float) -> Density:
-    """Density of the next mesh by the errors on the last.
+    """Density of the next mesh from the errors on the last.
 
-    The error of an interval falls with some power p of its length; the same everywhere (de Boor's
-    equidistribution) it is at a density of error^(1/p) / length. The error shows in the highest coefficient of a
-    polynomial of degree p.
+    The error of an interval falls with some power p of its length; it is equal everywhere (de Boor's equidistribution)
+    at a density of error^(1/p) / length. The highest coefficient of a polynomial of degree p estimates it.
 
     Args:
         t: knots [s], shape (K + 1,).
         polynomials: nodes as parts of the interval, shape (p + 1,), and values there, shape (K, p + 1, n).
-        least_density: least density, as a part of the mean one: an estimate may see nothing where there is something.
+        least_density: least density, as a part of the mean one: an error estimate may miss some.
     """
     mass = np.zeros(t.size - 1)
     for nodes, values in polynomials:
@@ -90,19 +89,19 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_densi
 
 
 def layered(guess: Trajectory, friction: JointFriction, numbers: ArcsPolicy) -> Density | None:
-    """Mesh density for the short layers in which Coulomb friction changes sign, where a joint turns around.
+    """Mesh density for the short layers in which Coulomb friction changes sign, as a joint reverses.
 
-    Half of the intervals stand evenly in time, half evenly in the change of tanh(v / width), summed over the
+    Half of the intervals are equal in time, half equal in the change of tanh(v / width), summed over the
     joints: equidistribution of a monitor function (Ascher, Mattheij and Russell, Numerical Solution of
     Boundary Value Problems for Ordinary Differential Equations, section 9.3).
 
     Args:
-        guess: about the motion.
-        friction: of its joints.
-        numbers: the layer's reach, and its part of the intervals.
+        guess: approximate motion.
+        friction: friction of the joints.
+        numbers: width of a layer, and its part of the intervals.
 
     Returns:
-        None where even will do.
+        None if a uniform density suffices.
     """
     dry = np.broadcast_to(np.asarray(friction.coulomb) > 0, guess.v.shape[1:])
     if not np.any(dry):

@@ -1,4 +1,4 @@
-"""A structure of arcs as numbers of a nonlinear program: initial guess and bounds."""
+"""Data of the program of a structure of arcs: initial guess and bounds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,11 +24,11 @@ class ArcNlpData(NlpData):
     """Initial guess, bounds and parameters of the program of some arcs.
 
     Attributes:
-        arcs: their structure.
-        scales: of the unknowns.
-        density: what the intervals were laid by; None: the arcs' lengths.
-        arc_of: which arc an interval is in, shape (N,).
-        part: of its arc that an interval is, shape (N,).
+        arcs: structure of the arcs.
+        scales: scales of the unknowns.
+        density: density of the mesh; None: intervals in proportion to the arcs' lengths.
+        arc_of: index of each interval's arc, shape (N,).
+        part: part of its arc that each interval is, shape (N,).
     """
 
     arcs: tuple[Arc, ...]
@@ -39,7 +39,7 @@ class ArcNlpData(NlpData):
 
     @property
     def spare(self) -> int:
-        """Number of free unknowns less that of equations; negative if the structure has too many conditions."""
+        """Number of free unknowns minus number of equations; negative if the structure is overdetermined."""
         return int(np.sum(np.less(*self.x_bounds)) - np.sum(np.equal(*self.g_bounds)))
 
 
@@ -58,12 +58,12 @@ def assemble_arcs(
     Args:
         task: the problem and its settings.
         arcs: the structure, and guesses of its durations.
-        guess: states to start from, at the times that the durations say.
-        layout: of the program.
-        intervals: of the whole mesh.
-        near: as of `solve_phases`, like the next two.
-        offset: from the goal.
-        density: of the mesh.
+        guess: initial states, at the times of the guessed durations.
+        layout: layout of the program.
+        intervals: number of intervals of the whole mesh.
+        near: see `solve_phases`; so offset and density.
+        offset: offset of the end state from the goal, (q, v), shape (2 nv,).
+        density: density of the mesh.
     """
     problem, numbers, N = task.problem, task.policy.arcs, intervals
     scales = Scales.of(problem, guess)
@@ -95,7 +95,7 @@ def assemble_arcs(
 
 
 def _equation_bounds(arcs: Sequence[Arc], arc_of: Index, layout: Layout) -> tuple[Array, Array]:
-    """Bounds of the equations: zero, except between the durations of arcs and for equations 0 = 0."""
+    """Bounds of the equations: zero, but free between the durations of arcs and where 0 = 0."""
     least = np.zeros((arc_of.size, layout.equations.size))
     least[np.flatnonzero(np.diff(arc_of)), layout.equations.time] = -np.inf  # every arc has a duration of its own
     for i in range(layout.nv):
@@ -115,9 +115,9 @@ class _Narrowed:
     upper: Array
 
     def loosen(self, arcs: Sequence[Arc], intervals: int) -> None:
-        """Drop the position limits that are touched, except where they are touched.
+        """Drop the position limits of touches, except at the touch.
 
-        About a touch the states of a fine mesh are so near the limit that multipliers would spread over them.
+        Near a touch the states of a fine mesh are so near the limit that multipliers would spread over them.
         """
         q = self.layout.knot.q
         for i, mode in {touch for arc in arcs for touch in arc.touches if touch[1] in POSITION}:
@@ -136,7 +136,7 @@ class _Narrowed:
                     bound = limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower
                     self._fix(torques[k, :, i], bound[i] / self.scales.effort[i])
                 if k > 0 and arc_of[k - 1] != arc_of[k]:
-                    self._hold(knots[k], i, mode)  # entered on the limit, not within the first interval
+                    self._hold(knots[k], i, mode)  # the limit is active from the knot on
                 self._hold(inner[k], i, mode)
                 if not last:
                     self._hold(knots[k + 1], i, mode)  # Radau's last stage is the next knot

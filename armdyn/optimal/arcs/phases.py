@@ -1,4 +1,4 @@
-"""Solution of a multi-phase problem: durations of its arcs, costates, and the motion on them as a trajectory."""
+"""Solution of a multi-phase problem: durations of its arcs, costates, and its motion as a trajectory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
 
 TABLEAU = RADAU_5
-"""Of the arcs: motion is smooth on them, and ninth order leaves nothing to see on a few intervals."""
+"""Tableau of the arcs: motion is smooth within each, and order nine is exact to rounding on a few intervals."""
 
 
 @brief
@@ -26,24 +26,24 @@ class Phases:
     """A solved multi-phase problem.
 
     Attributes:
-        arcs: with the durations found.
+        arcs: arcs with the solved durations.
         t: times of the knots [s], shape (K + 1,).
         q: positions at the knots, shape (K + 1, nv).
         v: velocities, shape (K + 1, nv).
         costate: ρ = ∂(time to go)/∂(q, v) at the knots, from the multipliers, shape (K + 1, 2 nv).
         tau: torques at the stages, shape (K, stages, nv).
-        arc_of: which arc an interval is in, shape (K,).
+        arc_of: index of each interval's arc, shape (K,).
         stage_q: positions at the stages, shape (K, stages, nv).
         stage_v: velocities at the stages, shape (K, stages, nv).
-        stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): what multiplies a
-            change of the rates there.
-        torque_multiplier: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where it is free.
-        state_multiplier: the same for (q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
-        knot_multiplier: the same at the inner knots, shape (K - 1, 2, nv).
-        torques: the motion over time by the collocation's polynomials, for `replay_torques` and as a guess.
-        laid: what the intervals were laid by; None: the arcs' lengths.
-        density: where another mesh needs its intervals; None: unknown, as of an integrator's.
-        iterations: of IPOPT.
+        stage_costate: ∫ρ over each stage's share of the time, shape (K, stages, 2 nv): multiplier of a change of the
+            rates.
+        torque_multiplier: ∂t_f/∂tau at the stages [s/(N m)], shape (K, stages, nv); 0 where the torque is free.
+        state_multiplier: ∂t_f/∂(q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
+        knot_multiplier: ∂t_f/∂(q, v) at the inner knots, shape (K - 1, 2, nv).
+        torques: motion sampled from the collocation polynomials, for `replay_torques` and as a guess.
+        laid: density of this mesh; None: intervals in proportion to the arcs' lengths.
+        density: density of the next mesh; None: unknown, as for an integrator's solution.
+        iterations: iterations of IPOPT.
     """
 
     arcs: tuple[Arc, ...]
@@ -75,10 +75,10 @@ class Unresolved:
     """Phases that did not converge.
 
     Attributes:
-        message: IPOPT's word for it.
-        status: the same as a `Status`.
-        iterations: of IPOPT.
-        last: where it stood: no solution, at best a guess of one.
+        message: IPOPT's status in words.
+        status: status of the solve.
+        iterations: iterations of IPOPT.
+        last: last iterate: at best a guess of a solution.
     """
 
     message: str
@@ -99,13 +99,14 @@ def motion_of(
     """Sample the intervals' polynomials as a motion.
 
     Args:
-        problem: says the limits, which no torque exceeds.
+        problem: problem with the limits, to which torques are clipped.
         arcs: the modes of the joints.
-        arc_of: which arc an interval is in, shape (K,).
+        arc_of: index of each interval's arc, shape (K,).
         t: knots [s], shape (K + 1,).
         states: (q, v) at the start of every interval and at its stages, shape (K, stages + 1, 2, nv).
         tau: torques at the stages [N m or N], shape (K, stages, nv).
-        numbers: samples of an interval of constant torques, and of all others together, 4 to 16 on each.
+        numbers: number of samples of an interval of constant torques, and of all other intervals together, 4 to 16 on
+            each.
     """
     limits = problem.limits
     varying = sum(any(mode not in HELD for mode in arcs[a].modes) for a in arc_of)
@@ -115,7 +116,7 @@ def motion_of(
         constant = all(mode in HELD for mode in arcs[a].modes)
         s, at_stages, at_nodes, curvature = _weights(numbers.on_interval if constant else samples)
         values = at_stages @ tau[k]
-        if not constant:  # lines between the samples shall have the polynomial's impulse, not only its values
+        if not constant:  # linear interpolation must have the polynomial's impulse, too
             values -= curvature @ tau[k] / (12 * samples**2)
         values = np.clip(values, limits.actuators.lower, limits.actuators.upper)
         for i, mode in enumerate(arcs[a].modes):
@@ -127,7 +128,7 @@ def motion_of(
         rows_tau.append(values)
         rows_x.append(np.einsum("sj,jxi->sxi", at_nodes, states[k]))
     times, values, x = (np.concatenate(rows) for rows in (rows_t, rows_tau, rows_x))
-    # Where the torque does not jump the sample one ulp before a knot says nothing new.
+    # Where the torque does not jump the sample one ulp before a knot is redundant.
     jump = np.append(np.any(np.abs(np.diff(values, axis=0)) > 0, axis=1) | (np.diff(times) > 1e-13), True)
     names = problem.robot.joint_names
     return Trajectory(times[jump], x[jump, 0], x[jump, 1], values[jump], names, "minimum time")
@@ -135,7 +136,7 @@ def motion_of(
 
 @cache
 def _weights(steps: int) -> tuple[Array, Array, Array, Array]:
-    """Points of an interval, and there the weights of the stages, of start and stages, and of the curvature."""
+    """Points of an interval, and weights there of the stages, of start and stages, and of the curvature."""
     s = np.linspace(0, 1, steps + 1)
     at_stages, slopes = lagrange(TABLEAU.c, s), differentiation(TABLEAU.c)
     return s, at_stages, lagrange(np.append(0.0, TABLEAU.c), s), at_stages @ slopes @ slopes

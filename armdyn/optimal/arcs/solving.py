@@ -1,7 +1,7 @@
 """Arcs of known structure as one nonlinear program whose durations are unknown.
 
 Every arc is a phase of five-stage Radau IIA collocation on which the torque (or the velocity, or the position)
-of each joint stays on its limit. What is left to find are the durations: within a phase the motion
+of each joint stays on its limit. The unknowns are the durations: within a phase the motion
 is smooth, so that the collocation's error falls with its full order, and t_f is exact to rounding.
 The multipliers of the defects are the costates.
 """
@@ -35,17 +35,16 @@ def solve_phases(
     offset: Array | float = 0.0,
     density: Density | None = None,
 ) -> Phases | Unresolved:
-    """Solve for the durations of arcs, by IPOPT as Newton's method.
+    """Solve for the durations of arcs by Newton's method in IPOPT.
 
     Args:
-        task: the problem and its settings; its scheme says the form of the dynamics.
+        task: the problem and its settings; its scheme has the form of the dynamics.
         arcs: the structure, and guesses of its durations.
-        guess: states to start from, at the times that the durations say.
-        intervals: of the whole mesh.
-        near: the guess solves nearly the same problem: IPOPT stays where it is.
-        offset: how far beside the goal the collocation shall end, in (q, v), shape (2 nv,): where its error takes the
-            replay back.
-        density: where the intervals are needed; None: they are dealt out by the arcs' lengths.
+        guess: initial states, at the times of the guessed durations.
+        intervals: number of intervals of the whole mesh.
+        near: whether the guess solves a similar problem: IPOPT starts near it.
+        offset: offset of the end state from the goal, (q, v), shape (2 nv,), which the replay's error cancels.
+        density: density of the mesh; None: intervals in proportion to the arcs' lengths.
     """
     solver = _solver(task, intervals, near)
     nlp_data = assemble_arcs(task, arcs, guess, solver.program.layout, intervals, near, offset, density)
@@ -120,7 +119,7 @@ def _density(t: Array, states: Array, stage_costate: Array, layers: Density | No
 
 
 def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:
-    """Gradient ∇f + Jᵀλ of the objective and the equations; at an optimum the bounds' multipliers balance it."""
+    """Gradient ∇f + Jᵀλ of the objective and the equations; at an optimum its negative is the bounds' multipliers."""
     jacobian = nlp.jacobian(result.x, nlp_data.p)[1]
     gradient = np.array(ca.mtimes(jacobian.T, result.lam_g)).ravel()
     gradient += np.array(nlp.gradient(result.x, nlp_data.p)).ravel()

@@ -1,4 +1,4 @@
-"""Corrections of a structure by the multipliers of its solution: limits overlooked, touches not wanted, signs."""
+"""Corrections of a structure by the multipliers of its solution: missing contacts, idle touches, vanished arcs."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ from armdyn.optimal.task.policy.refinement import ArcsPolicy
 
 
 def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
-    """Structure with arcs for the active velocity and position limits that it lacks; empty if it lacks none."""
+    """Structure with arcs for missing active limits of velocity and position; empty if none is missing."""
     limits, K = problem.limits, phases.arc_of.size
     modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)
     named = np.isin(modes, (*VELOCITY, *POSITION))
@@ -72,7 +72,7 @@ def without_vanished(phases: Phases, numbers: ArcsPolicy) -> list[Arc]:
 
 
 def without_idle_touches(phases: Phases) -> list[Arc]:
-    """Structure without touches whose multiplier has the wrong sign; empty if all are right."""
+    """Structure without touches whose multiplier has the wrong sign; empty if there are no such touches."""
     arcs, last = list(phases.arcs), np.flatnonzero(np.diff(phases.arc_of))
     for a, k in enumerate(last):
         required = tuple(

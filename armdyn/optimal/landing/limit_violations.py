@@ -1,4 +1,4 @@
-"""How far a motion goes beyond its limits and misses its goal: looked for in one place."""
+"""Excesses of a motion over its limits."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from armdyn.trajectory import Trajectory
 from armdyn.trajectory.interpolation import cubic
 
 BETWEEN = 8
-"""Places between samples at which velocities and positions are held against their limits."""
+"""Number of points between samples at which velocities and positions are checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,10 +19,10 @@ class Excess:
     """Excess of a motion over one kind of limit.
 
     Attributes:
-        limit: which, for people.
-        t: when it was looked at [s], shape (m,).
-        beyond: by how much the limit is exceeded then, in its unit, shape (m, nv); not positive: it is kept.
-        size: of the limit: what an excess is compared with, shape (nv,).
+        limit: name of the limit, for messages.
+        t: times of the check [s], shape (m,).
+        beyond: excess at these times, in the limit's unit, shape (m, nv); not positive: the limit is kept.
+        size: size of the limit, the scale of an excess, shape (nv,).
     """
 
     limit: str
@@ -32,7 +32,7 @@ class Excess:
 
     @property
     def share(self) -> float:
-        """The largest excess as a part of the limit; 0 where it is kept."""
+        """The largest excess as a part of the limit; 0 if the limit is kept."""
         return max(0.0, float(np.max(self.beyond / self.size)))
 
     def worst(self, joint_names: tuple[str, ...]) -> Violation:
@@ -44,13 +44,13 @@ class Excess:
 def excesses(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> tuple[Excess, Excess, Excess]:
     """Excesses of a motion over its torque, velocity and position limits.
 
-    Torque is linear between samples and is looked at there. The size of a torque limit is half its range, that of a
-    position limit its range, or 1 rad where that is less or there is none.
+    Torque is linear between samples and is checked there. The size of a torque limit is half its range, that of a
+    position limit its range, or 1 rad if the range is smaller or infinite.
 
     Args:
-        limits: that hold.
-        motion: any.
-        dense: velocities and positions are looked at so many times between samples; 1: at the samples.
+        limits: limits to check.
+        motion: the motion.
+        dense: number of points between samples at which velocities and positions are checked; 1: only the samples.
     """
     t, q, v = _between(motion, dense)
     t, q, v = np.append(motion.t, t), np.vstack([motion.q, q]), np.vstack([motion.v, v])
@@ -81,8 +81,8 @@ def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
     """Times [s], positions and velocities between a motion's samples, shapes (m,), (m, nq), (m, nv).
 
     Args:
-        motion: any.
-        dense: places for each interval between samples, its first sample among them; a jump has no others.
+        motion: the motion.
+        dense: points per interval between samples, including its first sample; a jump has no further points.
     """
     flows, parts = np.flatnonzero(~motion.jumps), np.arange(1, dense)[:, None, None] / dense
     t, h = motion.t[flows, None], np.diff(motion.t)[flows, None]
@@ -92,13 +92,13 @@ def _between(motion: Trajectory, dense: int) -> tuple[Array, Array, Array]:
 
 
 def limit_violation(limits: JointLimits, motion: Trajectory, dense: int = BETWEEN) -> float:
-    """Largest excess over any limit, as a part of it; 0 where all are kept. Arguments as of `excesses`."""
+    """Largest excess over any limit, as a part of it; 0 if all are kept. Arguments as for `excesses`."""
     return max(excess.share for excess in excesses(limits, motion, dense))
 
 
 def worst_violation(
     limits: JointLimits, motion: Trajectory, joint_names: tuple[str, ...], dense: int = BETWEEN
 ) -> Violation | None:
-    """Where a motion exceeds its limits most; None where it keeps them. Arguments as of `excesses`."""
+    """The largest excess over a limit; None if all are kept. Arguments as for `excesses`."""
     worst = max(excesses(limits, motion, dense), key=lambda excess: excess.share)
     return worst.worst(joint_names) if worst.share > 0 else None

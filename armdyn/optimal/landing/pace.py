@@ -1,8 +1,7 @@
 """A motion along the same path at another pace.
 
-Time scaled by s > 1 divides velocities by s, and all of a torque but what gravity takes by s² (Hollerbach, Dynamic
-scaling of manipulator trajectories, 1984): where the arm could be held still within its torque limits they stay
-within them.
+Time scaled by s > 1 divides velocities by s, and torques without gravity's part by s² (Hollerbach, Dynamic scaling of
+manipulator trajectories, 1984): where gravity's torque is within the limits the torques stay within them.
 """
 
 from dataclasses import replace
@@ -19,38 +18,37 @@ from armdyn.trajectory import Sample, Trajectory
 
 
 def can_be_slowed(problem: MinimumTimeProblem) -> bool:
-    """Whether a motion of a problem may be slowed down as a whole: it begins and ends at rest, with a motor everywhere.
+    """Whether a motion of a problem may be slowed down as a whole: from rest to rest, with a motor at every joint.
 
-    A slower motion begins and ends at lower velocities; gravity asks of a joint without a motor what it has not.
+    A slower motion has lower velocities at its ends; at a joint without a motor gravity's torque cannot be supplied.
     """
     return problem.from_rest_to_rest and not np.any(problem.limits.passive)
 
 
 def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
-    """Whether a motion keeps its limits once it is slowed down a little.
+    """Whether a slightly slower motion satisfies all limits.
 
     Args:
-        problem: of the motion.
-        slowing: factor on the duration that it takes; 1: nothing is exceeded.
-        little: part of the duration that it may cost.
+        problem: problem of the motion.
+        slowing: factor on the duration that is required; 1: no limit is exceeded.
+        little: part of the duration that slowing down may cost.
     """
     return slowing <= 1 + (little if can_be_slowed(problem) else 0.0)
 
 
 def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, tolerance: float = 0.0) -> float:
-    """Least factor on the duration with which a motion's path keeps limits of velocity and torque at its samples.
+    """Least factor on the duration with which a motion's path satisfies limits of velocity and torque at its samples.
 
-    A torque is g + τ_f + r/s² at the pace s, with what gravity and friction take and the rest r; friction is that of
-    the motion's own pace.
+    A torque at the pace s is g + τ_f + r/s², with gravity g, friction τ_f at the original pace, and the rest r.
 
     Args:
-        robot: that moves.
-        limits: that hold.
+        robot: the robot.
+        limits: limits to satisfy.
         motion: from rest to rest.
-        tolerance: excess, as a part of a limit, that counts as none.
+        tolerance: excess, as a part of a limit, that is tolerated.
 
     Returns:
-        1 if they are kept; inf if no pace keeps them: gravity alone exceeds a limit where the motion leads.
+        1 if the limits are satisfied; inf if gravity alone exceeds a limit.
     """
     torque, velocity, _ = excesses(limits, motion)
     factor = 1 + velocity.share if velocity.share > tolerance else 1.0
@@ -68,11 +66,11 @@ def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, toleranc
 
 
 def paced(motion: Trajectory, factor: float) -> Trajectory:
-    """Positions and velocities of a motion whose time is scaled by a factor of about 1; its torques as they were.
+    """Scale a motion's time by a factor of about 1; its torques stay unchanged.
 
     Args:
-        motion: from t = 0.
-        factor: above 0.
+        motion: a motion from t = 0.
+        factor: factor on the time, above 0.
     """
     t = factor * motion.t
     for k in np.flatnonzero(np.diff(t) <= 0):  # the two samples of a jump are an ulp apart
@@ -81,12 +79,12 @@ def paced(motion: Trajectory, factor: float) -> Trajectory:
 
 
 def paced_torques(robot: Robot, at: Sample | Trajectory, tau: Array, factor: float) -> Array:
-    """The torques that the same path takes with its time scaled by a factor [N m or N], shape (m, nv).
+    """Torques of the same path with its time scaled by a factor [N m or N], shape (m, nv).
 
     Args:
-        robot: that moves.
-        at: m positions and velocities at the old pace.
+        robot: the robot.
+        at: m positions and velocities at the original pace.
         tau: torques there, shape (m, nv).
-        factor: above 0.
+        factor: factor on the time, above 0.
     """
     return inverse_dynamics(robot)(at.q, at.v / factor, forward_dynamics(robot)(at.q, at.v, tau) / factor**2)

@@ -1,4 +1,4 @@
-"""Replays torques through Pinocchio's `aba`, friction included, with an integrator that knows no collocation."""
+"""Replay of torques through Pinocchio's `aba`, friction included, with an integrator independent of collocation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,35 +14,35 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 RTOL = 1e-10
-"""Of the replay's integrator: far below any goal error that it is to reveal."""
+"""Relative tolerance of the integrator: far below the goal errors to be detected."""
 _SPARE = 300_000
-"""Accelerations for steps that are made in halves: half a second, where a motion of well-posed dynamics takes none."""
+"""Largest number of accelerations in halved steps: half a second; motions of well-posed dynamics need none."""
 _SPARE_WHEN_LATE = 30_000
-"""The same when a solve is to stop."""
+"""Largest number once the solve has been stopped."""
 
 
 def replay_torques(
     robot: Robot, trajectory: Trajectory, rtol: float = RTOL, stop: Callable[[], bool] | None = None
 ) -> Trajectory:
-    """Motion of the arm under a trajectory's torques from its first state, open loop.
+    """Integrate the arm's motion under a trajectory's torques from its first state, open loop.
 
     Dormand-Prince 8(5,3) from sample to sample, in halves where a step's error exceeds the tolerance. Each piece of a
     motion is replayed from its own first state, by the robot with its load.
 
     Args:
         robot: the arm.
-        trajectory: whose first state and torques are used; its other states are not looked at.
+        trajectory: trajectory with the first state and the torques; its other states are not used.
         rtol: relative tolerance of the integrator; absolute 1e-2 of that.
-        stop: says that there is no time for what goes astray.
+        stop: whether the time is up, so that diverging motions are cut short.
 
     Returns:
-        States at the same times, with the same torques. It ends early, but with two samples at least,
-        where the states leave what numbers can hold, or after 300,000 accelerations for steps that are made in
-        halves; a tenth of that after `stop` said so.
+        States at the same times, with the same torques. It ends early, but with at least two samples, where the states
+        overflow, or after 300,000 accelerations in halved steps; after a tenth of these if `stop` is true.
 
     Raises:
-        ProblemError: no Robot, rtol not positive, or stop no function.
-        TrajectoryError: no Trajectory, or of another number of joints; or a piece's model is unknown, see `robots_of`.
+        ProblemError: robot is no Robot, rtol is not positive, or stop is no function.
+        TrajectoryError: no Trajectory, or with a different number of joints; or a piece's model is unknown, see
+            `robots_of`.
     """
     expect_motion_of(robot, trajectory)
     number(rtol, "rtol", sign="positive")
@@ -72,11 +72,11 @@ def _piece_by_piece(robot: Robot, trajectory: Trajectory, rtol: float, stop: Cal
 
 
 def dense(motion: Trajectory, samples: int) -> Trajectory:
-    """Resample torques so densely that they are linear between samples even when slowed down.
+    """Resample torques densely enough for linear interpolation, even after slowing down.
 
     Args:
-        motion: whose torques are; its states are not looked at, and are no longer right.
-        samples: of the whole, about.
+        motion: motion with the torques; its states are resampled only, not integrated.
+        samples: approximate number of samples.
     """
     steps = np.diff(motion.t)
     parts = np.where(motion.jumps, 1, np.ceil(samples * steps / motion.duration)).astype(int)
@@ -89,16 +89,16 @@ def dense(motion: Trajectory, samples: int) -> Trajectory:
 
 
 def replay_of(task: Task, trajectory: Trajectory) -> Trajectory:
-    """`replay_torques` by a task's robot, in its time."""
+    """`replay_torques` with a task's robot, within its time limit."""
     return replay_torques(task.problem.robot, trajectory, stop=task.stop.__bool__)
 
 
 def expect_motion_of(robot: Robot, trajectory: Trajectory) -> None:
-    """Refuse a trajectory of other joints than a robot's.
+    """Refuse a trajectory of other joints than the robot's.
 
     Raises:
-        ProblemError: no Robot.
-        TrajectoryError: no Trajectory, or of another number of joints.
+        ProblemError: robot is no Robot.
+        TrajectoryError: no Trajectory, or with a different number of joints.
     """
     expect_robot(robot)
     expect(trajectory, Trajectory, "trajectory", "trajectory_from_path makes one of positions", error=TrajectoryError)

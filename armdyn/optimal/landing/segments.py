@@ -1,7 +1,7 @@
-"""Every segment of a motion, from sample to sample, integrated again by Gauss collocation of order six.
+"""Integration of every segment of a motion, from sample to sample, by Gauss collocation of order six.
 
-The integrator is implicit, of another family than the explicit Runge-Kutta pair of `rollout` and `flat.follow`, and
-shares with it nothing but Pinocchio's forward dynamics. All segments are independent of each other.
+The integrator is implicit, of another family than the explicit Runge-Kutta pair of `rollout` and `flat.follow`; only
+Pinocchio's forward dynamics is shared. All segments are independent.
 """
 
 from dataclasses import dataclass, replace
@@ -16,32 +16,32 @@ from armdyn.optimal.task.tableau import GAUSS_3
 from armdyn.trajectory import Trajectory
 
 _AGREES = 1e-9
-"""Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: the step's own error
-is part of it, and at most a thousandth of what a goal error may be."""
+"""Defect [rad or m, and per second], relative to 1 and the state, below which one step suffices: it includes the step's
+own error, and is at most a thousandth of the goal's tolerance."""
 _STAGES_TOLERANCE = 1e-14
-"""Error of the stage velocities, relative to 1 and the velocity, by the last two Newton steps: rounding."""
+"""Largest error of the stage velocities, relative to 1 and the velocity, over the last two Newton steps: rounding."""
 _STALLED = 1e-9
-"""The same where Newton steps no longer halve: rounding of light links' accelerations; beyond, it has not converged."""
+"""The same once Newton steps no longer halve: rounding with light links; beyond it Newton has not converged."""
 _MOST_NEWTON = 12
-"""Newton steps: smooth motions take two or three; Coulomb friction within a segment takes some more."""
+"""Largest number of Newton steps: smooth motions take two or three; Coulomb friction in a segment takes more."""
 _MOST_PARTS = 256
-"""Steps of order six in a segment where fewer, or one and the motion's own end, disagree."""
+"""Steps of order six in a segment if fewer steps, or one step and the motion's own end, disagree."""
 _LEVELS = 5
-"""Derivatives of a segment that are extrapolated: smooth motions take three or four."""
+"""Largest number of extrapolations of a segment's derivative: smooth motions take three or four."""
 _MOST_ROUGH = 2000
-"""Segments that may need more: five times as many as a motion usually has."""
+"""Largest number of segments that may need more: five times the usual number of segments."""
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
     """A motion's segments, integrated one by one, each from the motion's own state at its first sample.
 
-    Over a jump of the torque no time passes, and the state remains.
+    At a jump of the torque no time passes, and the state is kept.
 
     Attributes:
         defect: integrated end state minus the motion's own [rad or m, and per second], shape (K, 2 nv).
-        state_transition: derivative of the end state by the start state, shape (K, 2 nv, 2 nv).
-        forced: derivative of the end state by a torque constant over the segment, shape (K, 2 nv, nv).
+        state_transition: ∂(end state)/∂(start state), shape (K, 2 nv, 2 nv).
+        forced: ∂(end state)/∂(torque), constant over the segment, shape (K, 2 nv, nv).
     """
 
     defect: Array
@@ -55,7 +55,7 @@ class Segments:
         Args:
             robot: the arm.
             motion: states and torques; a segment is the interval between two samples.
-            most: steps in a segment; 1 suffices for the growth.
+            most: largest number of steps in a segment; 1 suffices for the growth.
         """
         x, h, n = np.concatenate([motion.q, motion.v], axis=1), np.diff(motion.t), robot.nv
         tau, step = np.stack([motion.tau[:-1], motion.tau_end], axis=1), gauss_steps(robot)
@@ -73,16 +73,16 @@ class Segments:
 
     @property
     def growth(self) -> float:
-        """Largest singular value of the derivative of the motion's end state by its start state."""
+        """Largest singular value of ∂(end state)/∂(start state) of the motion."""
         total = np.eye(self.defect.shape[1])
-        with np.errstate(over="ignore", invalid="ignore"):  # minutes of an unstable motion leave what numbers can hold
+        with np.errstate(over="ignore", invalid="ignore"):  # minutes of an unstable motion overflow
             for state_transition in self.state_transition:
                 total = state_transition @ total
         return float(np.linalg.norm(total, 2)) if np.all(np.isfinite(total)) else float("inf")
 
     @property
     def largest(self) -> float:
-        """Largest defect [rad or m, and per second]; infinite where a segment could not be integrated."""
+        """Largest defect [rad or m, and per second]; infinite if a segment could not be integrated."""
         largest = float(np.max(np.abs(self.defect)))
         return largest if np.isfinite(largest) else float("inf")
 
@@ -97,23 +97,23 @@ class Segments:
 def transitions(
     robot: Robot, h: Array, x: Array, tau: Array, precise: float, size: Array, deepest: int = 12
 ) -> Array | None:
-    """Derivatives of the end states of segments by their start states, shape (K, 2 nv, 2 nv).
+    """State transition matrices of segments: ∂(end state)/∂(start state), shape (K, 2 nv, 2 nv).
 
-    The derivative of a step is that at its middle, right to the square of its length: those of 1, 2, 4 … steps are
-    extrapolated (Romberg; Hairer, Nørsett, Wanner, Solving ODEs I, II.9) until that changes nothing. A segment that
-    takes too many, as through the turn of a joint with dry friction, is halved.
+    A step uses the derivative at its middle, of second order; those of 1, 2, 4 … steps are extrapolated (Romberg;
+    Hairer, Nørsett, Wanner, Solving ODEs I, II.9) to convergence. A segment that needs too many steps, as where a joint
+    with dry friction reverses, is halved.
 
     Args:
         robot: the arm.
         h: lengths of the segments [s], shape (K,).
         x: start states, shape (K, 2 nv).
         tau: torques at start and end [N m or N], shape (K, 2, nv).
-        precise: by how much entries may differ where costates are measured by `size`.
-        size: of what costates are multiplied by, shape (2 nv,).
-        deepest: halvings at most.
+        precise: largest difference of entries, scaled by `size`.
+        size: scales of the states, shape (2 nv,).
+        deepest: largest number of halvings.
 
     Returns:
-        None: they are not enough.
+        None: not converged after all halvings.
     """
     step, found, left = gauss_steps(robot), np.empty((h.size, size.size, size.size)), np.arange(h.size)
     table = list[Array]()
@@ -141,15 +141,15 @@ def transitions(
 
 
 def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
-    """Resample a motion so that samples are at most a given time apart.
+    """Resample a motion with samples at most a given time apart.
 
     Args:
         robot: the arm.
         motion: states and torques.
-        longest: time between samples [s].
+        longest: largest time between samples [s].
 
     Returns:
-        States at new samples are integrated from the sample before: the defect of a segment is that of its last part.
+        The motion; new states are integrated from the sample before, so that a segment's defect is in its last part.
     """
     finer = dense(motion, int(np.ceil(motion.duration / longest)))
     if finer.t.size == motion.t.size:
@@ -165,5 +165,5 @@ def ticked(robot: Robot, motion: Trajectory, longest: float) -> Trajectory:
 
 
 def gauss_steps(robot: Robot) -> Collocation:
-    """Steps of Gauss collocation of order six."""
+    """Gauss collocation of order six for a robot."""
     return Collocation(robot, (GAUSS_3.A, GAUSS_3.b, GAUSS_3.c), _STAGES_TOLERANCE, _STALLED, _MOST_NEWTON)

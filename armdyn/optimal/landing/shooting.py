@@ -1,9 +1,8 @@
-"""Multiple shooting: a mesh's motion, with torques constant in its intervals, that lands exactly.
+"""Multiple shooting: correct a mesh's motion, with torques constant in its intervals, to land exactly.
 
 Every interval is integrated by Gauss collocation of order six from its own first state. Newton's method closes the gaps
-to the next states by the least change of torques, states and duration. Its equations are those of a regulator: with the
-torques and states eliminated they are block tridiagonal in the multipliers, and a banded Cholesky factorization solves
-them.
+to the next states by the least change of torques, states and duration. The equations are those of a linear regulator:
+without torques and states they are block tridiagonal in the multipliers, solved by banded Cholesky factorization.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Shooting:
-    """A motion on a mesh.
+    """Motion on a mesh with torques constant in its intervals.
 
     Attributes:
         t: knots [s], shape (K + 1,).
@@ -40,12 +39,12 @@ class Shooting:
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, attempt: Attempt, near: float) -> Self:
-        """The motion of a solution on a mesh, from the start to the goal.
+        """Make the motion from a solution on a mesh, from the start to the goal.
 
         Args:
-            problem: its ends and its torque limits.
-            attempt: a solution with torques that are constant in its intervals.
-            near: part of half a torque's range; a torque so near a limit is on it.
+            problem: problem with end states and torque limits.
+            attempt: a solution with torques constant in its intervals.
+            near: distance within which a torque is on its limit, as a part of half its range.
         """
         motion, actuators = attempt.trajectory, problem.limits.actuators
         t = attempt.mesh * motion.duration
@@ -58,7 +57,7 @@ class Shooting:
 
     @property
     def size(self) -> Array:
-        """Unit of each state: the joint's way and its largest speed, shape (2 nv,)."""
+        """Scale of each state: the joint's way and its largest speed, shape (2 nv,)."""
         n = self.tau.shape[1]
         both = np.concatenate([np.ptp(self.x[:, :n], axis=0), np.max(np.abs(self.x[:, n:]), axis=0)])
         return np.asarray(np.maximum(both, 1e-3 * np.repeat(both.reshape(2, n).max(axis=1), n)))
@@ -76,13 +75,13 @@ def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Arra
     """Gaps between the intervals' integrated ends and the next states, and their derivatives, in units of `size`.
 
     Args:
-        robot: that moves.
-        motion: on a mesh.
-        steps: of the whole motion, at least; every interval has two at least.
+        robot: the robot.
+        motion: motion on a mesh.
+        steps: least number of steps of the whole motion; every interval has at least two.
 
     Returns:
-        Gaps, shape (K, 2 nv); their derivatives by the interval's first state, shape (K, 2 nv, 2 nv), by its torque,
-        shape (K, 2 nv, nv), and by a stretch of the whole motion's time, shape (K, 2 nv).
+        Gaps, shape (K, 2 nv); their derivatives with respect to the interval's first state, shape (K, 2 nv, 2 nv), its
+        torque, shape (K, 2 nv, nv), and the scale of the motion's time, shape (K, 2 nv).
     """
     h, n, size = np.diff(motion.t), robot.nv, motion.size
     torques, parts = np.stack([motion.tau, motion.tau], axis=1), max(2, -(-steps // h.size))
@@ -97,11 +96,11 @@ def gaps(robot: Robot, motion: Shooting, steps: int) -> tuple[Array, Array, Arra
 
 
 def landed(task: Task, attempt: Attempt) -> Shooting | None:
-    """Correct the motion of a solution on a mesh to reach the goal within its torque limits; None if none is near.
+    """Correct a mesh's motion to reach the goal within the torque limits; None if no such motion is near.
 
     Args:
         task: the problem and its settings.
-        attempt: a solution with torques that are constant in its intervals.
+        attempt: a solution with torques constant in its intervals.
     """
     numbers, actuators = task.policy.shooting, task.problem.limits.actuators
     motion = Shooting.of(task.problem, attempt, numbers.near)
@@ -120,9 +119,10 @@ def landed(task: Task, attempt: Attempt) -> Shooting | None:
 
 
 def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
-    """Replay a mesh's motion, corrected to reach the goal where that is possible.
+    """Replay a mesh's motion, corrected to reach the goal if possible.
 
-    What multiple shooting leaves, with dry friction all of it, is closed by the replay's own miss, from its own states.
+    The rest after multiple shooting (with dry friction the whole miss) is corrected by the replay's miss, from the
+    replay's states.
     """
     problem, numbers, shooting = task.problem, task.policy.landing, task.policy.shooting
     actuators = problem.limits.actuators
@@ -151,7 +151,7 @@ def replay_on_goal(task: Task, attempt: Attempt) -> Trajectory:
 
 
 def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
-    """The replay of a motion, and by how much it misses the goal [rad or m, and per second]; inf: it broke off."""
+    """The replay of a motion, and its goal error [rad or m, and per second]; inf: the replay broke off."""
     replay = replay_of(task, motion.trajectory(task.problem.robot.joint_names))
     whole = replay.t[-1] == motion.t[-1]
     return replay, float(np.max(np.abs(task.problem.goal_error_of(replay)))) if whole else np.inf
@@ -160,21 +160,23 @@ def _replayed(task: Task, motion: Shooting) -> tuple[Trajectory, float]:
 def _closed(
     motion: Shooting, found: tuple[Array, Array, Array, Array], free: Flags, task: Task, numbers: ShootingPolicy
 ) -> tuple[Shooting, Flags] | None:
-    """One step of Newton's method, and the torques that are still free: one that would exceed a limit stays on it.
+    """One step of Newton's method, and the torques that remain free: one that would exceed a limit is fixed to it.
 
     Returns:
-        None where too few torques are free for the states to be corrected.
+        None if too few torques are free to correct the states.
     """
     gap, by_state, by_torque, by_time = found
     actuators, (K, n) = task.problem.limits.actuators, motion.tau.shape
     share = np.diff(motion.t)[:, None] / motion.t[-1]
-    moved = by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]  # by a unit of its cost
+    moved = (
+        by_torque * (np.where(free, actuators.scale, 0.0) / np.sqrt(share))[:, None, :]
+    )  # scaled by the square root of its weight
     carried = by_state / np.sqrt(numbers.states)
-    carried[0] = 0.0  # the first state is held, and so is the last
+    carried[0] = 0.0  # first and last state are fixed
     own = np.full(K, 1 / numbers.states)
     own[-1] = 0.0
     diagonal = moved @ moved.swapaxes(1, 2) + carried @ carried.swapaxes(1, 2) + own[:, None, None] * np.eye(2 * n)
-    beyond = -carried[1:].swapaxes(1, 2) / np.sqrt(numbers.states)  # of row k, columns k + 1
+    beyond = -carried[1:].swapaxes(1, 2) / np.sqrt(numbers.states)  # block (k, k + 1)
     matrix = _banded(diagonal, beyond)
     try:
         both = solveh_banded(matrix, np.stack([gap.ravel(), by_time.ravel()], axis=1), lower=True)
@@ -192,14 +194,14 @@ def _closed(
 
 
 def _banded(diagonal: Array, beyond: Array) -> Array:
-    """Lower bands of a symmetric block tridiagonal matrix, as `solveh_banded` takes them.
+    """Lower bands of a symmetric block tridiagonal matrix, for `solveh_banded`.
 
     Args:
-        diagonal: blocks, shape (K, m, m).
-        beyond: blocks right of these, shape (K - 1, m, m).
+        diagonal: diagonal blocks, shape (K, m, m).
+        beyond: blocks above the diagonal, shape (K - 1, m, m).
     """
     K, m, _ = diagonal.shape
-    blocks = np.zeros((K, 2 * m, m))  # a column of blocks: its own, and the one below
+    blocks = np.zeros((K, 2 * m, m))  # a column of blocks: the diagonal one and the one below
     blocks[:, :m] = diagonal
     blocks[:-1, m:] = beyond.swapaxes(1, 2)
     bands = np.zeros((2 * m, K, m))

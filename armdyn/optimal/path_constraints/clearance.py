@@ -1,4 +1,4 @@
-"""The arm keeps clear of obstacles and of itself."""
+"""Clearance constraint: distances between the arm, obstacles and itself."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -14,14 +14,14 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
 _AT_ENDS = 0.98
-"""Part of a pair's distance at a given pose that is proven along the motion, where that is less than the clearance."""
+"""Part of a pair's distance at a given pose that is proven along the motion, if that is less than the clearance."""
 _LEFT = 0.7
-"""Part of what a pair has beyond the clearance at a given pose that the program asks of it: the motion need not begin
-along a wall, and where it passes just by the clearance it is kept between the poses, too."""
+"""Part of a pair's distance beyond the clearance at a given pose that the program requires: the motion need not begin
+along a wall, and a pair at the clearance keeps it between the poses, too."""
 _FAR, _FAR_OFF = 2.0, 0.02
-"""Times the clearance, and [m] beyond: pairs that are so far apart at the given poses keep the clearance alone."""
+"""Multiple of the clearance, and offset [m]: pairs farther apart at the given poses must only keep the clearance."""
 _NEARER = 1e-4
-"""By so much a pair that touches at a given pose may be nearer along the way [m]: the program keeps it at poses."""
+"""Further reduction of the distance of a pair that touches at a given pose [m]: the program checks poses only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class KeepsClear(PathConstraint):
     """Pairs of bodies keep `problem.clearance`.
 
     Attributes:
-        places: parts of each leg's duration at which distances are asked for besides even ones.
+        places: parts of each leg's duration at which distances are required, besides evenly spaced ones.
     """
 
     places: tuple[Array, ...] = ()
@@ -38,11 +38,11 @@ class KeepsClear(PathConstraint):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """Constraint of a problem with the keywords `obstacles` or `self_collision`."""
+        """Constraint of a problem with the arguments `obstacles` or `self_collision`."""
         return cls() if problem.crowded else None
 
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances:
-        """The clearance and a little more; of a pair that is nearer at a given pose that distance, or part of it."""
+        """The clearance and a margin; for a pair nearer at a given pose, (part of) its distance there."""
         model, ends = _model_and_ends(problem)
         places = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         most = np.minimum(ends, problem.clearance + _LEFT * (ends - problem.clearance))
@@ -77,6 +77,6 @@ class KeepsClear(PathConstraint):
 
 
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:
-    """The scene, and the least distance of every pair at the given poses, or one far beyond the clearance [m]."""
+    """Collision model, and every pair's least distance at the given poses, capped far beyond the clearance [m]."""
     model = problem.collision_model()
     return model, np.min(model.distances(np.asarray(problem.poses), _FAR * problem.clearance + _FAR_OFF), axis=0)

@@ -1,7 +1,7 @@
 """Base class of path constraints.
 
-The program that is solved asks for it at the points of a mesh (`rows`, `values`), the replayed motion is looked at
-everywhere (`check`), and what is missing between the points is asked for more strictly (`tightened`).
+The program satisfies it at the points of a mesh (`rows`, `values`), the replay is checked everywhere (`check`), and an
+excess between the points tightens the constraint (`tightened`).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ class ConstraintReport:
     """Report on a motion and a path constraint, checked along the whole motion.
 
     Attributes:
-        name: of the constraint.
-        said: the same in a few words, with units.
-        share: the largest value of what is limited, as a part of its limit; None if nothing is.
-        reasons: what does not hold, for people; empty: the constraint is kept.
-        worst: where it is violated most; None: the constraint is kept.
-        missed: what `tightened` needs to know, as the constraint chooses.
-        clearance: where the motion comes nearest to touching, where it is to keep clear.
-        order: power of the duration by which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3 of
-            a jerk; 0: no slower motion keeps the constraint.
+        name: name of the constraint.
+        said: the largest value in words, with units.
+        share: the largest value over its limit; None if nothing is limited.
+        reasons: the violations in words; empty: the constraint is satisfied.
+        worst: the largest violation; None: the constraint is satisfied.
+        missed: data for `tightened`, specific to the constraint.
+        clearance: the smallest clearance; None for other constraints.
+        order: power of the duration with which the share falls on the same path: 1 of a speed, 2 of an acceleration, 3
+            of a jerk; 0: slowing down does not help.
     """
 
     name: str
@@ -49,7 +49,7 @@ class ConstraintReport:
 
     @property
     def slowing(self) -> float:
-        """Factor on the duration with which the same path keeps the constraint; 1 if it is kept, inf if none helps."""
+        """Factor on the duration that satisfies the constraint on the same path; 1 if satisfied, inf if none does."""
         if not self.reasons:
             return 1.0
         return self.share ** (1 / self.order) if self.order and self.share else np.inf
@@ -57,12 +57,12 @@ class ConstraintReport:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A guess's way through joint positions, over s from 0 to 1.
+    """Path of a guess through joint positions, over s from 0 to 1.
 
     Attributes:
-        q: [rad or m], shape (samples, nv).
-        dq: its first derivatives by s, likewise.
-        ddq: its second.
+        q: joint positions [rad or m], shape (samples, nv).
+        dq: dq/ds, shape (samples, nv).
+        ddq: d²q/ds², shape (samples, nv).
     """
 
     q: Array
@@ -72,13 +72,14 @@ class Path:
 
 @dataclass(frozen=True, eq=False)
 class RequiredDistances:
-    """Distances that pairs of bodies keep.
+    """Distances that pairs of bodies must keep.
 
     Attributes:
-        model: of the scene.
-        clearance: that every pair keeps [m].
-        most: that can be asked of each pair [m], shape (pairs,); of pairs that touch at a given pose less than that.
-        places: parts of every leg's duration at which they are asked for besides even ones.
+        model: collision model of the scene.
+        clearance: least distance of every pair [m].
+        most: largest distance that can be required of each pair [m], shape (pairs,); less for pairs that touch at a
+            given pose.
+        places: parts of every leg's duration at which distances are required, besides evenly spaced ones.
     """
 
     model: CollisionModel
@@ -89,14 +90,14 @@ class RequiredDistances:
 
 @dataclass(frozen=True)
 class PathConstraint(PathConstraintSpec, ABC):
-    """A path constraint, perhaps tightened.
+    """Path constraint, possibly tightened.
 
-    A frozen dataclass; `tightened` returns another. All but `check` may be left as it is here.
+    A frozen dataclass; `tightened` returns another. Only `check` must be implemented.
 
     Attributes:
         policy: tuned numbers of path constraints.
-        option: its name in `--limit NAME=…`; empty: it cannot be given there.
-        metavar: what `…` stands for, with its unit in the help.
+        option: name in `--limit NAME=…`; empty: no such option.
+        metavar: placeholder of the value in the help.
         help: one line of that help.
     """
 
@@ -108,59 +109,59 @@ class PathConstraint(PathConstraintSpec, ABC):
 
     @classmethod
     def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        """The constraint that a problem's own keyword asks for, if it has one and that is given."""
+        """Constraint from the problem's own argument for it; None without one."""
         return None
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """The constraint that `--limit NAME=VALUES[@FRAME]` asks for.
+        """Constraint from `--limit NAME=VALUES[@FRAME]`.
 
         Raises:
-            ProblemError: the values are too many, or it takes no frame.
+            ProblemError: too many values, or a frame for a constraint without frames.
         """
         raise NotImplementedError(f"{cls.__name__} has no option")
 
     def under(self, policy: PathConstraintPolicy) -> Self:
-        """The constraint with the tuned numbers of a policy."""
+        """The constraint with a policy's tuned numbers."""
         return replace(self, policy=policy)
 
     def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array] | None:
-        """Order, 2 or 3, of a derivative of the joint positions, and its limits, shape (nv,), if it limits just that.
+        """Order of the limited derivative of q, 2 or 3, and its limits, shape (nv,); None for other constraints.
 
-        Curves keep it by their control points, everywhere, without rows.
+        Curves satisfy these by their control points, everywhere, without rows.
         """
         return None
 
     def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array | None:
-        """Limits of how fast torques change [N m/s or N/s], shape (nv,), if it limits just that.
+        """Limits of torque rates [N m/s or N/s], shape (nv,); None for other constraints.
 
-        Curves keep them from each of their torques to the next, without rows.
+        Curves satisfy these between consecutive torques, without rows.
         """
         return None
 
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
-        """Distances between bodies, if it asks for just these: curves keep them without rows of the program."""
+        """Required distances between bodies, which curves satisfy without rows; None for other constraints."""
         return None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Rows that the constraint adds to the program."""
+        """Rows of the constraint in the program."""
         return ()
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Numbers and bounds of each of `rows`."""
+        """Parameters and bounds of each of `rows`."""
         return ()
 
     def report(
         self, share: float, words: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1
     ) -> ConstraintReport:
-        """Report on the largest value of what is limited.
+        """Report on the largest value of the limited quantity.
 
         Args:
-            share: it, as a part of its limit.
-            words: the same in a few words, with units.
-            reason: why the constraint does not hold, where it does not.
-            worst: what is exceeded, joint or frame, and when [s].
-            name: of the constraint; empty: its own.
+            share: the value over its limit.
+            words: the value in words, with units.
+            reason: the violation in words, if there is one.
+            worst: the violated limit, its joint or frame, and the time [s].
+            name: name in the report; empty: the constraint's.
             order: see `ConstraintReport`.
         """
         name = name or self.name
@@ -173,19 +174,19 @@ class PathConstraint(PathConstraintSpec, ABC):
         """Check a motion along its whole duration, independently of the collocation.
 
         Args:
-            problem: what is asked.
-            motion: a replay: its torques and states fit each other.
-            passing: when it should be at the via points [s], shape (vias,).
+            problem: the problem.
+            motion: a replay, with consistent torques and states.
+            passing: times of the via points [s], shape (vias,).
         """
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """The constraint, tightened where a motion of the mesh missed it between the points."""
+        """The constraint, tightened where a motion violated it between the points."""
         return self
 
     def on_finer_mesh(self) -> Self:
-        """The constraint for a mesh twice as fine, on which it may be less strict."""
+        """The constraint for a mesh twice as fine, on which it may be less tight."""
         return self
 
     def least_duration(self, problem: MinimumTimeProblem, path: Path) -> float:
-        """Shortest duration [s] that an initial guess along a path should have; 0: any."""
+        """Shortest duration [s] of an initial guess along a path; 0: no constraint."""
         return 0.0

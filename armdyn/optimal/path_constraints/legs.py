@@ -1,4 +1,4 @@
-"""How a mesh is dealt out to the legs between via points."""
+"""Distribution of a mesh over the legs between via points."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ class Legs:
     """Distribution of a mesh's intervals over the legs between via points.
 
     Attributes:
-        intervals: of every leg.
-        durations: of every leg in a guess [s], shape (legs,).
+        intervals: number of intervals of every leg.
+        durations: durations of the legs in a guess [s], shape (legs,).
     """
 
     intervals: tuple[int, ...]
@@ -33,9 +33,9 @@ class Legs:
 
 
 def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> Legs:
-    """Distribute intervals over legs by the times at which a guess passes the via points.
+    """Distribute intervals over legs by a guess's times at the via points.
 
-    Every leg gets a part of the mesh by its part of the time, and a few intervals at least.
+    Every leg gets intervals in proportion to its time, and a few at least.
     """
     marks, first = [float(guess.t[0])], 0
     inner = problem.poses[1:-1]

@@ -1,4 +1,4 @@
-"""All path constraints. To add one: write its file, and its line here."""
+"""Registry of path constraints. To add one: write its file, and its line here."""
 
 from difflib import get_close_matches
 
@@ -32,7 +32,7 @@ PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
 
 
 def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ...]:
-    """Path constraints of a problem: those of its keywords, and its `path_constraints`."""
+    """Path constraints of a problem: those of its arguments, and its `path_constraints`."""
     by_keyword = (kind.from_problem(problem) for kind in PATH_CONSTRAINTS)
     found = [constraint for constraint in by_keyword if constraint is not None]
     for constraint in problem.path_constraints:
@@ -43,15 +43,15 @@ def path_constraints_of(problem: MinimumTimeProblem) -> tuple[PathConstraint, ..
 
 
 def options() -> dict[str, type[PathConstraint]]:
-    """Path constraints of the option `--limit NAME=…`, by name."""
+    """Path constraints with an option `--limit NAME=…`, by name."""
     return {kind.option: kind for kind in PATH_CONSTRAINTS if kind.option}
 
 
 def path_constraint_named(name: str) -> type[PathConstraint]:
-    """The path constraint that `--limit NAME=…` means.
+    """Path constraint class of `--limit NAME=…`.
 
     Raises:
-        ProblemError: none; with the nearest name.
+        ProblemError: no such constraint; the message has the nearest name.
     """
     known = options()
     if name not in known:
@@ -62,10 +62,10 @@ def path_constraint_named(name: str) -> type[PathConstraint]:
 
 
 def path_constraint_from(text: str) -> PathConstraint:
-    """The constraint that a text such as "tip-speed=0.25@tool0" asks for.
+    """Parse a path constraint from a text such as "tip-speed=0.25@tool0".
 
     Raises:
-        ProblemError: it asks for none; in the words of --limit.
+        ProblemError: the text is invalid; the message refers to --limit.
     """
     name, equals, rest = text.partition("=")
     kind = path_constraint_named(name.strip())

@@ -1,7 +1,7 @@
-"""Rows of a nonlinear program along the path: distances, accelerations, speeds, rates of torques.
+"""Rows of a nonlinear program along the path: distances, accelerations, speeds, torque rates.
 
-They come after the equations of motion, interval by interval, and leave those as they are: a problem
-without such rows has the program of `build_nlp` itself.
+They come after the equations of motion, interval by interval, and leave those unchanged: a problem without such rows
+has the program of `build_nlp`.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -21,19 +21,19 @@ from armdyn.optimal.program.layout import Layout, Parameters
 from armdyn.optimal.task.tableau import Scheme
 
 Where = Literal["every", "first", "last", "sum"]
-"""In which intervals of the motion, or of a leg; "sum": rows of all are summed, as integrals along the path are."""
+"""Intervals with rows, of the motion or of a leg; "sum": rows are summed over all intervals, for integrals."""
 
 
 @dataclass(frozen=True)
 class StageRows:
-    """Rows that are an expression of the stages of an interval; equal ones share a program, so they hold no numbers.
+    """Rows as an expression of an interval's stages; without numbers, so that equal rows share a program.
 
     Attributes:
-        expression: (stages, numbers, *of) -> a column; a function of a module, so that equal rows are equal.
-        of: what else it takes.
-        numbers: how many numbers it takes.
-        where: in which intervals the rows are.
-        leg: in those of one leg; None: of the whole motion. Only curves have rows of one leg.
+        expression: (stages, numbers, *of) -> a column; a module-level function, so that equal rows compare equal.
+        of: further arguments of the expression.
+        numbers: number of parameters of the expression.
+        where: intervals with rows.
+        leg: index of the leg; None: the whole motion. Only curves have rows of one leg.
     """
 
     expression: Callable[..., ca.SX]
@@ -44,17 +44,17 @@ class StageRows:
 
     def functions(self, place: IntervalView) -> IntervalFunctions:
         """The rows and their derivatives."""
-        return _stage_functions(replace(self, where="every", leg=None), place)  # the same wherever they are
+        return _stage_functions(replace(self, where="every", leg=None), place)  # independent of the interval
 
 
 @dataclass(frozen=True, eq=False)
 class RowValues:
-    """Numbers of rows and their bounds.
+    """Parameters and bounds of rows.
 
     Attributes:
-        lower: least values, of all rows in all intervals: shape (intervals, rows), or what broadcasts to it.
-        upper: greatest values, likewise.
-        numbers: the parameters.
+        lower: lower bounds of all rows in all intervals, broadcast to shape (intervals, rows).
+        upper: upper bounds, likewise.
+        numbers: parameters of the expression.
     """
 
     lower: ArrayLike
@@ -65,19 +65,19 @@ class RowValues:
 def spread(
     rows: StageRows, functions: IntervalFunctions, values: RowValues, legs: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Lower and upper bounds of rows, one for each row of the program; legs: their numbers of intervals."""
+    """Lower and upper bounds of rows, one for each row of the program; legs: number of intervals of each leg."""
     shape = (1 if rows.where == "sum" else intervals_of(rows, legs).size, functions.defects.numel_out(0))
     return np.broadcast_to(values.lower, shape).ravel(), np.broadcast_to(values.upper, shape).ravel()
 
 
 def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence[StageRows]) -> Nlp:
-    """The program of `build_nlp` with rows after the equations of motion, and their numbers after its parameters.
+    """The program of `build_nlp` with further rows and parameters after its own.
 
     Args:
-        dynamics: with a free last body.
-        scheme: how motion becomes unknowns.
-        intervals: their number.
-        rows: which; those of one kind follow each other, interval by interval.
+        dynamics: dynamics with a symbolic last body.
+        scheme: transcription scheme.
+        intervals: number of intervals.
+        rows: the rows; each kind is arranged interval by interval.
     """
     layout, view = Layout(dynamics.nv, scheme), CollocationInterval(dynamics, scheme)
     unknowns, parameters = layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)
@@ -95,7 +95,7 @@ def with_rows(dynamics: Dynamics, scheme: Scheme, intervals: int, rows: Sequence
 
 
 def intervals_of(rows: StageRows, legs: Sequence[int]) -> Index:
-    """Indices of the intervals in which rows are; legs: numbers of intervals of all legs."""
+    """Indices of the intervals with rows; legs: number of intervals of each leg."""
     whole = np.arange(sum(legs))
     own = whole if rows.leg is None else whole[sum(legs[: rows.leg]) : sum(legs[: rows.leg + 1])]
     return {"every": own, "sum": own, "first": own[:1], "last": own[-1:]}[rows.where]

@@ -1,4 +1,4 @@
-"""Path constraints tightened for the collocation, so that the replay keeps the originals; and the corrected goal."""
+"""Path constraints tightened for the collocation, so that the replay satisfies the originals; terminal correction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -21,10 +21,10 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class ConstraintReports:
-    """Reports on a replayed motion, one of each path constraint.
+    """Reports on a replay, one per path constraint.
 
     Attributes:
-        each: of every path constraint.
+        each: report of every path constraint.
     """
 
     each: tuple[ConstraintReport, ...]
@@ -36,12 +36,12 @@ class ConstraintReports:
 
     @property
     def slowing(self) -> float:
-        """Factor on the duration with which the same path keeps all of them; 1 if they are kept, inf if none helps."""
+        """Factor on the duration that satisfies all on the same path; 1 if all are satisfied, inf if none does."""
         return max((report.slowing for report in self.each), default=1.0)
 
     @property
     def worst(self) -> Violation | None:
-        """Largest violation; None if all are kept."""
+        """Largest violation; None without any."""
         found = [report.worst for report in self.each if report.worst is not None]
         return max(found, key=lambda worst: worst.value, default=None)
 
@@ -54,11 +54,11 @@ class ConstraintReports:
 
 @dataclass(frozen=True, eq=False)
 class TightenedConstraints:
-    """Path constraints, tightened so that the replay keeps the originals, and the corrected via points and goal.
+    """Tightened path constraints, and the correction of via points and goal.
 
     Attributes:
-        path_constraints: as strict as they have to be.
-        aim: beside via points and goal.
+        path_constraints: the tightened path constraints.
+        aim: terminal correction of via points and goal.
     """
 
     path_constraints: tuple[PathConstraint, ...] = ()
@@ -71,7 +71,7 @@ class TightenedConstraints:
         return cls(tuple(constraint.under(numbers) for constraint in path_constraints_of(task.problem)))
 
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances | None:
-        """Distances between bodies that one of them asks for; None: none does."""
+        """Required distances between bodies; None without such a constraint."""
         found = (constraint.required_distances(problem) for constraint in self.path_constraints)
         return next((distances for distances in found if distances is not None), None)
 
@@ -95,11 +95,11 @@ class TightenedConstraints:
         return replace(self, path_constraints=tuple(each.tightened(problem, report) for each, report in pairs))
 
     def aimed(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array) -> Self:
-        """Correct the aim at via points and goal by the replay's misses."""
+        """Correct via points and goal by the replay's misses."""
         return replace(self, aim=self.aim.corrected(problem, replay, passing))
 
     def on_finer_mesh(self) -> Self:
-        """Path constraints and aim for a mesh twice as fine, whose replay misses less."""
+        """Path constraints and correction for a mesh twice as fine, with smaller misses."""
         return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
 
 
@@ -113,5 +113,5 @@ def row_bounds(
 
 
 def numbers_of(values: Sequence[RowValues]) -> Array:
-    """The parameters of a program's rows."""
+    """Parameters of a program's rows."""
     return np.concatenate([np.empty(0), *(each.numbers for each in values)])

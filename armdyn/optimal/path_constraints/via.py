@@ -1,7 +1,7 @@
-"""Via points: poses and regions that are passed through in their order, at any time and any velocity.
+"""Via points: poses and regions that are passed in order, at any time and velocity.
 
-The mesh is dealt out to the legs between them, whose knots are bounds that coincide (`legs`), so that poses need no
-rows; what the replay misses them by is aimed off. Where legs meet in a region, curves share a free control point.
+The mesh is distributed over the legs between them, whose end knots have equal bounds (`legs`), so that poses need no
+rows; the replay's misses are corrected by offsets. Where legs meet in a region, curves share a free control point.
 """
 
 from dataclasses import dataclass, field, replace
@@ -19,7 +19,7 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
 _LOOKS = 41
-"""Times about the planned one at which a region is looked for, a replay's samples apart."""
+"""Number of a replay's samples around the planned time among which the passage of a region is searched."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class ViaPoints(PathConstraint):
     """The motion passes through `problem.via`.
 
     Attributes:
-        parts: of the tolerances of regions, that the program is asked to keep; none: all of them.
+        parts: parts of the regions' tolerances in the program; empty: the whole tolerances.
     """
 
     parts: tuple[float, ...] = field(default=(), kw_only=True)
@@ -39,7 +39,7 @@ class ViaPoints(PathConstraint):
         return cls() if problem.via else None
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Rows where a leg ends in a region."""
+        """Rows at the ends of legs in regions."""
         return tuple(region_rows(problem.robot, one, "last", leg) for leg, one in problem.via_regions.items())
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
@@ -47,7 +47,7 @@ class ViaPoints(PathConstraint):
         return tuple(region_values(problem.robot, one, parts[leg]) for leg, one in problem.via_regions.items())
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """Check the distance from each via point: from a pose at its time, from a region at the best time."""
+        """Check the distance from each via point: of a pose at its time, of a region at the nearest time."""
         reasons, worst, errors = list[str](), list[Violation](), []
         for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
             if isinstance(via, GoalPose):
@@ -68,7 +68,7 @@ class ViaPoints(PathConstraint):
         return ConstraintReport(self.name, words, None, tuple(reasons), most, np.array(errors))
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Lower a region's tolerance where the replay passed outside."""
+        """Lower a region's tolerance if the replay passed outside."""
         parts = list(self.parts or np.ones(len(problem.via)))
         for i, region in problem.via_regions.items():
             given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]
@@ -80,9 +80,9 @@ class ViaPoints(PathConstraint):
 def _nearest_deviation(
     problem: MinimumTimeProblem, motion: Trajectory, region: GoalPose, passing: float
 ) -> tuple[float, float, str]:
-    """Distance of a motion from a region at its nearest [m or rad], its time [s], and its direction.
+    """Smallest deviation of a motion from a region [m or rad], its time [s], and its direction.
 
-    The time is that near the planned one at which the deviations are least, over the tolerances.
+    The time is the one around the planned time with the least deviations over the tolerances.
     """
     k = int(np.clip(np.searchsorted(motion.t, passing), 1, motion.t.size - 1))
     step = motion.t[k] - motion.t[k - 1]

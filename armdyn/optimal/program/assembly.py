@@ -1,4 +1,4 @@
-"""From an arm to a nonlinear program: blocks of equations, mapped to where they hold, with exact derivatives.
+"""Assembly of a nonlinear program: blocks of equations, mapped over intervals, with exact derivatives.
 
 The final time is copied to every knot (see `layout`), so that the Jacobian is block bidiagonal and the Hessian
 block tridiagonal. A block is differentiated symbolically, once, and mapped: building costs the same for ten intervals
@@ -21,13 +21,13 @@ from armdyn.optimal.task.tableau import Scheme
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Equations that hold at many places.
+    """Equations that are repeated with different unknowns.
 
     Attributes:
-        one: the equations at one place, of its unknowns and its parameters.
-        unknowns: which of the program's unknowns those are, a column for every place, shape (width, places).
-        parameters: likewise of its parameters, shape (count, places).
-        summed: one set of equations, sums over all places, such as integrals along the path.
+        one: equations at one place, a function of the unknowns and parameters there.
+        unknowns: indices of the unknowns at each place, shape (width, places).
+        parameters: indices of the parameters at each place, shape (count, places).
+        summed: whether the equations are summed over all places, such as integrals along the path.
     """
 
     one: IntervalFunctions
@@ -42,16 +42,16 @@ class Block:
 
     @property
     def rows(self) -> int:
-        """Equations at one place."""
+        """Number of equations at one place."""
         return int(self.one.defects.numel_out(0))
 
     @property
     def equations(self) -> int:
-        """Equations of the program."""
+        """Number of the block's equations in the program."""
         return self.rows * (1 if self.summed else self.places)
 
     def arguments(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Unknowns and parameters, a column for every place."""
+        """Unknowns and parameters, one column per place."""
         at, given = self.unknowns, self.parameters
         return (
             ca.reshape(x[at.ravel(order="F").tolist()], *at.shape),
@@ -85,8 +85,8 @@ class Nlp(Program):
     """The program of a layout.
 
     Attributes:
-        layout: where what stands.
-        intervals: their number N.
+        layout: layout of the unknowns, equations and parameters.
+        intervals: number of intervals N.
     """
 
     layout: Layout
@@ -94,18 +94,18 @@ class Nlp(Program):
 
     @property
     def defects(self) -> int:
-        """Equations of motion per interval."""
+        """Number of equations of motion per interval."""
         return self.layout.equations.size
 
 
 def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, more: Sequence[Block] = ()) -> Nlp:
-    """The NLP of an arm: depends on the model and the mesh's size only, not on poses, limits, scales or payload.
+    """NLP of an arm: depends only on the model and the number of intervals, not on poses, limits, scales or payload.
 
     Args:
-        dynamics: with a free last body.
-        scheme: how motion becomes unknowns.
-        intervals: their number N.
-        more: equations that follow the equations of motion; their own parameters follow `Parameters`.
+        dynamics: dynamics with a symbolic last body.
+        scheme: transcription scheme.
+        intervals: number of intervals N.
+        more: blocks after the equations of motion; their own parameters follow `Parameters`.
     """
     layout, one = Layout(dynamics.nv, scheme), interval_functions(dynamics, scheme)
     blocks = [Block(one, layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals)), *more]
@@ -114,13 +114,13 @@ def build_nlp(dynamics: Dynamics, scheme: Scheme, intervals: int, more: Sequence
 
 
 def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), price: int = 0) -> Program:
-    """The program of blocks: their equations follow each other, place by place.
+    """The program of blocks of equations, one block after the other, place by place.
 
     Args:
-        blocks: at least one; every parameter of the program is one of some block.
+        blocks: at least one; together the blocks use every parameter of the program.
         size: number of unknowns.
-        paid: unknowns that cost something themselves.
-        price: which parameter a unit of each of them costs.
+        paid: indices of unknowns with a linear cost.
+        price: index of the parameter that is the cost of each of their units.
     """
     total = sum(block.equations for block in blocks)
     x, p = ca.MX.sym("x", size), ca.MX.sym("p", 1 + max(int(np.max(block.parameters)) for block in blocks))
@@ -153,7 +153,7 @@ def program_of(blocks: Sequence[Block], size: int, paid: Sequence[int] = (), pri
 
 
 class _Entries:
-    """Nonzeros of a sparse matrix, gathered block by block."""
+    """Nonzeros of a sparse matrix, collected block by block."""
 
     def __init__(self) -> None:
         self._rows: list[Index] = []
@@ -176,9 +176,9 @@ def _pattern(sparsity: ca.Sparsity) -> tuple[Index, Index]:
 
 
 def scatter(rows: Index, cols: Index, shape: tuple[int, int], nonzeros: ca.MX) -> ca.MX:
-    """The sparse matrix of nonzeros, each in its row and column; entries of the same place are added."""
+    """Sparse matrix from nonzeros with rows and columns; entries at the same place are added."""
     rows, cols = rows.ravel(order="F"), cols.ravel(order="F")
-    places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # column by column, as CasADi stores
+    places, which = np.unique(cols * shape[0] + rows, return_inverse=True)  # by columns, CasADi's order
     sparsity = ca.Sparsity.triplet(*shape, (places % shape[0]).tolist(), (places // shape[0]).tolist())
     gather = ca.Sparsity.triplet(places.size, rows.size, which.tolist(), list(range(rows.size)))
     return ca.MX(sparsity, ca.mtimes(ca.MX(ca.DM(gather, 1.0)), ca.vec(nonzeros)))

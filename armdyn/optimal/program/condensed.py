@@ -1,14 +1,13 @@
-"""Hermite-Simpson with few unknowns, for the search.
+"""Condensed Hermite-Simpson program for the search, with fewer unknowns.
 
-Where dynamics are forward the middle of an interval follows from its ends,
+With forward dynamics the middle of an interval follows from its ends,
 
     x_m = (x_k + x_{k+1}) / 2 + h / 8 (f_k - f_{k+1}),
 
-which is what the equations of `interval` say together (Betts, Practical Methods for Optimal Control, 2010,
-section 4.5: compressed against separated). It is put in, and the final time stands once instead of at every knot:
-half as many unknowns and equations, the same solutions, and four fifths of the time for an iteration. The price
-are limits of positions and velocities that hold at the knots and no more in the middle, and so no conditions along
-the way.
+by the equations of `interval` (Betts, Practical Methods for Optimal Control, 2010, section 4.5: compressed against
+separated). The middle is eliminated, and the final time is one unknown instead of one per knot: half as many unknowns
+and equations, the same solutions, and four fifths of the time per iteration. The price: limits of positions and
+velocities hold at the knots only, not in the middle, and path constraints are impossible.
 """
 
 from dataclasses import dataclass
@@ -25,11 +24,11 @@ from armdyn.optimal.task.tableau import LOBATTO_3, Scheme
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CondensedNlp(Program):
-    """The program of a condensed layout.
+    """Program of a condensed layout.
 
     Attributes:
-        layout: where what stands.
-        middles: (w, p) -> states in the middle of the intervals, a column each, shape (2 nv, N).
+        layout: layout of the unknowns, equations and parameters.
+        middles: (w, p) -> states in the middle of the intervals, one column each, shape (2 nv, N).
     """
 
     layout: CondensedLayout
@@ -42,12 +41,12 @@ def has_condensed(scheme: Scheme) -> bool:
 
 
 def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> CondensedNlp:
-    """The condensed NLP of an arm; parameters and equations are those of `assembly.build_nlp`, less its middles.
+    """The condensed NLP of an arm; parameters and equations as in `assembly.build_nlp`, without the middles'.
 
     Args:
-        dynamics: with a free last body.
-        scheme: one that `has_condensed`.
-        intervals: their number N.
+        dynamics: dynamics with a symbolic last body.
+        scheme: a scheme that `has_condensed`.
+        intervals: number of intervals N.
     """
     layout, (one, middle) = CondensedLayout(Layout(dynamics.nv, scheme)), _interval(dynamics, scheme)
     block = Block(one, layout.intervals(intervals), Parameters.by_interval(dynamics.nv, intervals))
@@ -59,7 +58,7 @@ def build_condensed(dynamics: Dynamics, scheme: Scheme, intervals: int) -> Conde
 
 @built_once(maxsize=16)
 def _interval(dynamics: Dynamics, scheme: Scheme) -> tuple[IntervalFunctions, ca.Function]:
-    """The functions of one interval, and of its unknowns and parameters the middle's state."""
+    """Functions of one interval, and its middle's state as a function of unknowns and parameters."""
     n, layout = dynamics.nv, CondensedLayout(Layout(dynamics.nv, scheme))
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)

@@ -1,4 +1,4 @@
-"""Many guesses at once, and the unknowns of their condensed programs."""
+"""Batches of guesses, and the unknowns of their condensed programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from armdyn.trajectory.interpolation import cubic
 
 @dataclass(frozen=True, eq=False)
 class Guesses:
-    """Motions from which solves may start, all with as many samples.
+    """Motions as initial guesses, all with the same number of samples.
 
     Attributes:
-        t: times [s], the first 0, shape (k, samples).
+        t: times [s], from 0, shape (k, samples).
         q: joint positions [rad or m], shape (k, samples, nv).
-        v: joint velocities [rad/s or m/s], likewise.
-        tau: joint torques [N m or N], likewise.
+        v: joint velocities [rad/s or m/s], shape (k, samples, nv).
+        tau: joint torques [N m or N], shape (k, samples, nv).
     """
 
     t: Array
@@ -32,7 +32,7 @@ class Guesses:
 
     @property
     def durations(self) -> Array:
-        """Duration of each [s], shape (k,)."""
+        """Duration of each guess [s], shape (k,)."""
         return np.asarray(self.t[:, -1])
 
     @classmethod
@@ -49,7 +49,7 @@ class Guesses:
         return cls(*(np.concatenate(part) for part in parts))
 
     def chosen(self, which: Sequence[int]) -> "Guesses":
-        """Some of the guesses, by their numbers."""
+        """The guesses at given indices."""
         at: Index = np.array(which)
         return Guesses(self.t[at], self.q[at], self.v[at], self.tau[at])
 
@@ -58,9 +58,9 @@ class Guesses:
         return Trajectory(self.t[k], self.q[k], self.v[k], self.tau[k], joint_names, "start")
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and torques at times of each guess, shape (k, n), each of shape (k, n, nv).
+        """Positions, velocities and torques at times of each guess, shape (k, n); each result has shape (k, n, nv).
 
-        The same numbers as of `Trajectory`: their last bits decide between optima that lie close together.
+        Bitwise equal to `Trajectory`: last bits decide between optima that lie close together.
         """
         t, at = self.t, np.minimum(times, self.t[:, -1:])
         found = [np.searchsorted(own, some, side="right") - 1 for own, some in zip(t, at, strict=True)]
@@ -80,13 +80,13 @@ class Guesses:
 
 @dataclass(frozen=True, eq=False)
 class CondensedStarts:
-    """Unknowns of the condensed programs of guesses on a mesh of equal intervals, scaled.
+    """Scaled unknowns of the condensed programs of guesses, on a mesh of equal intervals.
 
     Attributes:
-        x: to start from, shape (k, unknowns).
-        lower: least ones, likewise.
-        upper: largest ones, likewise.
-        scales: of each guess.
+        x: initial unknowns, shape (k, unknowns).
+        lower: lower bounds, likewise.
+        upper: upper bounds, likewise.
+        scales: scales of each guess.
     """
 
     x: Array
@@ -96,13 +96,13 @@ class CondensedStarts:
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, layout: CondensedLayout, guesses: Guesses, intervals: int) -> Self:
-        """The unknowns of guesses.
+        """Make the unknowns of guesses.
 
         Args:
             problem: the minimum-time problem.
-            layout: whose torque is constant in every interval.
-            guesses: any number.
-            intervals: of the mesh, N.
+            layout: layout with constant torques in the intervals.
+            guesses: the guesses.
+            intervals: number of intervals N.
         """
         n, N, scales = problem.robot.nv, intervals, guesses.scales(problem)
         length, speed, time = (np.array([getattr(one, unit) for one in scales]) for unit in ("length", "speed", "time"))
@@ -119,7 +119,7 @@ class CondensedStarts:
             [np.concatenate([q[:, :-1], v[:, :-1], tau], axis=2).reshape(len(scales), -1), q[:, -1], v[:, -1]], axis=1
         )
         x /= unit
-        # Bounds in units of 1 rad, 1 rad/s and the torque's scale.
+        # Bounds in rad, rad/s and the torque's scale.
         sides = bounds(problem, layout.full, N, Scales(1.0, 1.0, 1.0, Scales.efforts(problem)))
         lower, upper = (side[layout.kept(N)] / unit for side in sides)
         lower[:, -1] = np.maximum(problem.duration_bound() / time, 1e-3)

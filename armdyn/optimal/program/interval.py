@@ -1,4 +1,4 @@
-"""One interval of direct collocation, written once for every tableau: its equations, cost and derivatives."""
+"""One interval of direct collocation for any tableau: equations, cost and derivatives."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -28,7 +28,7 @@ class _ScaledStages:
 
 
 def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
-    """Scaled states and torques, velocities, accelerations [rad/s²], how far inverse dynamics are from balance."""
+    """Scaled states and torques, velocities, accelerations [rad/s²], residuals of inverse dynamics."""
     n, tableau, layout = dynamics.nv, scheme.tableau, Layout(dynamics.nv, scheme)
     y, p = ca.SX.sym("y", layout.width), ca.SX.sym("p", Parameters.size(n))
     by, body = Parameters.of(p, n), present_body(dynamics, p)
@@ -60,14 +60,15 @@ def _scaled_stages(dynamics: Dynamics, scheme: Scheme) -> _ScaledStages:
 
 
 def present_body(dynamics: Dynamics, p: ca.SX) -> ca.SX:
-    """The last body of an interval's parameters, see `only_present`."""
+    """Last body among an interval's parameters, see `only_present`."""
     return only_present(dynamics, Parameters.of(p, dynamics.nv).last_body)
 
 
 def only_present(dynamics: Dynamics, numbers: ca.SX) -> ca.SX:
-    """The ten numbers of a last body.
+    """Dynamic parameters of a last body, shape (10,).
 
-    What it has none of, as a planar arm most products of inertia, is no part of the expressions.
+    Parameters that are zero for the arm, such as most products of inertia of a planar arm, are left out of the
+    expressions.
     """
     if dynamics.last_body.size == 0:
         raise ValueError("a transcription takes Dynamics(robot, free_last_body=True)")
@@ -99,20 +100,20 @@ def _equations(dynamics: Dynamics, scheme: Scheme) -> tuple[ca.SX, ca.SX, ca.SX,
 
 @dataclass(frozen=True, eq=False)
 class Stages:
-    """One interval in SI units, a column for every stage, for path constraints.
+    """One interval in SI units, one column per stage, for path constraints.
 
     Attributes:
-        y: its unknowns.
-        p: its parameters.
-        h: its duration [s].
-        c: where the stages lie in it.
+        y: unknowns of the interval.
+        p: parameters of the interval.
+        h: duration of the interval [s].
+        c: nodes of the stages in the interval.
         q: joint positions [rad or m], shape (nv, stages).
         v: velocities [rad/s or m/s], likewise.
         a: accelerations [rad/s² or m/s²], likewise.
         tau: torques [N m or N], likewise.
-        acceleration: what is one in the scaled problem [rad/s² or m/s²].
-        effort: likewise [N m or N], shape (nv,).
-        dynamics: of the robot.
+        acceleration: scale of accelerations [rad/s² or m/s²].
+        effort: scales of torques [N m or N], shape (nv,).
+        dynamics: dynamics of the robot.
         knots: whether the first and the last stage are knots.
     """
 
@@ -131,17 +132,17 @@ class Stages:
 
 
 class IntervalView(Protocol):
-    """An interval of some program, as path constraints see it; equal ones share their functions.
+    """An interval of a program for path constraints; equal ones share their functions.
 
     Attributes:
-        compile: its derivatives as machine code, see `compiled`.
+        compile: whether its derivatives become machine code, see `compiled`.
     """
 
     @property
     def compile(self) -> bool | None: ...
 
     def stages(self) -> Stages:
-        """The interval in symbols."""
+        """The interval's stages in symbols."""
         ...
 
     def __hash__(self) -> int: ...
@@ -149,11 +150,11 @@ class IntervalView(Protocol):
 
 @dataclass(frozen=True)
 class CollocationInterval:
-    """Builds the symbolic equations of one collocation interval.
+    """Symbolic equations of one collocation interval.
 
     Attributes:
-        dynamics: with a free last body.
-        scheme: how motion becomes unknowns.
+        dynamics: dynamics with a symbolic last body.
+        scheme: transcription scheme.
     """
 
     dynamics: Dynamics
@@ -165,7 +166,7 @@ class CollocationInterval:
         return self.scheme.compile
 
     def stages(self) -> Stages:
-        """The stages of one interval."""
+        """Stages of the interval in symbols."""
         layout, one = Layout(self.dynamics.nv, self.scheme), _scaled_stages(self.dynamics, self.scheme)
         by, (left, _, _) = Parameters.of(one.p, self.dynamics.nv), layout.parts(one.y)
         return Stages(
@@ -186,7 +187,7 @@ class CollocationInterval:
 
 @dataclass(frozen=True)
 class IntervalFunctions:
-    """Equations of one interval and the nonzeros of their derivatives; without a cost where that is None."""
+    """Equations of one interval and the nonzeros of their derivatives; cost is None without a cost."""
 
     defects: ca.Function
     cost: ca.Function | None
@@ -198,7 +199,7 @@ class IntervalFunctions:
 
 @built_once(maxsize=16)
 def interval_functions(dynamics: Dynamics, scheme: Scheme) -> IntervalFunctions:
-    """The functions of one interval; the same model and scheme give the same ones."""
+    """Functions of one interval; cached by model and scheme."""
     return differentiated("interval", *_equations(dynamics, scheme), scheme.compile)
 
 
@@ -214,14 +215,15 @@ def differentiated(
     """An interval's equations as functions, with their derivatives.
 
     Args:
-        name: the functions' names begin so.
-        y: its unknowns.
-        p: its parameters.
-        defects: its equations.
-        cost: its part of the cost; None: it has none. What the rows of its derivatives share is then computed once.
-        compile_mode: for `compiled`.
-        through: symbols of which the equations are, instead of the unknowns, and these symbols by the unknowns; only
-            without a cost. Fewer than the unknowns, they make much smaller derivatives.
+        name: prefix of the functions' names.
+        y: unknowns of the interval.
+        p: parameters of the interval.
+        defects: equations of the interval.
+        cost: the interval's part of the cost; None: no cost, and common subexpressions of the derivatives are computed
+            once.
+        compile_mode: mode for `compiled`.
+        through: intermediate symbols, on which the equations depend instead of the unknowns, and their expressions;
+            only without a cost. Fewer than the unknowns, they make much smaller derivatives.
     """
     sigma, lam = ca.SX.sym("sigma"), ca.SX.sym("lam", defects.numel())
     if through is not None:
@@ -239,7 +241,7 @@ def differentiated(
     fast = compiled(derivatives, compile_mode)
     return IntervalFunctions(
         defects=ca.Function(f"{name}_defects", [y, p], [defects]),
-        # Apart: its gradient needs no dynamics.
+        # The cost separately: its gradient needs no dynamics.
         cost=None if cost is None else ca.Function(f"{name}_cost", [y, p], [cost]),
         jacobian=fast[0],
         jacobian_pattern=jacobian.sparsity(),
@@ -249,7 +251,7 @@ def differentiated(
 
 
 def _chained(equations: ca.SX, lam: ca.SX, y: ca.SX, x: ca.SX, inner: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Jacobian and Hessian of equations of x = inner(y) by the chain rule, and the equations of y."""
+    """Jacobian and Hessian of equations in x = inner(y) by the chain rule, and the equations in y."""
     used = sorted(set(ca.jacobian_sparsity(equations, x).get_col()))
     x, inner = x[used], inner[used]
     jacobian, (hessian, gradient) = ca.jacobian(equations, x), ca.hessian(ca.dot(lam, equations), x)
@@ -262,7 +264,7 @@ def _chained(equations: ca.SX, lam: ca.SX, y: ca.SX, x: ca.SX, inner: ca.SX) -> 
 
 
 def nonzeros_of(matrix: ca.SX) -> ca.SX:
-    """The nonzeros of a matrix as a dense column."""
+    """Nonzeros of a matrix as a dense column."""
     column = ca.SX(ca.Sparsity.dense(matrix.nnz(), 1), 0)
     column.nz[:] = matrix.nz[:]
     return column

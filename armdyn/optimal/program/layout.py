@@ -1,13 +1,13 @@
-"""Indices of a program's unknowns, equations and parameters, by name; no other module counts them.
+"""Layout of a program: indices of its unknowns, equations and parameters by name.
 
-The unknowns stand in the order of time, and the final time is copied to every knot:
+The unknowns are in the order of time, and the final time is copied to every knot:
 
     w = [knot_0 | inner_0 | knot_1 | inner_1 | … | knot_N]
     knot_k  = q, v, T, and the torque if it is linear between knots
-    inner_k = the stages that are no knots, the torques if they are not linear, the accelerations if the
+    inner_k = the stages that are not knots, the torques unless they are linear, the accelerations if the
               dynamics are inverse
 
-Slices serve numpy arrays and casadi's SX, MX and DM alike. All numbers are scaled.
+Slices work for numpy arrays and CasADi's SX, MX and DM. All numbers are scaled.
 """
 
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ from armdyn.locks import cached_property
 from armdyn.optimal.task.tableau import Scheme
 
 _BODY = 10
-"""Dynamic parameters of a body: mass, first moments, inertia."""
+"""Number of dynamic parameters of a body: mass, first moments, inertia."""
 _KEPT = 256
-"""Arrays of places that are kept: a search solves hundreds of programs on a few meshes."""
+"""Number of cached index arrays: a search solves hundreds of programs on a few meshes."""
 
 
 @lru_cache(_KEPT)
 def _places(first: int, size: int, block: int, blocks: int) -> Index:
-    """Places of a part of every block, shape (blocks, size)."""
+    """Indices of a part of every block, shape (blocks, size)."""
     places = block * np.arange(blocks)[:, None] + first + np.arange(size)
     places.setflags(write=False)
     return places
@@ -46,7 +46,7 @@ def _condensed_places(full: "Layout", N: int) -> Index:
 
 
 def _after(before: slice, size: int) -> slice:
-    """The next indices, as many as asked for."""
+    """The slice of a given size after another one."""
     return slice(before.stop, before.stop + size)
 
 
@@ -57,10 +57,10 @@ class KnotFields:
     Attributes:
         q: positions.
         v: velocities.
-        state: both.
-        time: the final time, T.
-        torque: empty unless the torque is linear between knots.
-        size: of the block.
+        state: positions and velocities.
+        time: the final time T.
+        torque: torques; empty unless linear between knots.
+        size: size of the block.
     """
 
     q: slice
@@ -76,10 +76,10 @@ class InnerFields:
     """Indices of an interval's own block.
 
     Attributes:
-        states: (q, v) of the stages that are no knots, one stage after the other.
-        torques: of the interval, or of its stages; empty if they are linear between knots.
-        accelerations: of all stages; empty unless the dynamics are inverse.
-        size: of the block.
+        states: (q, v) of the stages that are not knots, stage by stage.
+        torques: torques of the interval, or of its stages; empty if linear between knots.
+        accelerations: accelerations of all stages; empty unless the dynamics are inverse.
+        size: size of the block.
     """
 
     states: slice
@@ -93,10 +93,10 @@ class EquationFields:
     """Slices of an interval's equations.
 
     Attributes:
-        balances: inverse dynamics at all stages; empty if the dynamics are forward.
-        defects: of (q, v), as many as stages that do not begin the interval, or one more if the last ends before it.
-        time: the final time is the same at both knots.
-        size: of them all.
+        balances: inverse dynamics at all stages; empty for forward dynamics.
+        defects: defects of (q, v) for every stage but one at the first knot, and one more if the last stage is no knot.
+        time: equality of the final times at both knots.
+        size: number of all equations.
     """
 
     balances: slice
@@ -107,14 +107,14 @@ class EquationFields:
 
 @dataclass(frozen=True)
 class Layout:
-    """Indices into the program of an arm of `nv` joints."""
+    """Indices of the program of an arm with `nv` joints."""
 
     nv: int
     scheme: Scheme
 
     @property
     def linear(self) -> bool:
-        """Whether the torque between knots is linear, so that it is an unknown at knots."""
+        """Whether the torque is linear between knots, and so an unknown at knots."""
         return self.scheme.control == "linear"
 
     @cached_property
@@ -126,7 +126,7 @@ class Layout:
 
     @cached_property
     def inner(self) -> InnerFields:
-        """An interval's own block."""
+        """Slices of an interval's own unknowns."""
         n, stages = self.nv, self.scheme.tableau.c.size
         states = slice(0, 2 * n * len(self.scheme.tableau.inner))
         torques = _after(states, n * {"linear": 0, "constant": 1, "stage": stages}[self.scheme.control])
@@ -143,7 +143,7 @@ class Layout:
 
     @property
     def defects(self) -> Index:
-        """Which of an interval's equations are defects of q and v, shape (stages, 2 nv)."""
+        """Indices of the defects of q and v among an interval's equations, shape (stages, 2 nv)."""
         return np.arange(self.equations.size)[self.equations.defects].reshape(-1, 2 * self.nv)
 
     @property
@@ -153,7 +153,7 @@ class Layout:
 
     @property
     def width(self) -> int:
-        """Number of an interval's unknowns: its knots' and its own."""
+        """Number of an interval's unknowns: its two knots' and its own."""
         return self.block + self.knot.size
 
     def size(self, intervals: int) -> int:
@@ -161,49 +161,49 @@ class Layout:
         return self.block * intervals + self.knot.size
 
     def parts(self, y: Any) -> tuple[Any, Any, Any]:
-        """An interval's unknowns as its first knot's, its own, and its last knot's."""
+        """Split an interval's unknowns into its first knot's, its own, and its last knot's."""
         return y[: self.knot.size], y[self.knot.size : self.block], y[self.block : self.width]
 
     def split(self, x: Array) -> tuple[Array, Array]:
-        """All unknowns as knot blocks, shape (N + 1, knot), and inner blocks, shape (N, inner)."""
+        """Split all unknowns into knot blocks, shape (N + 1, knot), and inner blocks, shape (N, inner)."""
         blocks = x[: -self.knot.size].reshape(-1, self.block)
         knots = np.vstack([blocks[:, : self.knot.size], x[-self.knot.size :]])
         return knots, blocks[:, self.knot.size :]
 
     def joined(self, knots: Array, inner: Array) -> Array:
-        """All unknowns from their blocks: the inverse of `split`."""
+        """Join all unknowns from their blocks: the inverse of `split`."""
         return np.concatenate([np.concatenate([knots[:-1], inner], axis=1).ravel(), knots[-1]])
 
     def intervals(self, N: int) -> Index:
-        """Which unknowns are an interval's, a column each, shape (width, N)."""
+        """Indices of each interval's unknowns, a column each, shape (width, N)."""
         return self.block * np.arange(N)[None, :] + np.arange(self.width)[:, None]
 
     def knots(self, N: int) -> Index:
-        """Which unknowns are a knot's, shape (N + 1, knot)."""
+        """Indices of each knot's unknowns, shape (N + 1, knot)."""
         return _places(0, self.knot.size, self.block, N + 1)
 
     def inners(self, N: int) -> Index:
-        """Which unknowns are an interval's own, shape (N, inner)."""
+        """Indices of each interval's own unknowns, shape (N, inner)."""
         return _places(self.knot.size, self.inner.size, self.block, N)
 
     def times(self, N: int) -> Index:
-        """Which unknowns are a final time, shape (N + 1,)."""
+        """Indices of the final times, shape (N + 1,)."""
         return self.knots(N)[:, self.knot.time]
 
     def states(self, N: int) -> Index:
-        """Which unknowns are a knot's q and v, shape (N + 1, 2 nv)."""
+        """Indices of each knot's q and v, shape (N + 1, 2 nv)."""
         return self.knots(N)[:, self.knot.state]
 
     def inner_states(self, N: int) -> Index:
-        """Which unknowns are an inner stage's q and v, shape (N, inner stages, 2 nv)."""
+        """Indices of the inner stages' q and v, shape (N, inner stages, 2 nv)."""
         return self.inners(N)[:, self.inner.states].reshape(N, -1, 2 * self.nv)
 
     def torques(self, N: int) -> Index:
-        """Which unknowns are torques that are not linear, shape (N, 1 or stages, nv)."""
+        """Indices of torques that are not linear, shape (N, 1 or stages, nv)."""
         return self.inners(N)[:, self.inner.torques].reshape(N, -1, self.nv)
 
     def equation(self, row: int) -> tuple[str, int]:
-        """Kind and joint of an interval's equation; the last, of times, counts as a position."""
+        """Kind and joint of an interval's equation; that of final times counts as a position's."""
         if row < self.equations.defects.start:
             return "equation of motion", row % self.nv
         row = (row - self.equations.defects.start) % (2 * self.nv)
@@ -212,7 +212,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class CondensedLayout:
-    """A layout without inner stages and with one final time: `condensed` says when it is enough.
+    """Layout without inner stages and with a single final time, see `condensed`.
 
     w = [x_0 | u_0 | x_1 | u_1 | … | x_N | T], with u_N only if the torque is linear between knots.
     """
@@ -225,22 +225,22 @@ class CondensedLayout:
         return (6 if self.full.linear else 5) * self.full.nv + 1
 
     def parts(self, y: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """An interval's unknowns: state and torque where it begins, both where it ends, and T."""
+        """Split an interval's unknowns into state and torque at its start, both at its end, and T."""
         n = self.full.nv
         first = y[2 * n : 3 * n]
         return y[: 2 * n], first, y[3 * n : 5 * n], y[5 * n : 6 * n] if self.full.linear else first, y[-1]
 
     def intervals(self, N: int) -> Index:
-        """Which unknowns are an interval's, a column each, shape (width, N)."""
+        """Indices of each interval's unknowns, a column each, shape (width, N)."""
         own = np.arange(self.width - 1)[:, None] + 3 * self.full.nv * np.arange(N)
         return np.vstack([own, np.full((1, N), self.kept(N).size - 1)])
 
     def kept(self, N: int) -> Index:
-        """Index of each unknown in the full layout; of the times the first."""
+        """Index of each unknown in the full layout, of its first final time for T."""
         return _condensed_places(self.full, N)
 
     def expanded(self, w: Array, middles: Array) -> Array:
-        """Unknowns of the full layout, from those of the condensed one.
+        """Unknowns of the full layout from those of the condensed one.
 
         Args:
             w: unknowns of this layout.
@@ -255,16 +255,16 @@ class CondensedLayout:
 
 @dataclass(frozen=True)
 class Parameters:
-    """Parameters of an interval's equations: numbers, or symbols for them.
+    """Parameters of an interval's equations, as numbers or symbols.
 
     Attributes:
-        fraction: of the interval, of the whole duration.
+        fraction: the interval's length over the whole duration.
         time: scale of time [s].
         length: scale of positions [rad or m].
         speed: scale of velocities [rad/s or m/s].
-        weights: of the squares of scaled torques, shape (nv,).
+        weights: weights of the squared scaled torques, shape (nv,).
         effort: scales of torques [N m or N], shape (nv,).
-        last_body: dynamic parameters of all that the last joint carries, shape (10,).
+        last_body: dynamic parameters of the body on the last joint, shape (10,).
     """
 
     fraction: Any
@@ -277,7 +277,7 @@ class Parameters:
 
     @staticmethod
     def size(joints: int, intervals: int = 1) -> int:
-        """Number of parameters: all but the fraction are the same for all intervals."""
+        """Number of parameters: all but the fraction are common to all intervals."""
         return intervals + 3 + 2 * joints + _BODY
 
     @classmethod
@@ -288,12 +288,12 @@ class Parameters:
         return cls(p[0], p[1], p[2], p[3], p[weights], p[effort], p[_after(effort, _BODY)])
 
     def packed(self) -> Array:
-        """Concatenate the parameters; with the fractions of all intervals, shape (N,), they are a program's."""
+        """Concatenate the parameters; with the fractions of all intervals, shape (N,), the program's parameters."""
         fractions = np.atleast_1d(self.fraction)
         return np.array([*fractions, self.time, self.length, self.speed, *self.weights, *self.effort, *self.last_body])
 
     @classmethod
     def by_interval(cls, joints: int, intervals: int) -> Index:
-        """Which of the program's parameters are an interval's, a column each, shape (count, intervals)."""
+        """Indices of each interval's parameters, a column each, shape (count, intervals)."""
         shared = np.arange(intervals, cls.size(joints, intervals))[:, None].repeat(intervals, axis=1)
         return np.vstack([np.arange(intervals), shared])

@@ -1,10 +1,9 @@
-"""One interval of the condensed program by the chain rule, as functions that follow one another.
+"""Derivatives of a condensed interval by the chain rule, in consecutive functions.
 
-The condensed interval (see `condensed`) has forward dynamics in three points: at both ends, and in the middle that
-follows from them. Derived as one expression it repeats the dynamics' second derivatives time and again: 23 000
-instructions for three joints. Here they are one function, `second_order`, called three times: 7 000
-instructions, which the compiler builds in a fifth of the time and which take half as long. The multipliers λ of the
-equations give those of the accelerations at the three points.
+The condensed interval (see `condensed`) has forward dynamics at three points: at both ends, and in the middle that
+follows from them. One expression would contain the dynamics' second derivatives many times: 23 000 instructions for
+three joints. One function `second_order`, called three times, needs 7 000 instructions, a fifth of the compile time and
+half of the run time. The multipliers λ of the equations give those of the accelerations at the three points.
 """
 
 from dataclasses import dataclass
@@ -23,18 +22,18 @@ class StageFunctions:
     """Functions of one interval; y = (x_k, u_k, x_{k+1}, T) are its unknowns, p its `Parameters`, all scaled.
 
     Attributes:
-        rate: (x, u, p) to the acceleration a.
-        second_order: (x, u, weights of a, p) to a, nonzeros of its Jacobian by (x, u) and of its weighted Hessian.
-        middle: (y, a at the left, a at the right, p) to the middle's state.
-        weigh: (y, the middle's Jacobian, λ, ν, p) to the weights of a at the left and at the right.
-        equations: (y, a at the left, in the middle, at the right, p) to the defects, and then the cost.
-        assemble: (y, λ, ν, then a, Jacobian and curvature at the left, in the middle, at the right, p) to nonzeros of
-            the defects' Jacobian, the cost's gradient, the upper triangle of the curvature of
-            cost + λ'defects + ν'middle, and the middle's Jacobian.
-        jacobian: where the defects' Jacobian has nonzeros.
-        gradient: where the cost's gradient has.
-        hessian: where the upper triangle has.
-        middle_jacobian: where the middle's Jacobian has.
+        rate: (x, u, p) → acceleration a.
+        second_order: (x, u, weights of a, p) → a, nonzeros of its Jacobian in (x, u) and of its weighted Hessian.
+        middle: (y, a at the left, a at the right, p) → the middle's state.
+        weigh: (y, the middle's Jacobian, λ, ν, p) → weights of a at the left and at the right.
+        equations: (y, a at the left, in the middle, at the right, p) → defects, then the cost.
+        assemble: (y, λ, ν, then a, Jacobian and Hessian at the left, in the middle, at the right, p) → nonzeros of the
+            defects' Jacobian, the cost's gradient, the upper triangle of the Hessian of cost + λ'defects + ν'middle,
+            and the middle's Jacobian.
+        jacobian: sparsity of the defects' Jacobian.
+        gradient: sparsity of the cost's gradient.
+        hessian: sparsity of the Hessian's upper triangle.
+        middle_jacobian: sparsity of the middle's Jacobian.
     """
 
     rate: ca.Function
@@ -55,10 +54,10 @@ class StageFunctions:
 
     @classmethod
     def of(cls, dynamics: Dynamics) -> Self:
-        """Functions for an arm whose torque is constant in every interval.
+        """Make the functions for an arm with constant torques in the intervals.
 
         Args:
-            dynamics: with a free last body.
+            dynamics: dynamics with a symbolic last body.
         """
         n = dynamics.nv
         p, y = ca.SX.sym("p", Parameters.size(n)), ca.SX.sym("y", 5 * n + 1)
@@ -70,7 +69,9 @@ class StageFunctions:
         gradient = ca.gradient(one.cost, y)
         nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
         given = [part for point in (left, middle, right) for part in (point.a, point.jacobians, point.hessians)]
-        bow = one.h / 2 * multipliers.middle - 3 / 4 * nu  # by how the middle bends: h / 8 over -h / 6 is -3 / 4
+        bow = (
+            one.h / 2 * multipliers.middle - 3 / 4 * nu
+        )  # weight of the middle's correction: h / 8 over -h / 6 is -3 / 4
         weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(
@@ -95,7 +96,7 @@ def _shared(columns: list[ca.SX]) -> list[ca.SX]:
 
 @dataclass(frozen=True, eq=False)
 class _Acceleration:
-    """Scaled, of a state and a torque: `rate` and `second_order`, and where its derivatives have nonzeros."""
+    """Scaled acceleration of a state and a torque: `rate` and `second_order`, and the sparsity of its derivatives."""
 
     rate: ca.Function
     second_order: ca.Function
@@ -118,15 +119,15 @@ class _Acceleration:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """A point of the interval in symbols, with its derivatives to second order.
+    """A point of the interval in symbols, with derivatives to second order.
 
     Attributes:
-        a: the acceleration.
-        jacobians: nonzeros of its Jacobian by (x, u).
-        hessians: nonzeros of the upper triangle of its weighted curvature.
-        by_state: Jacobian of the state's rate F = (q', v') by the state.
-        by_torque: the same by the torque.
-        curvature: weighted, of F along (x, u).
+        a: acceleration.
+        jacobians: nonzeros of the acceleration's Jacobian in (x, u).
+        hessians: nonzeros of the upper triangle of its weighted Hessian.
+        by_state: ∂F/∂x of the state's rate F = (q', v').
+        by_torque: ∂F/∂u.
+        curvature: weighted Hessian of F in (x, u).
     """
 
     a: ca.SX
@@ -156,12 +157,12 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _Multipliers:
-    """Weights of an interval's equations.
+    """Multipliers of an interval's equations.
 
     Attributes:
         lam: λ, of the defects.
         nu: ν, of the middle's state x_m.
-        middle: what λ makes of a change of x_m: the gradient of λ'F_m.
+        middle: gradient of λ'F_m in x_m.
     """
 
     lam: ca.SX
@@ -171,16 +172,16 @@ class _Multipliers:
 
 @dataclass(frozen=True, eq=False)
 class _Interval:
-    """An interval's unknowns in symbols, all scaled.
+    """Unknowns of an interval in symbols, all scaled.
 
     Attributes:
-        n: joints.
+        n: number of joints.
         start: x_k.
         end: x_{k+1}.
-        h: the interval's duration.
-        dh: the same of a unit of T, the final time.
-        pace: the position's rate of a unit of velocity.
-        cost: the interval's.
+        h: duration of the interval.
+        dh: dh/dT, with the final time T.
+        pace: rate of the scaled position per scaled velocity.
+        cost: cost of the interval.
         y: all unknowns.
     """
 
@@ -225,15 +226,15 @@ class _Interval:
     def derivatives(
         self, left: _Point, middle: _Point, right: _Point, multipliers: _Multipliers
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Jacobian of the defects, upper triangle of the curvature of cost + λ'defects + ν'x_m, Jacobian of x_m.
+        """Jacobian of the defects, upper triangle of the Hessian of cost + λ'defects + ν'x_m, Jacobian of x_m.
 
-        The curvature is that of F at the three points, each with its weights, along the way that y moves them; beside
-        it what T has in common with all, for h = dh T stands before every F.
+        The Hessian consists of F's at the three points, each with its weights, in the directions by which y moves the
+        points, and of the mixed terms with T, as h = dh T multiplies every F.
 
         Args:
-            left: with the curvature that its weights, those of `weigh`, give.
-            middle: likewise, its weights λ.
-            right: likewise.
+            left: left end, with the Hessian for the weights of `weigh`.
+            middle: middle, with the Hessian for the weights λ.
+            right: right end, as the left one.
             multipliers: λ and ν.
         """
         n, h, dh = self.n, self.h, self.dh

@@ -1,4 +1,4 @@
-"""Between trajectories and the scaled unknowns of an NLP."""
+"""Conversion between trajectories and the scaled unknowns of an NLP."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ class Scales:
     """Units of the scaled problem.
 
     Attributes:
-        time: [s].
-        length: [rad or m].
-        speed: [rad/s or m/s].
-        effort: [N m or N], shape (nv,).
+        time: scale of time [s].
+        length: scale of positions [rad or m].
+        speed: scale of velocities [rad/s or m/s].
+        effort: scales of torques [N m or N], shape (nv,).
     """
 
     time: float
@@ -31,7 +31,7 @@ class Scales:
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, guess: Trajectory) -> Self:
-        """Scales from the limits and the size of a guess."""
+        """Scales from the limits and a guess's size."""
         return cls.sized(guess.duration, float(np.max(np.ptp(guess.q, axis=0))), cls.efforts(problem))
 
     @classmethod
@@ -50,19 +50,19 @@ class Scales:
         """Scales as the program's parameter vector.
 
         Args:
-            fractions: of the intervals, shape (N,).
-            weights: of the squares of scaled torques, shape (nv,).
+            fractions: interval lengths over duration, shape (N,).
+            weights: weights of the squared scaled torques, shape (nv,).
             last_body: dynamic parameters of the last joint's body, shape (10,).
         """
         return Parameters(fractions, self.time, self.length, self.speed, weights, self.effort, last_body).packed()
 
     def weights(self, effort_weight: float, tie: float = 0.0) -> Array:
-        """Weights of the squares of scaled torques, shape (nv,).
+        """Weights of the squared scaled torques, shape (nv,).
 
         Args:
             effort_weight: the problem's w [1/(N m)²].
-            tie: what all torques at their limits shall cost beside the 1 of time, an equal part for every joint
-                however strong: it decides between equals where one joint alone determines the time.
+            tie: cost of all torques at their limits relative to time's 1, in equal parts for all joints: it determines
+                joints that time leaves idle.
         """
         return effort_weight * self.effort**2 + 2 * tie / self.effort.size
 
@@ -72,13 +72,13 @@ def _states(q: Array, v: Array, scales: Scales) -> Array:
 
 
 def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Scales) -> Array:
-    """The unknowns of a motion that is read off a trajectory.
+    """Unknowns of a trajectory's motion.
 
     Args:
         guess: any trajectory; its times are used as they are.
-        layout: of the unknowns.
+        layout: layout of the unknowns.
         fractions: interval lengths over duration, shape (N,).
-        scales: of the unknowns.
+        scales: scales of the unknowns.
     """
     tableau, scheme, N = layout.scheme.tableau, layout.scheme, fractions.size
     duration = guess.duration
@@ -86,7 +86,7 @@ def to_unknowns(guess: Trajectory, layout: Layout, fractions: Array, scales: Sca
     stage_times = knots[:-1, None] + duration * fractions[:, None] * tableau.c
     inner_times = stage_times[:, tableau.inner.start : tableau.inner.stop]
     middles = (knots[:-1] + knots[1:]) / 2
-    at = guess(np.concatenate([knots, middles, inner_times.ravel()]))  # at once: a call costs more than what it does
+    at = guess(np.concatenate([knots, middles, inner_times.ravel()]))  # in one call, whose overhead dominates
     states = _states(at.q, at.v, scales)
     knot = [states[: N + 1], np.full((N + 1, 1), duration / scales.time)]
     if layout.linear:
@@ -113,15 +113,15 @@ def to_trajectory(
     joint_names: tuple[str, ...],
     legs: Sequence[int] = (),
 ) -> Trajectory:
-    """The motion that unknowns stand for: samples at the knots and at the stages between them.
+    """Trajectory of the unknowns: samples at the knots and at the stages between.
 
     Args:
         x: the unknowns.
-        layout: of them.
-        fractions: of every interval in its leg, shape (N,).
-        scales: of the unknowns.
-        joint_names: of the arm.
-        legs: intervals of every leg; by default there is one.
+        layout: layout of the unknowns.
+        fractions: interval lengths over the leg's duration, shape (N,).
+        scales: scales of the unknowns.
+        joint_names: names of the joints.
+        legs: number of intervals per leg; by default one leg.
     """
     N, tableau = fractions.size, layout.scheme.tableau
     knots, _ = layout.split(x)
@@ -159,7 +159,7 @@ def _in_order(parts: list[Array], end: Array, beyond: int) -> Array:
 
 
 def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: Scales) -> tuple[Array, Array]:
-    """Lower and upper bounds of the scaled unknowns; start and goal are bounds that coincide."""
+    """Lower and upper bounds of the scaled unknowns; start and goal are equal bounds."""
     limits, N, sides = problem.limits, intervals, []
     states = layout.states(N)
     for position, speed, effort, end in (
@@ -179,7 +179,7 @@ def bounds(problem: MinimumTimeProblem, layout: Layout, intervals: int, scales: 
 
 
 def doubled(intervals: int, finest: int) -> int | None:
-    """Intervals of the next finer mesh; None: it would have more than the finest."""
+    """Number of intervals of the next finer mesh; None: it would exceed the finest."""
     return 2 * intervals if 2 * intervals <= finest else None
 
 
@@ -191,15 +191,15 @@ def mesh(intervals: int) -> Array:
 def worst_defect(
     problem: MinimumTimeProblem, layout: Layout, x: Array, defects: Array, fractions: Array, scales: Scales
 ) -> Violation:
-    """The equation of motion that unknowns violate most; IPOPT keeps bounds, so it is no limit.
+    """The most violated equation of motion; bounds are never violated, as IPOPT satisfies them.
 
     Args:
         problem: the minimum-time problem.
-        layout: of the unknowns.
+        layout: layout of the unknowns.
         x: the unknowns.
-        defects: how far every equation is from its bounds, those of an interval in a row.
-        fractions: of the intervals.
-        scales: of the unknowns.
+        defects: violation of every equation, interval by interval.
+        fractions: interval lengths over duration.
+        scales: scales of the unknowns.
     """
     defects = np.abs(defects)
     interval, row = np.unravel_index(np.argmax(np.nan_to_num(defects, nan=np.inf)), defects.shape)

@@ -18,14 +18,14 @@ class Attempt:
     """Result of IPOPT, or of the stagewise method, from one guess on one mesh.
 
     Attributes:
-        status: how it ended.
-        message: IPOPT's word for it.
+        status: status of the solve.
+        message: IPOPT's status in words.
         trajectory: the motion; the last iterate if it did not converge.
-        intervals: of the mesh.
-        iterations: of either.
-        worst_violation: None if it converged, or was not begun.
-        passing: when the motion is at the via points [s], shape (vias,).
-        knots: of the mesh as parts of the duration, shape (intervals + 1,); None: its intervals are equal.
+        intervals: number of intervals of the mesh.
+        iterations: iterations of the solver.
+        worst_violation: worst violation; None if the solve converged, or was not begun.
+        passing: times of the via points [s], shape (vias,).
+        knots: knots of the mesh as parts of the duration, shape (intervals + 1,); None: equal intervals.
     """
 
     status: Status
@@ -39,21 +39,21 @@ class Attempt:
 
     @classmethod
     def unbegun(cls, stop: Stop, guess: Trajectory, intervals: int) -> Self:
-        """A guess that was not solved, because the solve was stopped before."""
+        """Result for a guess that was not solved, because of an earlier stop."""
         return cls(stop.status, stop.word, guess, intervals, 0, None)
 
     @property
     def mesh(self) -> Array:
-        """The knots as parts of the duration, shape (intervals + 1,)."""
+        """Knots as parts of the duration, shape (intervals + 1,)."""
         return mesh(self.intervals) if self.knots is None else self.knots
 
     @cached_property
     def quarters(self) -> Array:
-        """Positions after a quarter, a half and three quarters of the duration [rad or m], shape (3, nv)."""
+        """Positions at a quarter, a half and three quarters of the duration [rad or m], shape (3, nv)."""
         t = self.trajectory.t
         return self.trajectory(t[0] + np.array([0.25, 0.5, 0.75]) * (t[-1] - t[0])).q
 
     @property
     def usable(self) -> bool:
-        """Whether the attempt converged, and so is a motion of the arm."""
+        """Whether the attempt converged, so that it is a motion of the arm."""
         return self.status is Status.SOLVED

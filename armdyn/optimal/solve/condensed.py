@@ -1,4 +1,4 @@
-"""One guess on one mesh with few unknowns where that will do, as in the search; else with all."""
+"""Solve one guess on one mesh by the condensed program where it suffices, as in the search; else by the full one."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _RELAXED = 1e-8
-"""Largest excess of an unknown over its bound that counts as none."""
+"""Largest excess of an unknown over its bound that is tolerated."""
 
 
 def condensable(task: Task) -> bool:
@@ -34,14 +34,14 @@ def condensable(task: Task) -> bool:
 def solve_quickly(
     task: Task, guess: Trajectory, intervals: int, settings: SolverSettings, between: bool = True
 ) -> Attempt:
-    """Like `direct.solve_on_mesh`, by the condensed program where that is possible.
+    """Like `direct.solve_on_mesh`, by the condensed program if possible.
 
     Args:
         task: the problem and its settings.
-        guess: where it starts.
-        intervals: of the mesh.
+        guess: initial guess.
+        intervals: number of intervals of the mesh.
         settings: iteration limit, tolerance, verbosity.
-        between: a solution that exceeds a limit between the knots is solved again within it there.
+        between: whether a solution that exceeds a limit between the knots is solved again with bounds there.
     """
     if not condensable(task):
         return solve_on_mesh(task, guess, intervals, settings)
@@ -57,12 +57,12 @@ def solve_quickly(
 def guess_jobs(
     task: Task, guesses: Guesses, settings: Sequence[tuple[int, SolverSettings]]
 ) -> list[Callable[[Task], Attempt]]:
-    """Solves of guesses, which need not keep limits between the knots, as functions of the task.
+    """Jobs that solve guesses, without limits between the knots, as functions of the task.
 
     Args:
         task: the problem and its settings.
-        guesses: where solves start.
-        settings: intervals of each guess's mesh, and settings of its solver.
+        guesses: initial guesses.
+        settings: number of intervals and solver settings for each guess.
     """
     names = task.problem.robot.joint_names
     if not has_stagewise(task):
@@ -89,7 +89,7 @@ def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettin
 
 
 def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
-    """Condensed programs on one mesh."""
+    """Condensed programs of guesses on one mesh."""
     layout, weight = CondensedLayout(Layout(task.problem.robot.nv, task.scheme)), task.problem.effort_weight
     starts, fractions = CondensedStarts.of(task.problem, layout, guesses, intervals), np.diff(mesh(intervals))
     return [
@@ -101,7 +101,7 @@ def _programs(task: Task, guesses: Guesses, intervals: int) -> "list[_Program]":
 
 
 def has_stagewise(task: Task) -> bool:
-    """Whether the stagewise method solves the task's programs: one solver does for all meshes; not when time is up."""
+    """Whether the stagewise method is available in time; one solver serves all meshes."""
     return (
         not task.stop
         and condensable(task)
@@ -110,12 +110,12 @@ def has_stagewise(task: Task) -> bool:
 
 
 def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: float = 0.0) -> Attempt:
-    """The condensed program on any mesh, within all limits in the middle of the intervals, too.
+    """Solve the condensed program on any mesh, with all limits in the middle of the intervals, too.
 
     Args:
-        task: the problem and its settings; `has_stagewise`.
-        guess: where it starts.
-        knots: of the mesh as parts of the duration, shape (N + 1,).
+        task: the problem and its settings; requires `has_stagewise`.
+        guess: initial guess.
+        knots: knots of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
         tie: see `Scales.weights`.
     """
@@ -124,7 +124,7 @@ def solve_on_knots(task: Task, guess: Trajectory, knots: Array, settings: Solver
 
 
 def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> None:
-    """Build the functions that `solve_quickly` likely needs, unless they are built."""
+    """Build the functions that `solve_quickly` likely needs."""
     if task.stop:
         return
     if condensable(task):
@@ -134,7 +134,7 @@ def prepare_quickly(task: Task, intervals: int, settings: SolverSettings) -> Non
 
 
 def _on_limits(task: Task, guess: Trajectory) -> bool:
-    """Whether a guess reaches a position or velocity limit: it then likely exceeds it between the knots."""
+    """Whether a guess reaches a position or velocity limit, and so likely exceeds it between the knots."""
     limits, near = task.problem.limits, task.policy.program.near_limit
     room = near * np.ptp(guess.q, axis=0)
     beyond = np.any((guess.q <= limits.position_lower + room) | (guess.q >= limits.position_upper - room))
@@ -142,7 +142,7 @@ def _on_limits(task: Task, guess: Trajectory) -> bool:
 
 
 def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSettings) -> Attempt:
-    """An attempt that keeps all limits in the middle of the intervals, too."""
+    """An attempt that satisfies all limits in the middle of the intervals, too."""
     if not task.stop and isinstance(_solver(task, intervals, settings), Stagewise):
         return _condensed(task, guess, mesh(intervals), settings, bounded=True)[0]
     return solve_on_mesh(task, guess, intervals, settings)
@@ -151,14 +151,14 @@ def _within(task: Task, guess: Trajectory, intervals: int, settings: SolverSetti
 def _condensed(
     task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, bounded: bool = False, tie: float = 0.0
 ) -> tuple[Attempt, bool]:
-    """An attempt, and whether it keeps all limits between the knots, too.
+    """An attempt, and whether it satisfies all limits between the knots, too.
 
     Args:
         task: the problem and its settings.
-        guess: where it starts.
-        knots: of the mesh as parts of the duration, shape (N + 1,).
+        guess: initial guess.
+        knots: knots of the mesh as parts of the duration, shape (N + 1,).
         settings: iteration limit, tolerance, verbosity.
-        bounded: whether it has to; only of `Stagewise`.
+        bounded: whether limits hold between the knots, too; only for `Stagewise`.
         tie: see `Scales.weights`.
     """
     intervals = knots.size - 1
@@ -180,7 +180,7 @@ def _condensed(
 
 @dataclass(frozen=True, eq=False)
 class _Program:
-    """A condensed program in numbers: unknowns to start from, parameters, bounds; scales, and parts of the duration."""
+    """A condensed program in numbers: initial unknowns, parameters, bounds, scales, interval fractions."""
 
     x: Array
     p: Array
@@ -199,9 +199,9 @@ def _solved(
 
     Args:
         task: the problem and its settings.
-        solver: for the program.
-        program: to be solved.
-        middles: see `Stagewise.solve`; None: the middles have no bounds.
+        solver: solver set up for the program.
+        program: the program.
+        middles: see `Stagewise.solve`; None: no bounds on the middles.
     """
     problem, layout, fractions, scales = task.problem, _layout(solver), program.fractions, program.scales
     full, intervals = layout.full, fractions.size
@@ -226,7 +226,7 @@ def _layout(solver: Stagewise | Solver[CondensedNlp]) -> CondensedLayout:
 
 
 def _solver(task: Task, intervals: int, settings: SolverSettings) -> Stagewise | Solver[CondensedNlp]:
-    """The stagewise method where it can be had, else the policy's solver."""
+    """The stagewise method if available, else the policy's solver."""
 
     def build(scheme: Scheme) -> Stagewise | Solver[CondensedNlp]:
         stagewise = Stagewise.of(task.dynamics, scheme, intervals, settings)

@@ -1,4 +1,4 @@
-"""Minimum time by direct collocation."""
+"""Direct collocation: solve a minimum-time problem from one guess on one mesh."""
 
 from dataclasses import replace
 
@@ -34,10 +34,10 @@ def solve_on_mesh(
 
     Args:
         task: the problem and its settings.
-        guess: where it starts.
-        intervals: of the mesh, dealt out to the legs between via points.
+        guess: initial guess.
+        intervals: number of intervals, distributed over the legs between via points.
         settings: iteration limit, tolerance, verbosity.
-        constraints: how much stricter than the problem to be; None: as strict.
+        constraints: tightened path constraints; None: not tightened.
     """
     if task.stop:
         return Attempt.unbegun(task.stop, guess, intervals)
@@ -64,7 +64,7 @@ def solve_on_mesh(
     result = solver.solve(NlpData(x, parameters, (lower, upper), (lbg, ubg)), task.stop)
     x, g = result.x, solver.equations(result.x, parameters)
     landed = result.status is Status.SOLVED
-    # StageRows after the equations of motion are not looked at.
+    # Rows after the equations of motion are not checked.
     beyond = np.maximum(g - ubg, lbg - g)[: intervals * nlp.defects].reshape(intervals, -1)
     own = np.maximum(x[layout.times(intervals)[np.append(0, legs.knots[:-1])]] * scales.time, 0)
     return Attempt(
@@ -94,7 +94,7 @@ def _fix_legs(
     x: Array,
     sides: tuple[Array, Array],
 ) -> None:
-    """Write the legs' durations into a guess; via points, and where to aim instead, into the bounds."""
+    """Write the legs' durations into a guess, and via points with their corrections into the bounds."""
     (lower, upper), N, several = sides, int(legs.knots[-1]), len(legs.intervals) > 1
     knots = layout.knots(N)
     if several:
@@ -112,7 +112,7 @@ def _fix_legs(
 
 
 def prepare(task: Task, intervals: int, settings: SolverSettings) -> None:
-    """Build the functions that `solve_on_mesh` needs, if there is time and they are not built."""
+    """Build the functions that `solve_on_mesh` needs, if there is time."""
     if not task.stop:
         _solver(task, intervals, settings, TightenedConstraints.of(task).rows(task.problem))
 

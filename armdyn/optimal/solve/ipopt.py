@@ -1,4 +1,4 @@
-"""IPOPT as a `Solver`, called from one place: asked whether to stop, and kept from the terminal."""
+"""IPOPT as a `Solver`: polls a stopping condition, prints nothing."""
 
 import sys
 import threading
@@ -19,13 +19,13 @@ from armdyn.optimal.task.solver_settings import SolverSettings
 
 
 class _Muted:
-    """A stream that drops what one thread writes."""
+    """Stream that drops one thread's output."""
 
     def __init__(self, stream: TextIO):
         self._stream, self._thread = stream, threading.get_ident()
 
     def unmute(self) -> None:
-        """Stop dropping that thread's output: somebody may have kept the stream."""
+        """Stop dropping that thread's output: the stream may have been kept elsewhere."""
         self._thread = -1
 
     def write(self, text: str) -> int:
@@ -38,10 +38,10 @@ class _Muted:
 
 @contextmanager
 def silence(verbose: bool) -> Iterator[None]:
-    """Context that drops this thread's output on standard output and error.
+    """Context that drops this thread's standard output and error.
 
     Args:
-        verbose: let it be heard.
+        verbose: drop nothing.
     """
     if verbose:
         yield
@@ -61,7 +61,7 @@ def silence(verbose: bool) -> Iterator[None]:
 
 
 class Monitor(ca.Callback):
-    """An iteration callback of `casadi.nlpsol` that asks a `Stop` while there is one."""
+    """Iteration callback of `casadi.nlpsol` that polls a `Stop`."""
 
     def __init__(self, nx: int, ng: int, np_: int):
         ca.Callback.__init__(self)
@@ -71,7 +71,7 @@ class Monitor(ca.Callback):
 
     @contextmanager
     def watching(self, stop: Stop) -> Iterator[None]:
-        """Context in which the iterations check a `Stop`."""
+        """Context in which the iterations poll a `Stop`."""
         self._stop = stop
         try:
             yield
@@ -79,15 +79,15 @@ class Monitor(ca.Callback):
             self._stop = None
 
     def get_n_in(self) -> int:
-        """The outputs of nlpsol are its inputs."""
+        """Number of inputs: the outputs of nlpsol."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
-        """One: whether to stop."""
+        """One output: whether to stop."""
         return 1
 
     def get_name_in(self, i: int) -> str:
-        """Name of an input, as nlpsol calls it."""
+        """Name of an input, as in nlpsol."""
         return str(ca.nlpsol_out(i))
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
@@ -95,15 +95,15 @@ class Monitor(ca.Callback):
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
     def eval(self, arguments: Any) -> list[int]:
-        """Returns nonzero where IPOPT is to stop."""
+        """Returns nonzero to stop IPOPT."""
         return [int(bool(self._stop))]
 
 
 P = TypeVar("P", bound=Program)
 
 _ASKED, _SMALL = 5, 1000
-"""Iterations between two questions whether to stop, in programs of so many unknowns: a question costs as much as the
-gradients of a small arm. Larger ones, whose iterations take up to a tenth of a second, ask after each."""
+"""Iterations between polls of the stopping condition, by number of unknowns: a poll costs as much as the gradients of a
+small arm. Larger programs, with iterations of up to a tenth of a second, poll after each."""
 
 STATUS = {
     "Solve_Succeeded": Status.SOLVED,
@@ -115,14 +115,14 @@ STATUS = {
     "Maximum_WallTime_Exceeded": Status.TIME_LIMIT,
     "User_Requested_Stop": Status.INTERRUPTED,
 }
-"""IPOPT's words for how it ended."""
+"""IPOPT's return statuses."""
 
 
 class Ipopt(Generic[P]):
     """IPOPT set up for a program, with exact derivatives.
 
     Attributes:
-        program: what it solves.
+        program: the program.
     """
 
     def __init__(self, program: P, settings: SolverSettings):
@@ -147,7 +147,7 @@ class Ipopt(Generic[P]):
         )
 
     def solve(self, data: NlpData, stop: Stop, near: NlpResult | None = None) -> NlpResult:
-        """See `Solver.solve`; all calls of IPOPT go through here."""
+        """Solve the program, see `Solver.solve`; the only place that calls IPOPT."""
         (lbx, ubx), (lbg, ubg) = data.x_bounds, data.g_bounds
         more = {} if near is None else {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
         with one_at_a_time, self._monitor.watching(stop), silence(self._verbose):
@@ -164,7 +164,7 @@ class Ipopt(Generic[P]):
 
 
 def _options(settings: SolverSettings) -> dict[str, float | str]:
-    """IPOPT's options for solver settings."""
+    """IPOPT's options from solver settings."""
     options: dict[str, float | str] = {
         "tol": settings.tolerance,
         "max_iter": settings.max_iterations,
@@ -177,7 +177,7 @@ def _options(settings: SolverSettings) -> dict[str, float | str]:
         "print_level": 5 if settings.verbose else 0,
         "sb": "yes",
     }
-    if settings.exact:  # IPOPT's own "acceptable" is a defect of 1e-2
+    if settings.exact:  # IPOPT's default acceptable level allows defects of 1e-2
         options |= {"bound_relax_factor": 0.0, "acceptable_iter": 0}
     if (accepted := settings.acceptable) is not None:
         options |= {"acceptable_tol": accepted.tolerance, "acceptable_constr_viol_tol": accepted.equations}

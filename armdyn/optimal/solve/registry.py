@@ -1,4 +1,4 @@
-"""All solvers of nonlinear programs. To add one: write its file, and its line here."""
+"""Registry of solvers of nonlinear programs. To add one: write its file, and its line here."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import replace
@@ -17,23 +17,23 @@ P = TypeVar("P", bound=Program)
 S = TypeVar("S")
 
 SOLVERS: dict[str, Callable[[Any, SolverSettings], Solver[Any]]] = {"ipopt": Ipopt}
-"""From a program and settings to a solver, by the names that `ProgramPolicy.solver` knows."""
+"""Solvers by their name in `ProgramPolicy.solver`: maps from program and settings to a solver."""
 
 _KEPT = 64
-"""Solvers that stay built."""
+"""Number of solvers that stay in the cache."""
 
 
 def solver_for(task: Task, settings: SolverSettings, build: Callable[..., P], *arguments: Hashable) -> Solver[P]:
-    """The policy's solver for the program that a function builds of its arguments; equal ones share it."""
+    """The policy's solver for the program that a function builds from arguments; cached by these."""
     return _built(task.policy.program.solver, settings, build, arguments)
 
 
 def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
-    """Build with the task's scheme before its deadline; without compiling if time does not allow it.
+    """Build with the task's scheme before its deadline; without compilation if the time is too short.
 
     Args:
-        task: whose scheme and deadline they are.
-        build: calls `solver_for`, say.
+        task: task with scheme and deadline.
+        build: function of a scheme, such as a call of `solver_for`.
     """
     stop = task.stop
     with until(stop.deadline, lambda: stop.interrupted):

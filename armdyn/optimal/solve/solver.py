@@ -21,10 +21,10 @@ class NlpData:
     """A program in numbers.
 
     Attributes:
-        x: unknowns to start from.
+        x: unknowns initial unknowns.
         p: parameters.
-        x_bounds: least and largest unknowns.
-        g_bounds: least and largest values of the equations.
+        x_bounds: lower and upper bounds of the unknowns.
+        g_bounds: lower and upper bounds of the equations.
     """
 
     x: Array
@@ -38,10 +38,10 @@ class NlpResult:
     """Result of one solve.
 
     Attributes:
-        status: how it ended.
-        message: the solver's words for it.
-        iterations: that it took.
-        x: the unknowns where it ended; those where it began if it ended in none that are finite.
+        status: status of the solve.
+        message: the solver's status in words.
+        iterations: number of iterations.
+        x: the last unknowns; the initial ones if the last are not finite.
         lam_x: multipliers of the unknowns' bounds, positive at upper ones.
         lam_g: multipliers of the equations, likewise.
     """
@@ -57,15 +57,15 @@ class NlpResult:
     def of(
         cls, status: Status, message: str, stop: Stop, iterations: int, data: NlpData, found: tuple[Array, Array, Array]
     ) -> Self:
-        """The result; of a solve that was stopped, why, and of one that has left the finite numbers, its start.
+        """Make the result; after a stop with its reason, after an overflow with the initial unknowns.
 
         Args:
-            status: as the solver says; INTERRUPTED where `stop` said so.
-            message: likewise.
-            stop: that it asked.
-            iterations: that it took.
+            status: the solver's status; INTERRUPTED after a stop.
+            message: the solver's status in words.
+            stop: stopping condition that was polled.
+            iterations: number of iterations.
             data: the program.
-            found: x, lam_x and lam_g where it ended.
+            found: last x, lam_x and lam_g.
         """
         x, lam_x, lam_g = found
         if status is Status.INTERRUPTED and not stop.interrupted:
@@ -76,10 +76,10 @@ class NlpResult:
 
 
 class Solver(Protocol[P_co]):
-    """A method, set up for one program.
+    """Solver that is set up for one program.
 
     Attributes:
-        program: what it solves.
+        program: the program.
     """
 
     @property
@@ -89,9 +89,9 @@ class Solver(Protocol[P_co]):
         """Solve the program.
 
         Args:
-            data: its numbers.
-            stop: asked every few iterations whether to end.
-            near: result of a nearly equal program, where the settings are warm.
+            data: the program's numbers.
+            stop: stopping condition, polled every few iterations.
+            near: result of a similar program, for a warm start if the settings request it.
         """
         ...
 

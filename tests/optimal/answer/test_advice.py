@@ -66,9 +66,9 @@ def test_among_obstacles_another_path_may_help():
     ("certificate", "arcs", "options", "words"),
     [
         (LANDED, False, {}, "arcs were not resolved"),
-        (LANDED, True, {}, "not quite those of an optimum"),
+        (LANDED, True, {}, "do not quite satisfy the optimality conditions"),
         (LANDED, False, {"jerk_limit": 1e3}, "not checked with jerk limits"),
-        (replace(LANDED, goal_error=1e-5), True, {}, "more than 1e-6 beside the goal"),
+        (replace(LANDED, goal_error=1e-5), True, {}, "more than 1e-6 off the goal"),
     ],
 )
 def test_why_it_is_no_extremal(certificate, arcs, options, words):
@@ -90,7 +90,7 @@ def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
         (LANDED, {"effort_weight": 1.0}, "`effort_weight`"),
         (replace(LANDED, goal_error=1e-5).bounded(1.0, 1.0), {}, "not proven"),
         (LANDED.bounded(1.0, 0.9), {}, "faster than the lower bound"),
-        (LANDED.bounded(1.0, 1.7), {}, "says little where torque limits decide"),
+        (LANDED.bounded(1.0, 1.7), {}, "weak where torque limits decide"),
         (LANDED.bounded(1.0, 1.02), {}, "a gap of 2 %"),
     ],
 )

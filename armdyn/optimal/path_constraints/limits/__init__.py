@@ -1,1 +1,1 @@
-"""Limits along the way: of accelerations and jerks, of how fast torques change and frames move."""
+"""Limits along the path: of accelerations, jerks, torque rates and frame speeds."""

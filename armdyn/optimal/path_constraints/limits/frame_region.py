@@ -1,4 +1,4 @@
-"""Region of a frame along the way: a straight approach, or a tool that is kept upright."""
+"""Region of a frame along the path: a straight approach, or a tool that stays upright."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
 _STAGES = (1, 2, 3)
-"""Of an interval of a curve; its first one is the last of the interval before."""
+"""Checked stages of a curve's interval; its first is the last of the interval before."""
 _REMAINDER = 0.01
-"""Part of a tolerance that a deviation may change by between two looks, as far as is proven."""
+"""Part of a tolerance by which a deviation may provably change between two checks."""
 _LOOKS = 100
-"""Looks at a sample at most."""
+"""Largest number of checks per sample."""
 _TURN = {True: 1.0, False: 2.5}
-"""Largest turn [rad] with a free axis, and without: for larger ones `_SECOND` does not hold."""
+"""Largest rotation [rad] with and without a free axis: beyond these `_SECOND` does not hold."""
 _SECOND = (1.6, 2.8)
-"""Second derivatives of the rotation vector are no larger than 1.6 times the angular acceleration plus 2.8 times the
-squared angular velocity. Without a free axis the vector changes by J ω, with |J| = (φ/2) / sin(φ/2) <= 1.32 and
-|∂J/∂φ| <= 1.04 up to 2.5 rad: 1.32 |α| + 1.04 1.32 |ω|². With one it is g(c) e × a with c = e·a = cos θ and
-g = θ / sin θ; up to 1 rad g <= 1.19, |g'| <= 0.51 and |g''| <= 0.53, |a'| <= |ω|, |a''| <= |α| + |ω|²."""
+"""Bounds of second derivatives of the rotation vector: 1.6 times the angular acceleration plus 2.8 times the squared
+angular velocity. Without a free axis the vector changes by J ω, with |J| = (φ/2) / sin(φ/2) <= 1.32 and |∂J/∂φ| <= 1.04
+up to 2.5 rad: 1.32 |α| + 1.04 1.32 |ω|². With a free axis the vector is g(c) e × a with c = e·a = cos θ and g = θ / sin
+θ; up to 1 rad g <= 1.19, |g'| <= 0.51 and |g''| <= 0.53, |a'| <= |ω|, |a''| <= |α| + |ω|²."""
 
 
 @dataclass(frozen=True)
 class FrameRegion(PartialLimit):
-    """A frame stays in a region along a leg, or all the motion.
+    """A frame stays in a region along a leg, or the whole motion.
 
     Attributes:
-        region: where the frame is to be: free, or with a tolerance, in every direction.
+        region: region of the frame: free, or with a tolerance, in every direction.
         leg: number of the leg between `MinimumTimeProblem.via`, from 0; None: the whole motion.
     """
 
@@ -68,7 +68,7 @@ class FrameRegion(PartialLimit):
         return {"region": self.region, **({} if self.leg is None else {"leg": self.leg})}
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """Check the frame, and fill in tolerances for all directions in which it can move."""
+        """Check the frame, and fill in tolerances for all directions in which the frame can move."""
         try:
             moving = moving_directions(robot, self.region)
         except SpecError as error:
@@ -100,7 +100,7 @@ class FrameRegion(PartialLimit):
                 )
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Deviations at the stages of every interval, and where the leg begins."""
+        """Deviations at the stages of every interval, and at the leg's start."""
         every = region_rows(problem.robot, self.region, "every", self.leg, _STAGES)
         return (every, region_rows(problem.robot, self.region, "first", self.leg, (0,)))
 
@@ -109,7 +109,7 @@ class FrameRegion(PartialLimit):
         return tuple(region_values(problem.robot, self.region, part, count) for count in (len(_STAGES), 1))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """Check the region by Pinocchio, so densely that bounds of second derivatives prove the rest."""
+        """Check the region by Pinocchio, densely enough for a proof by bounds of second derivatives."""
         marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
         first, last = (marks[0], marks[-1]) if self.leg is None else marks[self.leg : self.leg + 2]
         limited = np.isfinite(self.region.deviations) & moving_directions(problem.robot, self.region)
@@ -128,7 +128,7 @@ class FrameRegion(PartialLimit):
         return ConstraintReport(name, words, share, tuple(reasons), worst)
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
-        """Lower the tolerances by what the replay exceeded them, and a little more."""
+        """Lower the tolerances by the replay's excess and a margin."""
         if not report.reasons:
             return self
         part = (1 - self.policy.region_spare) * self.part / max(float(report.share or 1), 1.0)
@@ -138,17 +138,18 @@ class FrameRegion(PartialLimit):
 def _looked(
     robot: Robot, region: GoalPose, motion: Trajectory, span: tuple[float, float], limited: Flags
 ) -> tuple[Array, Array, float]:
-    """Deviations of a frame, proven upper bounds in between included, as parts of the tolerances.
+    """Deviations of a frame over the tolerances, including proven upper bounds between checks.
 
     Args:
         robot: the arm.
-        region: from which the frame deviates.
-        motion: between its samples joints follow cubics.
-        span: when it is looked at [s].
-        limited: which directions count, shape (6,).
+        region: region of the frame.
+        motion: motion, cubic between its samples.
+        span: times of start and end of the check [s].
+        limited: whether a direction is limited, shape (6,).
 
     Returns:
-        Times [s], shape (m,), the deviations around them, shape (m, limited directions), and the largest turn [rad].
+        Times [s], shape (m,), bounds of the deviations around them, shape (m, limited directions), and the largest
+        rotation [rad].
     """
     point, (speed, turning) = frame_accelerations(robot, motion, region.frame)
     second = np.repeat(np.column_stack([point, _SECOND[0] * turning + _SECOND[1] * speed**2]), 3, axis=1)
@@ -163,7 +164,7 @@ def _looked(
     owner = np.append(owner, steps.size - 1)
     found = deviations_of(robot, region, motion(times).q)
     rest = (beyond / counts[:, None] ** 2)[owner]
-    rest[1:] = np.maximum(rest[1:], rest[:-1])  # a look bounds what lies on both its sides
+    rest[1:] = np.maximum(rest[1:], rest[:-1])  # a check bounds the deviation on both its sides
     angle = np.linalg.norm(found[:, 3:], axis=1) if np.any(limited[3:]) else np.zeros(times.size)
     longest = float(np.max(angle + (speed[steps] * (end - begin))[owner]))
     return times, (np.abs(found[:, limited]) + rest) / tolerance, longest

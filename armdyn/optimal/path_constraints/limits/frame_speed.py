@@ -1,4 +1,4 @@
-"""Limits of how fast a frame of the arm moves: ISO 10218-1 asks 0.25 m/s of a tool in manual reduced-speed mode."""
+"""Limit of a frame's speed: ISO 10218-1 limits a tool to 0.25 m/s in manual reduced-speed mode."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class FrameSpeedLimit(PartialLimit):
-    """The origin of a frame never moves faster in the world than this.
+    """Limit of the speed of a frame's origin in the world.
 
     Attributes:
-        limit: [m/s].
-        frame: its name; None: the robot's tip.
+        limit: largest speed [m/s].
+        frame: name of the frame; None: the robot's tip.
     """
 
     limit: float
@@ -46,17 +46,17 @@ class FrameSpeedLimit(PartialLimit):
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """The constraint from the one number and the frame of an option."""
+        """The constraint from an option's number and frame."""
         if len(values) != 1:
             raise ProblemError(f"--limit {cls.option} has {len(values)} numbers; give one, and it again per frame")
         return cls(values[0], frame)
 
     def option_text(self) -> str:
-        """The constraint as its option says it, with all digits."""
+        """Text of the constraint for its option, with all digits."""
         return f"{self.option}={float(self.limit)!r}" + (f"@{self.frame}" if self.frame else "")
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """Resolve the frame's name, and check that start and goal keep the limit."""
+        """Resolve the frame's name, and check the limit at start and goal."""
         frame = robot.tip if self.frame is None else self.frame
         try:
             fixed = robot.frame(frame)
@@ -73,7 +73,7 @@ class FrameSpeedLimit(PartialLimit):
         return replace(self, frame=frame)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Squares at the stages of every interval, as parts of the limit's."""
+        """Squared speeds at the stages of every interval, over the squared limit."""
         fixed = problem.robot.frame(str(self.frame))
         return (StageRows(_squares, (fixed.parentJoint, *fixed.placement.translation.tolist()), numbers=1),)
 
@@ -108,7 +108,7 @@ def _squares(stages: Stages, over_square: ca.SX, joint: int, *offset: float) -> 
 def _speeds(robot: Robot, frame: str, q: Array, v: Array) -> Array:
     """Speed of a frame's origin [m/s], shape (samples,)."""
     model, data, fixed = robot.model, robot.model.createData(), robot.frame(frame)
-    twists = []  # of the joint that carries the frame, in its own axes
+    twists = []  # of the frame's joint, in the joint's axes
     for positions, velocities in zip(q, v, strict=True):
         pin.forwardKinematics(model, data, robot.configuration(positions), velocities)
         twists.append(data.v[fixed.parentJoint].vector.copy())

@@ -13,14 +13,14 @@ from armdyn.optimal.program.interval import Stages
 
 @dataclass(frozen=True)
 class JerkLimit(DerivativeLimit):
-    """No joint's acceleration changes faster than `problem.jerk_limit`; before and after the motion it is zero."""
+    """No joint's jerk exceeds `problem.jerk_limit`; before and after the motion the acceleration is zero."""
 
     name = "jerk limits"
     order = 3
     continuous_torque = True
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Differences between the stages as parts of the limits; the accelerations at both ends."""
+        """Differences of accelerations between stages over the limits; the accelerations at both ends."""
         return (
             StageRows(_jerks, numbers=problem.robot.nv),
             StageRows(_acceleration_at, (0,), where="first"),

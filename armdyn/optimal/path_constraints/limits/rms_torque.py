@@ -29,7 +29,7 @@ from armdyn.trajectory import Trajectory
 class RmsTorque(PartialLimit):
     """Limit of each joint's root mean square of the torque over the motion and a dwell at the goal.
 
-    ∫ τ² dt + dwell τ_h² ≤ limit² (T + dwell); in the dwell motors hold the arm with the torque τ_h. Gravity and
+    ∫ τ² dt + dwell τ_h² ≤ limit² (T + dwell); in the dwell the motors hold the arm with the torque τ_h. Gravity and
     friction are part of τ.
 
     Attributes:
@@ -58,12 +58,12 @@ class RmsTorque(PartialLimit):
         return cls(values[0] if len(values) == 1 else values, dwell)
 
     def option_text(self) -> str:
-        """The constraint as its option says it, with all digits."""
+        """Text of the constraint for its option, with all digits."""
         dwell = f"@{float(self.dwell)!r}" if self.dwell else ""
         return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}{dwell}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """Expand the limit to one number per joint, and check that a dwell's goal is at rest."""
+        """Expand the limit to one number per joint, and check that the goal of a dwell is at rest."""
         limit = per_joint(
             self.limit,
             robot.joint_names,
@@ -87,7 +87,7 @@ class RmsTorque(PartialLimit):
         return (RowValues(-np.inf, left, np.append(np.asarray(self.limit, dtype=float) ** -2, square)),)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """The integral of the replay's torques, which are linear between samples."""
+        """Check the integral of the replay's torques, linear between samples."""
         tau, steps = motion.tau / np.asarray(self.limit), np.diff(motion.t)
         heat = steps @ (tau[1:] ** 2 + tau[1:] * tau[:-1] + tau[:-1] ** 2) / 3 + self.dwell * self._held(problem)
         used = np.sqrt(heat / (motion.duration + self.dwell))
@@ -98,7 +98,7 @@ class RmsTorque(PartialLimit):
         return self.report(share, words, reason, ("continuous-torque limit", joint, float(motion.t[-1])))
 
     def _held(self, problem: MinimumTimeProblem) -> Array:
-        """Squares of the holding torques at the goal, over those of the limits, shape (nv,)."""
+        """Squared holding torques at the goal over squared limits, shape (nv,)."""
         return np.asarray(problem.holding_torque() / np.asarray(self.limit)) ** 2
 
 

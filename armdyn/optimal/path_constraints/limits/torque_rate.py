@@ -1,4 +1,4 @@
-"""Limits of how fast the joints' torques change: current controllers, gears and structures bear no jumps."""
+"""Limits of torque rates: current controllers, gears and structures do not tolerate jumps."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from armdyn.trajectory import Trajectory
 @brief
 @dataclass(frozen=True, eq=False)
 class TorqueRateLimit(PathConstraint):
-    """No joint's torque changes faster than this.
+    """Limits of the torque rates.
 
-    Where the motion begins or ends at rest, so does the torque, with what holds the arm there, if the actuator can.
+    At an end at rest the torque is the holding torque, if the actuator can supply it.
 
     Attributes:
-        limit: [N m/s or N/s]: one number, or one per joint; inf for none.
+        limit: largest torque rate [N m/s or N/s]: one number, or one per joint; inf for none.
     """
 
     limit: ArrayLike
@@ -54,17 +54,17 @@ class TorqueRateLimit(PathConstraint):
 
     @classmethod
     def of_option(cls, values: list[float], frame: str | None) -> Self:
-        """One number, or one per joint."""
+        """Parse one number, or one per joint."""
         if frame is not None:
             raise ProblemError(f"--limit {cls.option}: it limits joints, not frame {frame!r}; leave @{frame} out")
         return cls(values[0] if len(values) == 1 else values)
 
     def option_text(self) -> str:
-        """The constraint as its option says it, with all digits."""
+        """Text of the constraint for its option, with all digits."""
         return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
-        """One number per joint, all positive."""
+        """Expand the limit to one positive number per joint."""
         what, unit = "TorqueRateLimit", "N m/s"
         limit = per_joint(
             self.limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive"
@@ -75,7 +75,7 @@ class TorqueRateLimit(PathConstraint):
         return np.asarray(self.limit)
 
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-        """Rates in every interval, as parts of the limits; the torques at both ends."""
+        """Rates in every interval over the limits; the torques at both ends."""
         n = problem.robot.nv
         return (
             StageRows(_rates, numbers=n),
@@ -84,13 +84,13 @@ class TorqueRateLimit(PathConstraint):
         )
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Bounds of ±1, and none where the holding torque itself is out of reach."""
+        """Bounds of ±1, and none at an end whose holding torque is out of reach."""
         ends = [RowValues(-free, free, hold) for hold, free in (self._held(problem, x) for x in _ends(problem))]
         return (RowValues(-1, 1, 1 / np.asarray(self.limit)), *ends)
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """Between every two samples: the replay's torques are linear there."""
-        # A jump of the torque takes no time that a number could hold.
+        """Check rates between consecutive samples, where the replay's torques are linear."""
+        # A jump of the torque takes less time than a number can resolve.
         limit = np.asarray(self.limit)
         rates = np.abs(np.diff(motion.tau, axis=0)) / np.diff(motion.t)[:, None] / limit
         share = float(np.max(rates))
@@ -116,7 +116,7 @@ class TorqueRateLimit(PathConstraint):
         return ConstraintReport(self.name, words, share, tuple(reasons), most_violated, order=0 if jumps else 1)
 
     def _held(self, problem: MinimumTimeProblem, x: Array) -> tuple[Array, Array]:
-        """Holding torques in a state [N m or N], and how far from them each torque may be: 0, or inf if it is free."""
+        """Holding torques in a state [N m or N], and the allowed distance from them: 0, or inf if a torque is free."""
         robot, limits, n = problem.robot, problem.limits, problem.robot.nv
         hold = robot.holding_torque(x[:n])
         able = limits.actuators.allows(hold, x[:n], x[n:])
@@ -125,7 +125,7 @@ class TorqueRateLimit(PathConstraint):
 
 
 def _slope(stages: Stages) -> ca.SX:
-    """Change of the torque, linear in the interval, over it [N m or N]."""
+    """Change of the torque over the interval [N m or N]; the torque is linear in it."""
     slope: ca.SX = (stages.tau[:, -1] - stages.tau[:, 0]) / (stages.c[-1] - stages.c[0])
     return slope
 
@@ -136,7 +136,7 @@ def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
 
 
 def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
-    """Difference of the torque from another one at a fraction of the interval, over its scale."""
+    """Difference of the torque from a given one at a fraction of the interval, over its scale."""
     beside: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
     return beside
 

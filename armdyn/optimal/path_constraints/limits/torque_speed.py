@@ -17,7 +17,7 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class TorqueSpeedLimit(PartialLimit):
-    """The lines |τ + s v| ≤ c of the problem's actuators; curves keep them without rows of their own."""
+    """The lines |τ + s v| ≤ c of the problem's actuators; curves satisfy them without rows of their own."""
 
     name = "torque-speed curves"
 
@@ -48,7 +48,7 @@ class TorqueSpeedLimit(PartialLimit):
 
 
 def _lines(stages: Stages, numbers: ca.SX, lines: int, inner: bool) -> ca.SX:
-    """(τ + s v) / c at the stages but a first one that is a knot, or at the first one alone."""
+    """(τ + s v) / c at the stages except a first one that is a knot, or at the first one alone."""
     n, count = stages.effort.numel(), stages.c.size
     torque, speed = (ca.reshape(half, n, lines) for half in ca.vertsplit(numbers, n * lines))
     used = [torque * stages.tau[:, i] + speed * stages.v[:, i] for i in range(count)]

@@ -1,4 +1,4 @@
-"""Velocity limits that fall to zero towards the ends of the joints' ranges, as Franka Research 3 has them."""
+"""Velocity limits that fall to zero towards the ends of the joints' ranges, as for Franka Research 3."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -52,12 +52,12 @@ class VelocityTaperLimit(PartialLimit):
 
 
 def _taper(problem: MinimumTimeProblem) -> VelocityTaper:
-    assert problem.preset is not None and problem.preset.taper is not None  # noqa: S101  # `from_problem` asked
+    assert problem.preset is not None and problem.preset.taper is not None  # noqa: S101  # checked by `from_problem`
     return problem.preset.taper
 
 
 def _beyond(stages: Stages, numbers: ca.SX) -> ca.SX:
-    """Distance of positions beyond the last at which their velocities are allowed, as parts of the joints' ranges."""
+    """Excess of positions over the largest ones allowed at their velocities, over the joints' ranges."""
     n = stages.effort.numel()
     lower, upper, gain, offset, part = ca.vertsplit(numbers, [0, n, 2 * n, 3 * n, 4 * n, 4 * n + 1])
     first = 1 if all(stages.knots) else 0  # that stage is the last of the interval before

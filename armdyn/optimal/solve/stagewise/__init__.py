@@ -1,1 +1,1 @@
-"""The condensed program solved interval by interval: an interior-point method of our own, in C."""
+"""Stagewise interior-point method for the condensed program, in C."""

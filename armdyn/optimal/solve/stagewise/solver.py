@@ -1,4 +1,4 @@
-"""The condensed program of an arm on a mesh, solved by the method in C."""
+"""Stagewise solver: the condensed program of an arm on a mesh, solved by the C library."""
 
 import ctypes
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 
 _ASKED = 10
-"""Iterations between two questions whether to stop: half a millisecond; a thread may have to wait for another one."""
+"""Iterations between polls of the stopping condition: half a millisecond; taking Python's lock may wait for threads."""
 _ENDED = (
     "Solve_Succeeded",
     "Solved_To_Acceptable_Level",
@@ -29,20 +29,20 @@ _ENDED = (
     "Invalid_Number_Detected",
     "Search_Direction_Becomes_Too_Small",
 )
-"""IPOPT's words for what `solve` in C returns."""
+"""Statuses of `solve` in C, as IPOPT names them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stagewise:
-    """A condensed program with constant torques on a mesh, solved interval by interval.
+    """Solver of a condensed program with constant torques, interval by interval.
 
-    Without `settings.convex` the method is IPOPT's with IPOPT's constants, and takes the same iterations to the same
-    optimum from nearly every guess; one takes a tenth of the time. It is reentrant.
+    Without `settings.convex` the method and its constants are IPOPT's, and the iterations and the optimum are the same
+    from nearly every guess, at a tenth of the time per iteration. It is reentrant.
 
     Attributes:
-        library: of the arm.
-        layout: where what stands.
-        intervals: of the mesh.
+        library: C library of the arm.
+        layout: layout of the unknowns, equations and parameters.
+        intervals: number of intervals.
         settings: tolerance, iteration limit, barrier, push, verbosity.
     """
 
@@ -53,12 +53,12 @@ class Stagewise:
 
     @classmethod
     def of(cls, dynamics: Dynamics, scheme: Scheme, intervals: int, settings: SolverSettings) -> Self | None:
-        """Set up the method; None if the scheme does not fit or there is no library; as for `compiled_library`.
+        """Set up the method; None if the scheme does not fit or no library is available; see `compiled_library`.
 
         Args:
-            dynamics: with a free last body.
-            scheme: how motion becomes unknowns.
-            intervals: of the mesh.
+            dynamics: dynamics with a symbolic last body.
+            scheme: transcription scheme.
+            intervals: number of intervals.
             settings: tolerance, iteration limit, barrier, push, verbosity.
         """
         if not has_condensed(scheme) or scheme.control != "constant":
@@ -72,12 +72,13 @@ class Stagewise:
         """Solve one program.
 
         Args:
-            data: the program in numbers; bounds of the first and the last state coincide, all equations are zero.
-            stop: asked every few iterations.
-            middles: least and largest states in the middle of the intervals, a column each, shape (2 nv, N); None: any.
+            data: the program in numbers; first and last state have equal bounds, all equations are zero.
+            stop: stopping condition, polled every few iterations.
+            middles: lower and upper bounds of the states in the middle of the intervals, each of shape (2 nv, N); None:
+                no bounds.
 
         Raises:
-            MemoryError: there is none left.
+            MemoryError: out of memory.
         """
         own, size, rows, x = self.settings, len(data.x), self._equations, data.x
         lower, upper = data.x_bounds
@@ -98,7 +99,7 @@ class Stagewise:
                 if own.verbose:
                     print(f"{iteration:4d} {cost:14.8f} {infeasible:9.2e} {error:9.2e} {barrier:8.1e}")  # noqa: T201
                 return bool(stop)
-            except BaseException as failure:  # C knows none: it is raised when C has returned
+            except BaseException as failure:  # cannot pass through C: raised after its return
                 raised.append(failure)
                 return True
 
@@ -118,7 +119,7 @@ class Stagewise:
         return self._values(x, p)[0]
 
     def middles(self, x: Array, p: Array) -> Array:
-        """States in the middle of the intervals, a column each, shape (2 nv, N)."""
+        """States in the middle of the intervals, one column each, shape (2 nv, N)."""
         return self._values(x, p)[1].reshape(self.intervals, -1).T
 
     @property
