@@ -6,12 +6,18 @@ import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
+from armdyn.control.laws.linear import held
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 
 _FREQUENCIES = 4000
 """Evaluated frequencies, evenly spaced in the logarithm, from a millionth of Nyquist's frequency up to it."""
 _DECADES = 6
+_ABOUT = np.linspace(-1.5, 1.5, 97)
+"""Further frequencies about each pole, in its distances from the unit circle: resonances are narrower than a step."""
+_APART = 1e-9
+"""Least relative distance of two frequencies: differences of closer ones are rounding."""
+_HALVINGS = 40
 _SINGULAR = 1e13
 """Condition of z I - A from which on z is a pole. Torques and angles in one state have up to 1e8 without one."""
 
@@ -25,7 +31,7 @@ class Margins:
         gain: factors of the torque (least, greatest) between which the loop is stable. The least is above 0 where
             only feedback keeps the arm up, 0 where the joint's loop may be opened; the greatest may be infinite.
         phase: least angle [rad] by which the torque may lag or lead at all its crossovers; infinite: no crossover.
-        delay: least additional delay [s] that makes the loop unstable; infinite: none does.
+        delay: least additional delay [s] that makes the loop unstable, also of a part of a tick; infinite: none does.
         disk: α of the disk margin: gain and phase may change together within the disk about 1 with the diameter from
             (2 - α)/(2 + α) to (2 + α)/(2 - α) (Seiler, Packard, Gahinet, An Introduction to Disk Margins, IEEE Control
             Systems Magazine 40(5), 2020).
@@ -41,8 +47,8 @@ class Margins:
 def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
     """The margins of a stable sampled loop, joint by joint, by python-control.
 
-    The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and between them
-    by interpolation, good to about 1e-4.
+    The loop is broken where the arm feels one joint's torque. Crossings are found on 4,000 frequencies and more about
+    the loop's poles, and between them by interpolation, good to about 1e-4.
 
     Args:
         loop: see `sampled_loop`.
@@ -72,7 +78,7 @@ def multiloop_disk(loop: SampledLoop) -> float:
     """
     _expect_stable(loop)
     one = np.eye(loop.torque.shape[1])
-    response = _response(loop, loop.carried, loop.torque, loop.felt)
+    response = _response(loop, (loop.carried, loop.torque, loop.felt), frequencies(loop, loop.carried))
     sensitivity = np.linalg.inv(one - response)
     return float(1 / np.linalg.norm(sensitivity - one / 2, ord=2, axis=(1, 2)).max())
 
@@ -92,6 +98,22 @@ def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
     return A, loop.torque[:, [joint]], -loop.felt[[joint]]
 
 
+def late_radius(loop: SampledLoop, joint: int, part: float) -> float:
+    """Spectral radius if the arm feels one joint's torque a part of a tick later.
+
+    Args:
+        loop: see `sampled_loop`.
+        joint: which, from 0.
+        part: 0 to 1.
+    """
+    one = [joint]
+    within = held(*loop.arm, (1 - part) * loop.period)[1][:, one]
+    now = np.vstack([within, np.zeros((len(loop.carried) - len(within), 1))])
+    before = loop.torque[:, one] - now
+    matrix = np.block([[loop.matrix - before @ loop.felt[one], before], [loop.felt[one], np.zeros((1, 1))]])
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
 def _expect_stable(loop: object) -> None:
     """Raise unless it is a sampled loop that is stable."""
     radius = expect(loop, SampledLoop, "loop", "sampled_loop(robot, q_goal, controller, loop)").radius
@@ -102,29 +124,56 @@ def _expect_stable(loop: object) -> None:
 def _margins(loop: SampledLoop, joint: int) -> Margins:
     import control
 
-    response = _response(loop, *broken(loop, joint))[:, 0, 0]
-    data = control.FrequencyResponseData(response, _frequencies(loop), smooth=True)
+    opened = broken(loop, joint)
+    omega = frequencies(loop, opened[0])
+    response = _response(loop, opened, omega)[:, 0, 0]
+    data = control.FrequencyResponseData(response, omega, smooth=True)
     gains, phases, _, _, crossovers, _ = control.stability_margins(data, returnall=True)
     gains = np.append(gains, _at_ends(loop, joint))
     lags = np.deg2rad(np.mod(phases, 360.0))
+    delay = float((lags / crossovers).min(initial=np.inf)) if crossovers.size else np.inf
     return Margins(
         joint=joint,
         gain=(float(max(gains[gains < 1], default=0.0)), float(min(gains[gains > 1], default=np.inf))),
         phase=float(np.abs(np.deg2rad(phases)).min(initial=np.inf)),
-        delay=float((lags / crossovers).min(initial=np.inf)) if crossovers.size else np.inf,
+        delay=_within_a_tick(loop, joint) if abs(response[-1]) > 1 else delay,
         disk=float(1 / np.abs(1 / (1 + response) - 0.5).max()),
     )
 
 
-def _frequencies(loop: SampledLoop) -> Array:
-    """Frequencies from far below the loop's slowest mode to Nyquist's frequency [rad/s]."""
+def _within_a_tick(loop: SampledLoop, joint: int) -> float:
+    """Delay margin [s] of a loop whose response is above 1 at Nyquist's frequency.
+
+    There it is real, and a tick changes its sign, which no lag of a crossover shows: one tick makes the loop unstable.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if late_radius(loop, joint, middle) < 1 else (low, middle)
+    return high * loop.period
+
+
+def frequencies(loop: SampledLoop, A: Array) -> Array:
+    """Frequencies from far below the loop's slowest mode to Nyquist's frequency [rad/s], more about the poles.
+
+    Args:
+        loop: whose closed loop's poles count.
+        A: matrix whose poles count, too, shape (n, n).
+    """
     nyquist = np.pi / loop.period
-    return np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
+    even = np.geomspace(nyquist * 10.0**-_DECADES, nyquist, _FREQUENCIES)
+    poles = np.linalg.eigvals(np.stack([loop.matrix, A]))
+    poles = poles[poles.imag >= 0, None]
+    near = np.angle(poles) + np.abs(1 - np.abs(poles)) * _ABOUT
+    found = np.sort(np.concatenate([even, near.ravel() / loop.period]))
+    apart = np.append(np.diff(found) > _APART * found[1:], True)
+    return np.asarray(found[(found >= even[0]) & (found <= nyquist) & apart])
 
 
-def _response(loop: SampledLoop, A: Array, B: Array, C: Array) -> Array:
-    """C (z I - A)⁻¹ B at the loop's frequencies, shape (frequencies, outputs, inputs)."""
-    z = np.exp(1j * _frequencies(loop) * loop.period)
+def _response(loop: SampledLoop, system: tuple[Array, Array, Array], omega: Array) -> Array:
+    """C (z I - A)⁻¹ B of a system A, B, C at frequencies omega [rad/s], shape (frequencies, outputs, inputs)."""
+    A, B, C = system
+    z = np.exp(1j * omega * loop.period)
     response: Array = C @ np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B)
     return response
 

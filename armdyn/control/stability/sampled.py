@@ -13,7 +13,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.linear import held
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.stability.linear import BeyondNumbersError, Rest
+from armdyn.control.stability.linear import BeyondNumbersError, LinearPlant, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
@@ -39,12 +39,14 @@ class SampledLoop:
         torque: shape (n, nv): effect of the applied torque within one tick.
         felt: shape (nv, n).
         period: one tick [s].
+        arm: between ticks.
     """
 
     carried: Array
     torque: Array
     felt: Array
     period: float
+    arm: LinearPlant
 
     @classmethod
     def of(cls, rest: Rest, loop: Loop) -> Self:
@@ -82,7 +84,7 @@ class SampledLoop:
                     *([p[nv:], command] if loop.delay else []),
                 ]
             )
-            closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h)
+            closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h, rest.plant)
             if not np.all(np.isfinite(closed.matrix)):
                 raise BeyondNumbersError(
                     "the sampled loop exceeds the range of floating-point numbers: its gains or period are too large"

@@ -6,13 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.margins import broken, loop_margins, multiloop_disk
+from armdyn.control.stability.margins import broken, frequencies, late_radius, loop_margins, multiloop_disk
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
+from armdyn.models.robots.robot import Robot
 from pid_loops import example
 
 CASES = {
@@ -94,10 +96,9 @@ def test_phase_and_disk_margins_agree_with_python_control(case):
     import control  # takes half a second, of the one worker that runs this
 
     loop = loop_of(case)
-    omega = np.geomspace(np.pi / loop.period * 1e-6, np.pi / loop.period, 4000)
     for one in margins_of(case):
         system = control.ss(*broken(loop, one.joint), 0.0, loop.period)
-        disk, _, _ = control.disk_margins(system, omega)
+        disk, _, _ = control.disk_margins(system, frequencies(loop, system.A))
         assert one.disk == pytest.approx(disk, rel=1e-6)
         # Both points of the real axis and the phase of the disk lie within what the loop bears (Seiler et al., (8)).
         assert one.gain[0] <= (2 - one.disk) / (2 + one.disk)
@@ -124,3 +125,32 @@ def test_an_unstable_loop_has_no_margins():
     for margin in (loop_margins, multiloop_disk):
         with pytest.raises(ProblemError, match=r"unstable, with a spectral radius of 1\.7"):
             margin(loop)
+
+
+@pytest.mark.slow
+def test_narrow_resonances_are_met():
+    """Near instability the disk margin is that of a peak between evenly spaced frequencies."""
+    robot, poses = example("RR Ex5", grams=100.6)
+    loop = sampled_loop(robot, poses["q_goal"], ComputedTorque(bandwidth=120.0, damping=0.1018), Loop())
+    assert 0.9999 < loop.radius < 1
+    poles = np.linalg.eigvals(loop.matrix)
+    slowest = poles[np.argmax(np.abs(poles))]
+    angles = abs(np.angle(slowest)) + np.linspace(-1, 1, 2001) * (1 - abs(slowest))
+    for one in loop_margins(loop):
+        A, B, C = broken(loop, one.joint)
+        response = [(C @ np.linalg.solve(np.exp(1j * angle) * np.eye(len(A)) - A, B)).item() for angle in angles]
+        disk = 1 / np.abs(1 / (1 + np.array(response)) - 0.5).max()
+        assert one.disk == pytest.approx(disk, rel=1e-4)
+        assert one.phase >= 2 * np.arctan(one.disk / 2) * (1 - 1e-4)
+
+
+@pytest.mark.slow
+def test_delay_of_a_part_of_a_tick():
+    """A torque that is large at every second tick bears less than a tick; the lag at its crossover says 1.2 ticks."""
+    robot = Robot.from_library("panda")
+    loop = sampled_loop(robot, robot.pose("ready"), Lqr(), Loop(rate=471.0, velocity="exact"))
+    one = loop_margins(loop)[6]
+    part = one.delay / loop.period
+    assert 0.1 < part < 1
+    assert late_radius(loop, 6, 0.999 * part) < 1 < late_radius(loop, 6, 1.001 * part) < late_radius(loop, 6, 1.0)
+    assert late_radius(loop, 6, 0.0) == pytest.approx(loop.radius, rel=1e-9)
