@@ -24,19 +24,19 @@ Kind = TypeVar("Kind")
 Function = TypeVar("Function", bound=Callable[..., object])
 Sign = Literal["any", "not negative", "positive"]
 StopCondition = Callable[[], bool]
-"""Polled now and then; once it is true, work ends with what there is."""
+"""Polled regularly; once true, work ends with the results so far."""
 
 MOST_SHOWN = 100
 """Characters of a value that a message shows."""
 
 MOST_NUMBERS = 2**24
-"""Numbers of an array, more than the largest motion that may be saved has in one: larger ones are refused unread."""
+"""Most numbers in an array, more than in the largest motion that may be saved: larger arrays are refused unread."""
 
 MOST_MEMBERS = 10_000
 """Members of a list of arms, obstacles, names or the like: ten times the largest one known."""
 
 MOST_SAMPLES = 1_000_000
-"""Samples or steps that one call may be asked for: seconds of work, and less than a gigabyte."""
+"""Most samples or steps of one call: seconds of work, and less than a gigabyte."""
 
 
 _RIGHT: dict[tuple[Sign, bool], str] = {
@@ -51,7 +51,7 @@ _RIGHT: dict[tuple[Sign, bool], str] = {
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it, however long it is and whatever its `__repr__` does."""
+    """A value for a message: bounded in length, also where its `__repr__` raises."""
     import numpy as np
 
     short = reprlib.Repr()
@@ -61,7 +61,7 @@ def shown(value: object) -> str:
         plain = value.item() if isinstance(value, np.generic) else value
         plain = plain[:MOST_SHOWN] if isinstance(plain, bytes | bytearray) else plain  # whose repr is made whole
         words = " ".join(short.repr(plain).split())
-    except Exception:  # a stranger's object; and Python writes no integer of more than 4300 digits
+    except Exception:  # a foreign object; and Python writes no integer of more than 4300 digits
         words = f"a {type(value).__name__}"
     return words if len(words) <= MOST_SHOWN else f"{words[: MOST_SHOWN - 3]}..."
 
@@ -72,14 +72,14 @@ def expect(
     """Return the value if it is of a class; raise otherwise.
 
     Args:
-        value: as given.
+        value: the argument.
         kind: the class.
         name: of the argument.
-        hint: how to come by the right one.
+        hint: how to obtain the right one.
         error: class of the raised error.
 
     Raises:
-        ArmdynError: as `error`; it is of another.
+        ArmdynError: as `error`; the value is of another class.
     """
     if isinstance(value, kind):
         return value
@@ -88,10 +88,10 @@ def expect(
 
 
 def text(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
-    """The value, which is to be text that a file, or a library in C++, can hold.
+    """Return the value if it is text that UTF-8 can encode, for files and C++ libraries; raise otherwise.
 
     Raises:
-        ArmdynError: as `error`; it is none, or has half a surrogate pair in it.
+        ArmdynError: as `error`; it is no text, or has half a surrogate pair in it.
     """
     if isinstance(value, str):
         try:
@@ -119,7 +119,7 @@ def function(value: object, name: str, default: Function | None = None) -> Funct
     """Return the value if it is callable; raise otherwise.
 
     Args:
-        value: as given.
+        value: the argument.
         name: of the argument.
         default: value in place of None; None: None is refused.
 
@@ -213,7 +213,7 @@ def number(
 
 
 def numbers(value: object, name: str, expected: str = "numbers", *, error: type[ArmdynError] = ProblemError) -> Array:
-    """An array of real numbers, of its own; not looked at further.
+    """Copy of an array of real numbers, without further checks.
 
     Args:
         value: as given: no text, nothing complex, no booleans, no rows of different length.
@@ -222,7 +222,7 @@ def numbers(value: object, name: str, expected: str = "numbers", *, error: type[
         error: class of the raised error.
 
     Raises:
-        ArmdynError: as `error`; it is none.
+        ArmdynError: as `error`; the value is no such object.
     """
     array = _real(value)
     if array is None:
@@ -300,7 +300,7 @@ def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
     """A path that the file system can have; whether there is such a file is not looked at.
 
     Raises:
-        ArmdynError: as `error`; it is none.
+        ArmdynError: as `error`; the value is no such object.
     """
     try:
         found = os.fsdecode(value)  # type: ignore[arg-type]  # it refuses other values

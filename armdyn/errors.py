@@ -8,19 +8,19 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 _ALIKE = 0.7
-"""difflib's ratio from which two names are alike: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
+"""Least similarity of two names for a guess, difflib's ratio: "ur5e" and "ur5" have 0.86, "rr" and "r" 0.67."""
 _PART = 3
-"""Letters that a part of a name has at least, for it to be meant."""
+"""Least letters of a part of a name for a guess."""
 _MANY = 12
-"""Names that a message with a guess lists at most."""
+"""Most names in a message with a guess."""
 _MESSAGE = 1500
 """Characters of a message: some twenty lines of a terminal, and more than a list of all arms of the library takes."""
 _LONGEST = 200
-"""Letters of a name that are looked at, and shown."""
+"""Most letters of a name that are compared and shown."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """The end of a message about a name that is not known: "; did you mean 'ur5'?", empty if none is like it.
+    """End of a message about an unknown name: "; did you mean 'ur5'?", empty if no known name is similar.
 
     Args:
         name: the unknown one.

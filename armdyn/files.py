@@ -30,7 +30,7 @@ _KINDS = {
 
 
 def is_full(error: OSError) -> bool:
-    """Whether an error says that a disk, or the user's share of it, is full."""
+    """Whether an error reports a full disk or an exhausted quota."""
     return error.errno in _FULL
 
 
@@ -77,7 +77,7 @@ def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
     content = io.BytesIO()  # whose value is no copy
     while piece := os.read(handle, _PIECE):
         content.write(piece)
-        if content.tell() > most:  # it grows, or lies in a file system that tells no sizes
+        if content.tell() > most:  # it grows, or its file system reports no sizes
             raise FileError(path, f"larger than {most} bytes")
     return content.getvalue()
 
@@ -95,7 +95,7 @@ def file_inside(folder: str | os.PathLike[str], name: object) -> Path:
 
 
 def place_inside(folder: str | os.PathLike[str], name: object) -> Path:
-    """The place of `file_inside`, whether there is a file or not.
+    """Path of `file_inside`, also where there is no file.
 
     Raises:
         FileError: it is not inside.
@@ -144,7 +144,7 @@ def _whole(text: str) -> int:
 
 
 def as_json(value: Any) -> Any:
-    """A number, a text, None, an array, or lists and tables of these as JSON has them: null for what is not finite."""
+    """A number, text, None, array, or lists and tables of these as JSON values: null for infinite numbers and NaN."""
     value = value.tolist() if hasattr(value, "tolist") else value  # numpy's
     if isinstance(value, Mapping):
         return {key: as_json(one) for key, one in value.items()}
@@ -166,11 +166,11 @@ def csv_text(rows: Iterable[Iterable[object]]) -> str:
 
 
 _SEAL = hashlib.sha256().digest_size
-"""Of a checksum [bytes]."""
+"""Length of a checksum [bytes]."""
 
 
 def write_whole(path: str | os.PathLike[str], data: bytes) -> Path:
-    """Write a file so that whoever reads it, even after a crash, finds the old one or the new one, whole.
+    """Write a file atomically: readers find the old one or the new one, whole, even after a crash.
 
     Returns:
         The path written, as given.
@@ -246,7 +246,7 @@ def probe_folder(folder: str | os.PathLike[str], *names: str) -> Path:
 
 @contextmanager
 def _naming_unwritten_file(path: Path) -> Iterator[None]:
-    """Turns the system's errors while a file is written into those that say which file it is.
+    """Context that turns the system's errors into armdyn's, with the path of the file that is written.
 
     Raises:
         DiskFullError: there is no room for it.
@@ -263,7 +263,7 @@ def _naming_unwritten_file(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _naming_file_without_room(path: Path) -> Iterator[None]:
-    """Turns an error that says that the disk is full into one that says which file it was for."""
+    """Context that turns an error about a full disk into a `DiskFullError` with the file's path."""
     try:
         yield
     except OSError as error:
@@ -276,7 +276,7 @@ def write_sealed(path: str | os.PathLike[str], data: bytes) -> Path:
     """Write a file for `read_sealed`: `write_whole`, with a checksum of its name and data at its end.
 
     The checksum is in the same file, so that one rename puts both in their place: of two files, processes that write
-    at the same time could leave one's data beside the other's checksum.
+    at the same time could leave one's data with the other's checksum.
     """
     path = Path(path)
     return write_whole(path, data + _seal(path, data))

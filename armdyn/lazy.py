@@ -1,4 +1,4 @@
-"""Packages that import a name when it is first asked for (PEP 562).
+"""Packages that import a name at its first use (PEP 562).
 
 `import armdyn` is then quick, and a program that only reads a robot does not import the optimiser.
 """
@@ -35,10 +35,10 @@ def facade(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
                 if error.name != f"{package}.{name}":
                     raise
                 raise missing from None
-        setattr(sys.modules[package], name, value)  # next time it is simply there
+        setattr(sys.modules[package], name, value)  # found without `__getattr__` from now on
         return value
 
     def names() -> list[str]:
-        return sorted(vars(sys.modules[package])["__all__"])  # no helpers, no modules that happen to be loaded
+        return sorted(vars(sys.modules[package])["__all__"])  # without helpers and modules that happen to be loaded
 
     return get, names, sorted(home_of)

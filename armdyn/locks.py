@@ -21,7 +21,7 @@ Built = TypeVar("Built")
 Value = TypeVar("Value")
 
 one_at_a_time = threading.RLock()
-"""Of the whole process."""
+"""The lock of the whole process."""
 
 _forget: list[Callable[[], None]] = []
 
@@ -34,7 +34,7 @@ class cached_property(_cached_property[Value]):  # noqa: N801  # as Python's
     """Python's, without the lock that it has before 3.12.
 
     That lock is one for all instances of a class: whoever forks while another thread computes leaves it taken in the
-    child for ever. Two threads that ask one instance at once may both compute; the values are the same.
+    child for ever. Two threads that read one instance at once may both compute; the values are the same.
     """
 
     def __init__(self, compute: Callable[..., Value]):
@@ -46,7 +46,7 @@ def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable
     """A decorator: the same hashable arguments give the same object, which one thread builds while others wait.
 
     Args:
-        maxsize: so many objects are kept.
+        maxsize: number of objects kept.
     """
 
     def decorate(build: Callable[Parameters, Built]) -> Callable[Parameters, Built]:

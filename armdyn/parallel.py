@@ -25,12 +25,12 @@ Context = TypeVar("Context")
 Context_co = TypeVar("Context_co", covariant=True)
 
 _GRACE = 0.75
-"""Who is still at work so long after an interrupt is interrupted once more, and after as long again killed [s]: whoever
-pressed Ctrl-C waits two seconds at most."""
+"""Grace period [s]: workers still running after it are interrupted again, and after a second one killed, so that
+Ctrl-C takes two seconds at most."""
 _PR_SET_PDEATHSIG = 1
 
 _own_ends: set[Connection] = set()
-"""Our ends of all lines to workers. A worker must not keep those of others: they would never hear that we ended."""
+"""Our ends of all pipes to workers. A worker must not keep those of others, or these would miss that we ended."""
 
 
 def in_processes(
@@ -38,15 +38,15 @@ def in_processes(
 ) -> Generator[Result]:
     """Results of jobs in parallel processes, in the order of the jobs.
 
-    Workers are forks, which know all that was built before; jobs are begun in order, results are pickled. Workers end
-    with this process, however it ends, and with the thread that asked first. When the caller stops iterating,
-    jobs under way are killed. Jobs ask a `Stop` of this process, which forks share.
+    Workers are forks, which inherit all objects built before; jobs are begun in order, results are pickled. Workers end
+    with this process, however it ends, and with the thread that forked them. When the caller stops iterating,
+    running jobs are killed. Jobs poll a `Stop` of this process, which forks share.
 
     Args:
-        jobs: to be done. A job whose worker dies or raises is done again here.
+        jobs: functions without arguments. A job whose worker dies or raises is done again here.
         workers: processes at most; None: one per core. With one, within a worker, or where there is no fork, all is
             done here.
-        first_here: the first job is done in this process meanwhile: often it is the only one whose result is read.
+        first_here: this process does the first job meanwhile: often it is the only one whose result is read.
     """
     with job_pool(jobs, workers) as pool:
         yield from _in_order(pool, range(len(jobs)), lambda k: jobs[k](), first_here)
@@ -118,7 +118,7 @@ def shared_pool(context: Context, workers: int | None, threads: bool = False) ->
         context: object that the jobs are functions of. Processes know it as it was when the first jobs came.
         workers: see `in_processes`.
         threads: of this process instead of forks, for jobs that work where the interpreter's lock is let go. Those
-            under way when nobody reads on go on to their end.
+            running when the caller stops iterating go on to their end.
     """
     count = workers or core_count()
     if threads and count > 1 and not _is_worker():
@@ -134,7 +134,7 @@ def concurrently(job: Callable[[], Result], workers: int | None) -> Iterator[Cal
     """Run a job in a process of its own; yields a function that waits for the result and returns it.
 
     Args:
-        job: to be done; if its worker dies or raises, or there is none, here, when the result is asked for.
+        job: the function; if its worker dies or raises, or there is none, it runs here when the result is requested.
         workers: processes at most; with one there is no other.
     """
     known: list[Result] = []
@@ -174,8 +174,8 @@ class ForkPool(Generic[Result]):
         """Submit an argument to an idle worker.
 
         Args:
-            number: under which `finished` tells of it.
-            what: is pickled.
+            number: of the job, which `finished` yields.
+            what: the argument, which is pickled.
         """
         while True:
             line = self._idle.pop() if self._idle else _fork(self._do, self._processes)
@@ -191,7 +191,7 @@ class ForkPool(Generic[Result]):
         """Number, process and result of jobs that have ended; the result is None where the worker died.
 
         Args:
-            seconds: how long that is waited for at most [s]; None: as long as it takes.
+            seconds: longest wait [s]; None: until a job ends.
         """
         found: list[tuple[int, int | None, tuple[Result] | None]] = []
         ready = wait(list(self._under_way), seconds)
@@ -206,27 +206,27 @@ class ForkPool(Generic[Result]):
         return found
 
     def interrupt(self) -> None:
-        """Interrupt the jobs under way: those that ask a `Stop` return what they have."""
+        """Interrupt the running jobs: those that poll a `Stop` return their results so far."""
         for line in self._under_way:
             if (number := self._processes[line].pid) is not None:
                 with suppress(ProcessLookupError):
                     os.kill(number, signal.SIGINT)
 
     def drop(self) -> None:
-        """Kill the workers that are at work; others take their places when jobs come."""
+        """Kill the busy workers; new ones replace them when jobs come."""
         for line in self._under_way:
             self._dismiss(line)
         self._under_way.clear()
 
     def close(self, patient: bool) -> None:
-        """Kill all workers. Nobody waits for their end, which takes as long as a small solve.
+        """Kill all workers, without waiting for their end, which takes as long as a small solve.
 
         Args:
             patient: they are interrupted before, and have 1.5 s to end.
         """
         _own_ends.difference_update(self._processes)
         for line in self._processes:
-            with suppress(OSError):  # else it is no more
+            with suppress(OSError):  # else it has ended
                 line.send(None)
             line.close()
         try:
@@ -237,7 +237,7 @@ class ForkPool(Generic[Result]):
                 worker.kill()
 
     def _dismiss(self, line: Connection) -> ForkProcess:
-        """Close the line to a worker and kill it; nobody waits for its end yet."""
+        """Close the pipe to a worker and kill it, without waiting for its end."""
         worker = self._processes.pop(line)
         _own_ends.discard(line)
         line.close()
@@ -288,7 +288,7 @@ def core_count() -> int:
 
 
 def may_thread() -> bool:
-    """Whether a second thread has a core: not in a worker, whose siblings have the others."""
+    """Whether a second thread has a core: not in a worker, whose siblings use the others."""
     return core_count() > 1 and not _is_worker()
 
 
@@ -302,7 +302,7 @@ def job_pool(
     """Pool that does jobs by their numbers; it has no worker where all is to be done in this process.
 
     Args:
-        jobs: to be done; workers know them, as they are forks.
+        jobs: functions; workers inherit them, as they are forks.
         workers: at most; None: one per core.
         patient: see `ForkPool.close`.
         least: fewest workers that are worth their forks.
@@ -321,7 +321,7 @@ def _is_worker() -> bool:
 
 def _fork(do: Callable[[Any], object], processes: dict[Connection, ForkProcess]) -> Connection:
     context = multiprocessing.get_context("fork")
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until who is born is deaf to it
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until the child ignores it
     try:
         with one_at_a_time:  # or another thread's worker might keep the other end
             ours, theirs = context.Pipe()
@@ -350,21 +350,21 @@ def _work(do: Callable[[Any], object], line: Connection, owner: int) -> None:
         _end_with(owner)
         signal.set_wakeup_fd(-1)  # an event loop's, of the owner
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # by inheritance: it stays so
-            signal.signal(signal.SIGINT, lambda number, frame: None)  # a `Stop` says so, or a job that listens
+            signal.signal(signal.SIGINT, lambda number, frame: None)  # a `Stop` raises it, or a job that handles it
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         for other in _own_ends:
             other.close()
         while (what := line.recv()) is not None:
             line.send(do(what))
-    finally:  # whoever waits hears that the line is dead, and does the job himself
+    finally:  # the pipe closes: the waiting process does the job itself
         os._exit(1)
 
 
 def _end_with(owner: int) -> None:
-    """Have the kernel kill this process when its owner ends, even within a long call that knows no Python.
+    """Have the kernel kill this process when its owner ends, even within a long call outside Python.
 
     Strictly, when the owner's thread ends that forked: lost jobs are done again there. Where the kernel cannot, a
-    worker ends after its job, by the dead line.
+    worker ends after its job, when it finds the pipe closed.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))

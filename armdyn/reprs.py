@@ -19,7 +19,7 @@ Class = TypeVar("Class", bound=type)
 MOST_LETTERS = 200
 """Letters of a line."""
 USELESS_GAP = 1.0
-"""A lower bound that a motion is farther above, as a part of it, says nothing of the motion."""
+"""Gap, as a part of the lower bound, above which the bound says nothing of the motion."""
 _MOST_NUMBERS = 8
 """Numbers of an array that are written; of a larger one its shape is."""
 _MOST_OF_A_NAME = 40
@@ -57,7 +57,7 @@ def percent(part: float) -> str:
     if not part or not math.isfinite(part):
         return f"{100 * part:g} %"
     scale = 10.0 ** (2 - math.floor(math.log10(100 * abs(part))))
-    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: what is even but for rounding stays even
+    return f"{math.ceil(100 * part * scale - 1e-9) / scale:g} %"  # 1e-9: keeps numbers that are even but for rounding
 
 
 def gap_words(gap: float) -> str:
@@ -95,7 +95,7 @@ def _joined(head: str, parts: list[str], end: str) -> str:
 
 
 def _given(value: Any) -> list[str]:
-    """The fields of a dataclass that are not as by default, as it is made."""
+    """Fields of a dataclass that differ from their defaults, as constructor arguments."""
     return [f"{field}={_short(content)}" for field, content in _changed(value)]
 
 

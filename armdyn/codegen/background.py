@@ -10,22 +10,22 @@ from contextlib import suppress
 from pathlib import Path
 
 _LONGEST = 90.0
-"""After which a builder that has left its mark is taken for dead [s]: longer than a compiler may take."""
+"""Age of a mark [s] after which its builder is taken for dead: longer than a compiler may take."""
 
 _awaited: set[Path] = set()
-"""Libraries that this process has asked for, or seen others build."""
+"""Libraries that this process has requested, or seen others build."""
 _builders: list[tuple["subprocess.Popen[bytes]", int]] = []
-"""Processes spawned by this one, and our ends of the pipes by which they hear that this process has ended."""
+"""Processes spawned by this one, and our ends of the pipes that close when this process ends."""
 
 
 def build_later(library: Path, compiler: str, source: str) -> None:
     """Spawn a process that builds a library, and ends then.
 
     It may outlive this process where that ends by itself. Where this process is killed, or a solve is interrupted
-    (`abandon`), it ends, too. One builder is enough: a mark beside the library says that there is one.
+    (`abandon`), it ends, too. One builder is enough: a mark next to the library shows that there is one.
 
     Args:
-        library: where it is to be, in a folder that is this user's alone.
+        library: its path, in a folder that is this user's alone.
         compiler: its path.
         source: in C.
 
@@ -49,7 +49,7 @@ def build_later(library: Path, compiler: str, source: str) -> None:
         file.write("\n".join((compiler, str(library), source)).encode())
         file.seek(0)
         theirs, ours = os.pipe()
-        # armdyn's own module, no shell; a session of its own hears no Ctrl-C.
+        # armdyn's own module, no shell; a session of its own receives no Ctrl-C.
         builder = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "armdyn.codegen.builder", str(theirs)],
             stdin=file,

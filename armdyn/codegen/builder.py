@@ -31,7 +31,7 @@ def main() -> None:
 
 
 def _end_with_owner(line: int) -> None:
-    """End once the owner was killed: its end of a pipe closes without a word."""
+    """End once the owner was killed: its end of the pipe closes without a message."""
     if not os.read(line, 1):
         os.kill(os.getpid(), signal.SIGTERM)
 

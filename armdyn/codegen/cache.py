@@ -21,7 +21,7 @@ def cache_directory() -> Path:
     """Folder of the libraries: `ARMDYN_CACHE`, or the user's cache directory.
 
     Raises:
-        SettingError: `ARMDYN_CACHE` is relative: another folder wherever one stands.
+        SettingError: `ARMDYN_CACHE` is relative: it would depend on the working folder.
     """
     named = os.environ.get("ARMDYN_CACHE")
     if named and not Path(named).is_absolute():
@@ -30,7 +30,7 @@ def cache_directory() -> Path:
 
 
 def protected(folder: Path) -> Path:
-    """The folder without links in its path, made where it is not there.
+    """The folder without links in its path; created if it is missing.
 
     Raises:
         OSError: it cannot be made, or others can change its content.

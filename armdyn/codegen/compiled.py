@@ -37,9 +37,9 @@ from armdyn.files import read_sealed, write_sealed
 T = TypeVar("T")
 
 _WORTH_IT = 30_000
-"""Instructions up to which a library is built unasked: about three seconds, once."""
+"""Instructions up to which a library is built by default: about three seconds, once."""
 _LARGEST = 2**28
-"""A library that is read [bytes]: hundreds of times an arm's."""
+"""Largest library that is read [bytes]: hundreds of times an arm's."""
 
 _NUMBER = re.compile(r"(?<==)-?\d+\.\d*(?:e[+-]?\d+)?(?=;)")
 """A number that is assigned, as CasADi and `lanes` write it: without a space, with a point."""
@@ -49,10 +49,10 @@ void set_numbers(const double *given) {{ for (int i = 0; i < {0}; i++) numbers[i
 """Table of an arm's numbers in C, and the function that fills it."""
 
 _told: set[str] = set()
-"""Warnings that this process has had."""
+"""Warnings that this process has issued."""
 
 _EACH = 2e-4
-"""About how long the compiler takes for an instruction, with other work beside it [s]."""
+"""Approximate compile time of an instruction, with other work in parallel [s]."""
 
 
 def compiled(
@@ -96,7 +96,7 @@ def compiled_library(source: str, instructions: int, compile_mode: bool | None =
 
     Args:
         source: in C.
-        instructions: about how many, by which it is decided whether to build it unasked.
+        instructions: their approximate number, which decides whether the library is built by default.
         compile_mode: as for `compiled`.
 
     Returns:
@@ -175,15 +175,15 @@ class _Recipe(Generic[T]):
             ctypes.CDLL(copy).set_numbers((ctypes.c_double * len(self.numbers))(*self.numbers))
             return found
         finally:
-            Path(copy).unlink()  # it lives on as long as it is used
+            Path(copy).unlink()  # it stays loaded as long as it is used
 
 
 def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = False) -> T | None:
     """Load the library from the folder; build it if it is damaged, or missing and requested; None: not built yet.
 
     Raises:
-        OSError: the folder will not do: it is full, say, or nothing in it can be loaded.
-        CompilerError: there is no library to be had.
+        OSError: the folder cannot be used: it is full, say, or nothing in it can be loaded.
+        CompilerError: the library cannot be built.
     """
     library = folder / recipe.library
     there = os.path.lexists(library)

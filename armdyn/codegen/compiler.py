@@ -21,16 +21,16 @@ _LIMITED = (
     'exec 3<&0; (read -r _ <&3; kill -KILL 0) & exec "$@" </dev/null 3<&-'
 )
 """The compiler's command line in sh. Its processes inherit the limits, the first where the system has it, unlike macOS.
-Standard input is a pipe that we hold: however we end, it closes, and all of the compiler's process group is killed."""
+Standard input is our pipe: when we end, it closes, and the compiler's whole process group is killed."""
 _LOOK = 0.1
-"""How often a running compiler's solve is asked whether it was stopped [s]."""
+"""Polling period of the solve's stop while the compiler runs [s]."""
 
 _hung: set[str] = set()
-"""Compilers that took longer than they may: this process does not ask them again."""
+"""Compilers that exceeded the time limit: this process does not run them again."""
 
 
 class CompilerError(Exception):
-    """There is no library, and no other folder would help."""
+    """The library cannot be built, in this folder or another."""
 
 
 def built(source: str, compiler: str, folder: Path) -> bytes:
@@ -47,7 +47,7 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
         text, built, log_file = (Path(scratch, f"armdyn.{kind}") for kind in ("c", "so", "log"))
         text.write_text(source)
         command = [compiler, *FLAGS, "-o", str(built), str(text), "-lm"]
-        with log_file.open("wb") as log:  # no pipe: who hangs may have children, which would hold it
+        with log_file.open("wb") as log:  # no pipe: a hanging compiler may have children, which would hold it
             # Our own text; the compiler is the one on the user's path.
             process = subprocess.Popen(  # noqa: S603
                 ["/bin/sh", "-c", _LIMITED, "sh", *command],
@@ -61,7 +61,7 @@ def built(source: str, compiler: str, folder: Path) -> bytes:
                 code = _exit_code(process, compiler)
             finally:
                 with suppress(ProcessLookupError), process:  # which closes its standard input and waits for it
-                    os.killpg(process.pid, signal.SIGKILL)  # with it the compiler's own children, and who waits for us
+                    os.killpg(process.pid, signal.SIGKILL)  # with its children and the process that waits for us
         if code or not built.is_file():
             words = log_file.read_bytes()[:500].decode(errors="replace").replace(scratch, "").split("\n")[0]
             raise CompilerError(f"the C compiler, {compiler}, failed (exit {code}) {words}".strip())

@@ -26,7 +26,7 @@ def until(deadline: float, stopped: Callable[[], bool] = lambda: False) -> Itera
 
 @contextmanager
 def part_of_time(part: float) -> Iterator[None]:
-    """Context in which only so much of the time that is left may be spent."""
+    """Context with a share of the time left as its deadline."""
     token = _deadline.set(time.perf_counter() + part * left())
     try:
         yield

@@ -1,4 +1,4 @@
-"""Costs of a cycle's conditions: how much sooner it would end without each of them."""
+"""Costs of a cycle's conditions: the time saved without each of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.options import MinimumTimeOptions
 
 MORE = 0.1
-"""By which part limits are raised: 10 %."""
+"""Fraction by which limits are raised: 10 %."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class CycleCost:
         step: number of the step, from 1 on; 0: the whole cycle.
         name: of the step.
         condition: such as "rest", "via 1", "straight approach".
-        saved: time that the cycle would take less without it [s], negative: more; None: no motion was found.
+        saved: time saved without the condition [s], negative: time lost; None: no motion was found.
         about: to first order, by the multipliers of the limits; else solved without the condition.
     """
 
@@ -94,7 +94,7 @@ def _limits(solution: CycleSolution) -> Iterator[CycleCost]:
 
 
 def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callable[[str], None]) -> Iterator[CycleCost]:
-    """Costs that need further solves, until these are interrupted."""
+    """Costs that need further solves, until an interrupt."""
     cycle, legs = solution.cycle, solution.legs
     with suppress(_Interrupted, KeyboardInterrupt):
         for one in legs:

@@ -1,4 +1,4 @@
-"""A cycle: steps in order, and the motions from rest to rest that they ask for."""
+"""A cycle: steps in order, and the motions from rest to rest between them."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Leg:
         move: the step.
         step: its number, from 1 on; one more than the cycle's steps for the way back.
         name: of the step.
-        robot: the arm with what it carries.
+        robot: the arm with its payload.
     """
 
     move: Move
@@ -69,8 +69,8 @@ class Leg:
 class Cycle:
     """An arm's moves, grasps, releases and waits in order.
 
-    The arm rests at the end of every move. What it carries changes only there, so that every move is a motion of its
-    own from rest to rest, of an arm with one payload.
+    The arm rests at the end of every move. Its payload changes only there, so that every move is a motion of its
+    own, from rest to rest, with one payload.
 
     Attributes:
         robot: the arm, with the tool that it always carries.
@@ -144,7 +144,7 @@ class Cycle:
         return [called(self.robot.name), f"{len(self.steps)} steps", "closed" if self.closed else "open"]
 
     def name_of(self, step: int) -> str:
-        """Name of a step by its number, from 1 on; "start" of 0, "return" of what follows the last one.
+        """Name of a step by its number, from 1 on; "start" of 0, "return" of the move after the last step.
 
         Raises:
             ProblemError: there is no such step.
@@ -192,7 +192,7 @@ class Cycle:
 
     @cached_property
     def stops(self) -> tuple[RestPlace, ...]:
-        """Where the arm rests: the start, then the end of every move."""
+        """The stops: the start, then the end of every move."""
         begins = [0, *(leg.step for leg in self.moves)]
         targets = [self.start, *(self._target(leg) for leg in self.moves)]
         ends = [*begins[1:], len(self.steps) + 1]
@@ -203,7 +203,7 @@ class Cycle:
 
     @cached_property
     def arms(self) -> tuple[Robot, ...]:
-        """The arm with what it carries at the start and after each step, shape (steps + 1,)."""
+        """The arm with its payload at the start and after each step, shape (steps + 1,)."""
         arms, bare = [self.robot], None
         for k, step in enumerate(self.steps, start=1):
             if isinstance(step, Grasp):
@@ -269,7 +269,7 @@ class Cycle:
                     raise CycleError(k, name, f"the arm carries {part.name!r}, not {step.part.name!r}")
                 part = None
         if self.closed and part is not self.robot.payload:
-            held = f"still holds {part.name!r}" if part else "no longer holds what it held at the start"
+            held = f"still holds {part.name!r}" if part else "no longer holds the part that it held at the start"
             last = len(self.steps)
             raise CycleError(last, self.name_of(last), f"the cycle is closed, but after its last step the arm {held}")
 

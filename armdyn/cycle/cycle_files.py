@@ -42,7 +42,7 @@ class CycleFile:
     """A cycle from a file, and the solver's options there.
 
     Attributes:
-        cycle: what is to be done.
+        cycle: robot, start and steps.
         options: of the solves.
         table: the whole file.
     """
@@ -72,7 +72,7 @@ def read_cycle(path: str | os.PathLike[str]) -> Cycle:
 
     Raises:
         FileError: the file cannot be read, or is too large.
-        ProblemError: it describes no cycle; the message says in which line, and what would be right.
+        ProblemError: it describes no cycle; the message has the line, and the right form.
     """
     return read_cycle_file(path).cycle
 
@@ -94,7 +94,7 @@ def read_cycle_file(path: str | os.PathLike[str]) -> CycleFile:
 
 
 def cycle_from(file: Table, robot: Robot) -> Cycle:
-    """The cycle of a file's tables, of a robot.
+    """The cycle that a file's tables describe, for a robot.
 
     Raises:
         ProblemError: a key is unknown or wrong; the message says in which line.

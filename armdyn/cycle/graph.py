@@ -1,4 +1,4 @@
-"""The graph of a cycle: branches of its stops, and the motions between them, known as far as they were worked out."""
+"""Graph of a cycle: nodes are inverse-kinematics branches of its stops, edges the motions between them."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ Edge = tuple[int, int, int, int]
 
 @dataclass(frozen=True, eq=False)
 class Tour:
-    """A way through a cycle.
+    """A path through the graph of a cycle.
 
     Attributes:
-        length: sum of the edges [s]; inf: there is no way.
-        edges: in the order in which they are done.
+        length: sum of the edges [s]; inf: there is no path.
+        edges: in the order of execution.
         order: of the jobs.
     """
 
@@ -45,13 +45,13 @@ class CycleGraph:
     """A cycle's moves between branches of its stops.
 
     Attributes:
-        cycle: what is to be done.
+        cycle: robot, start and steps.
         positions: branches of every stop: joint positions, each of shape (nv,).
         lengths: of every arc [s], by branches: durations where `solved`, else lower bounds; inf: there is no motion.
         bounds: of every arc, proven lower bounds, likewise.
         exact: masks of the lengths that are durations, or known to be infinite.
         solutions: of edges that are solved.
-        refused: of edges that pose no problem.
+        refused: reasons of infeasible edges.
     """
 
     cycle: Cycle
@@ -64,7 +64,7 @@ class CycleGraph:
 
     @classmethod
     def of(cls, cycle: Cycle) -> CycleGraph:
-        """The graph with the bounds of the velocity limits.
+        """The graph, its edges bounded by the velocity limits.
 
         A redundant arm's stops get further branches: those of the tours that are best by these bounds, slid along the
         self-motions.
@@ -112,7 +112,7 @@ class CycleGraph:
         return found
 
     def problem(self, edge: Edge) -> MinimumTimeProblem | None:
-        """The problem of an edge; None: there is none, and the edge is refused."""
+        """The problem of an edge; None: it is ill-posed, and the edge is refused."""
         stop, move, i, j = edge
         try:
             return problem_of(self.cycle, self.cycle.moves[move], self.positions[stop][i], self.positions[move + 1][j])
@@ -137,7 +137,7 @@ class CycleGraph:
         self.bounds[arc][branches] = max(bound, self.bounds[arc][branches])
 
     def open(self, tour: Tour) -> list[Edge]:
-        """Edges of a tour whose durations are not known."""
+        """Edges of a tour whose durations are unknown."""
         return [edge for edge in tour.edges if not self.exact[edge[:2]][edge[2:]]]
 
     def best(self, lengths: dict[Arc, Array]) -> Tour:

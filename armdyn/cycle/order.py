@@ -1,4 +1,4 @@
-"""The shortest way through layers of branches, and the order of a cycle's jobs.
+"""Shortest path through layers of branches, and shortest order of a cycle's jobs.
 
 Both are found exactly by dynamic programming; the order of many jobs by an integer program.
 """
@@ -19,7 +19,7 @@ of the cycle), by the branches at the end of either: each of shape (branches, br
 EXACT = 12
 """Jobs up to which the order is found by dynamic programming: 2¹² subsets; each more doubles time and memory."""
 _CUTS = 60
-"""Rounds in which the integer program is told of subtours."""
+"""Rounds in which subtour constraints are added to the integer program."""
 _SECONDS = 5.0
 """Time limit of each round [s]."""
 
@@ -117,7 +117,7 @@ def _traced(reached: Array, between: Array, blocks: Sequence[slice], end: int) -
 def order_of_many(lengths: Array) -> tuple[float, tuple[int, ...]]:
     """A short order of many jobs, and a bound on all orders.
 
-    An integer program in the edges (HiGHS, by scipy) that is told of subtours as they appear, after G. Dantzig,
+    An integer program in the edges (HiGHS, by scipy); subtours are cut off as they appear, after G. Dantzig,
     R. Fulkerson and S. Johnson, "Solution of a large-scale traveling-salesman problem", 1954. Where subtours are left
     when the rounds are over, they are joined in the order of their numbers.
 

@@ -22,9 +22,9 @@ def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:
     """Lower bound on the time of all moves in any order [s]; 0 says nothing.
 
     Args:
-        graph: of a cycle in free order.
+        graph: graph of a cycle in free order.
         enough: duration of all moves of a cycle that is known [s]: the bound is no more than that.
-        effort: that may be spent.
+        effort: budget of the proof.
     """
     legs = _legs(graph)
     if legs is None:

@@ -131,7 +131,7 @@ def _on_line(robot: Robot, straight: Straight, to: object, q: Array) -> tuple[Go
     axis = "xyz".index(letter)
     away = np.zeros(3)
     away[axis] = straight.length if straight.axis.startswith("-") else -straight.length
-    # So that two deviations across, and three turns, together stay within what is allowed.
+    # So that two deviations across, and three turns, together stay within the tolerance.
     across, turn = straight.deviation / np.sqrt(2), straight.angle / np.sqrt(3)
     most = [across, across, across, turn, turn, turn]
     most[axis] = 0.0

@@ -1,4 +1,4 @@
-"""The fastest cycle found, how far to trust it, and its one motion, which knows what the arm carries when."""
+"""Solution of a cycle: its moves, status, bound, and the whole as one motion with the payload of each piece."""
 
 from __future__ import annotations
 
@@ -96,15 +96,15 @@ class CycleLeg:
 @brief
 @dataclass(frozen=True, eq=False)
 class CycleSolution:
-    """A cycle's motions from stop to stop, and how far to trust them.
+    """A cycle's motions from stop to stop, with status and proven bound.
 
     Attributes:
-        cycle: what was asked.
-        status: a `Status`; what is not solved is so because of the first leg that is not.
-        message: the same for people.
-        legs: the moves in the order in which they are done; empty where no way through the stops was found.
+        cycle: the problem: robot, start and steps.
+        status: a `Status`; that of the first leg that is not solved.
+        message: the status in words.
+        legs: the moves in order of execution; empty where no path through the stops was found.
         lower_bound: no cycle through these steps is faster [s]; None: unknown.
-        branches: durations of all moves that were solved on the way, of other branches, too.
+        branches: durations of all moves that were solved, of other branches, too.
         solve_time: wall time [s].
     """
 
@@ -149,7 +149,7 @@ class CycleSolution:
 
     @property
     def verdict(self) -> str:
-        """How near to the optimum the cycle is proven to be, in a few words."""
+        """The proven gap to the optimum in a few words."""
         if not self.usable:
             return "not usable"
         return "no bound" if self.gap is None else f"gap {percent(max(self.gap, 0.0))}"
@@ -179,7 +179,7 @@ class CycleSolution:
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The whole cycle as one motion, which knows what the arm carries when.
+        """The whole cycle as one motion; each piece has the payload that the arm carries.
 
         Raises:
             TrajectoryError: there is no motion.

@@ -41,19 +41,20 @@ def solve_cycle(
 
     The moves between the branches of neighbouring stops are the edges of a graph. Their lengths are bounded, by the
     velocity limits and then by `lower_bound`, and solved only on the tour that is the shortest so far; so the result
-    is the shortest of all tours, as if every edge had been solved. With `search="quick"` the first tour will do whose
+    is the shortest of all tours, as if every edge had been solved. `search="quick"` returns the first tour whose
     duration is not far above the bounds of all others.
 
     Args:
-        cycle: what is to be done.
+        cycle: robot, start and steps.
         options: of every move's solve; the time limit is that of the whole cycle.
-        progress: called with a line of text on what is being tried.
+        progress: called with a line of text before each solve.
 
     Returns:
-        A `CycleSolution`; look at `usable` and `gap`. Ctrl-C returns what there is, with status "interrupted".
+        A `CycleSolution`; look at `usable` and `gap`. After Ctrl-C it has the moves solved so far, and status
+        "interrupted".
 
     Raises:
-        CycleError: a step cannot be done, with its number and name.
+        CycleError: a step is infeasible; the message has its number and name.
         ProblemError: cycle, options or progress is something else.
     """
     expect(cycle, Cycle, "cycle", "pose it: Cycle(robot, start=…, steps=[Move(…), …])")
@@ -74,9 +75,9 @@ def solve_cycle(
 
 
 def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report: Report) -> Tour:
-    """The shortest tour, its edges solved; the shortest that is solved where time is up, or a quick search has enough.
+    """Shortest tour, its edges solved; the shortest solved one if time is up or a quick search has enough.
 
-    The tour that is the shortest by what is known is worked out, again and again, until all its edges are solved.
+    Edges of the tour that is the shortest by durations and bounds are solved until no edge of it is left.
     """
     bounded, known = dict[Edge, float | None](), Tour(np.inf, (), ())
     enough = 1 + CyclePolicy().quick if options.search == "quick" else 1.0
@@ -97,7 +98,7 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
 
 
 def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> dict[Edge, float | None]:
-    """Lower bounds on the durations of edges [s], in parallel; None: of those that pose no problem, or unknown."""
+    """Lower bounds on the durations of edges [s], in parallel; None: unknown, or the edge is infeasible."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
     jobs = [partial(least_duration, problem, stop.__bool__) for _, problem in posed]
     found = dict[Edge, float | None].fromkeys(edges)
@@ -124,7 +125,7 @@ def _solve(
     jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge)) for edge, problem in posed]
     for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
         if solution.status is Status.INTERRUPTED and not solution.usable:
-            continue  # that says nothing of the edge
+            continue  # its status is not the edge's
         leg, (_, _, i, j) = graph.cycle.moves[edge[1]], edge
         graph.solutions[edge] = solution
         if solution.lower_bound is not None:
@@ -135,7 +136,7 @@ def _solve(
 
 
 def _solved(task: Task, bound: float | None) -> Solution:
-    """The solution of a move whose lower bound is perhaps known [s]."""
+    """The solution of a move; its lower bound [s] may be known."""
     if bound is not None and task.policy.strategy.bounded:
         policy = task.policy.changed("strategy", bounded=False)
         task = replace(task, policy=policy, lower_bound=lambda: bound)
@@ -143,7 +144,7 @@ def _solved(task: Task, bound: float | None) -> Solution:
 
 
 def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
-    """The cycle along a tour, as far as its moves are solved."""
+    """The cycle along a tour, up to its first unsolved move."""
     if not np.isfinite(tour.length):
         status = stop.status if stop else Status.INFEASIBLE
         return CycleSolution(graph.cycle, status, _why(graph), branches=len(graph.solutions))
@@ -161,7 +162,7 @@ def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:
 
 
 def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> float | None:
-    """Lower bound on the duration of all cycles through the steps [s]; None: none is known."""
+    """Lower bound on the duration of all cycles through the steps [s]; None: unknown."""
     cycle = found.cycle
     if not any(isinstance(place.target, GoalPose) for place in cycle.stops):
         return graph.bound(graph.bounds) + cycle.dwell
@@ -179,7 +180,7 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> flo
 
 
 def _why(graph: CycleGraph) -> str:
-    """Why there is no tour: the first move that cannot be done says so."""
+    """Reason that there is no tour: the message of the first infeasible move."""
     moves = graph.cycle.moves
     reasons: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
     for edge, one in graph.solutions.items():

@@ -1,4 +1,4 @@
-"""Steps of a cycle: values that say what the arm does, one after the other."""
+"""Steps of a cycle: move, grasp, release, wait."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Move:
     Attributes:
         to: joint positions [rad or m], shape (nv,), a pose's name, or a goal pose, of which a branch of the inverse
             kinematics is chosen.
-        via: passed on the way at any velocity, in this order: like `to`; a `GoalPose` with tolerances is a blend, of
-            which any point will do.
+        via: passed on the way at any velocity, in this order: like `to`; a `GoalPose` with tolerances is a blend,
+            passed at any of its points.
         retreat: straight segment at the beginning, or its length [m]; None: none.
         approach: likewise at the end.
         obstacles: of this move, besides the cycle's.
@@ -116,7 +116,7 @@ class Release(_Rest):
     """The arm, at rest, lets go of the part that it carries.
 
     Attributes:
-        part: what is let go; None: whatever the arm carries.
+        part: the released part; None: the part that the arm carries.
         dwell: how long the arm rests [s].
         name: in tables and messages; empty: "release" and the part's name.
     """

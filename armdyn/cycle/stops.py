@@ -28,10 +28,10 @@ def limits_of(cycle: Cycle) -> JointLimits:
 
 
 def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
-    """Joint positions of every stop, of different branches of the inverse kinematics.
+    """Joint positions of every stop: one per branch of the inverse kinematics.
 
     Raises:
-        CycleError: a stop cannot be reached, or the arm cannot hold there what it carries.
+        CycleError: a stop cannot be reached, or the motors cannot hold the payload there.
     """
     limits, first = limits_of(cycle), cycle.stops[0].target
     near = np.clip(np.zeros(cycle.robot.nv), limits.position_lower, limits.position_upper)
@@ -69,7 +69,7 @@ def _turned(robot: Robot, branch: Array, limits: JointLimits) -> list[Array]:
 
 
 def redundant(cycle: Cycle, positions: tuple[tuple[Array, ...], ...]) -> list[GoalPose | None]:
-    """The goal pose of every stop that a continuum of joint positions reaches; None of the others."""
+    """The goal pose of every stop that a continuum of joint positions reaches; None for the other stops."""
     targets = [stop.target for stop in cycle.stops]
     targets[-1] = targets[0] if cycle.closed else targets[-1]  # one object, as `slid_chain` wants it
     return [

@@ -21,7 +21,7 @@ segments."""
 _TOUCHING = 0.05
 """Bodies that are nearer touch, as a part and its table do [mm]."""
 _NOTHING = 5e-7
-"""Less than that is no difference [s]: motions are exact to so much."""
+"""Smallest difference between two durations [s]: the accuracy of the motions."""
 
 
 def cycle_summary(
@@ -76,7 +76,7 @@ def _size(cost: CycleCost) -> float:
 
 
 def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
-    """A cost with its words, and the number of its step in the asked cycle."""
+    """A cost with its words, and the number of its step in the given cycle."""
     where = f"step {number} ({cost.name}) without {cost.condition}" if number else cost.condition
     took = "no motion was found" if cost.saved is None else "no difference"
     if cost.saved is not None and abs(cost.saved) >= _NOTHING:
@@ -151,7 +151,7 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
     if legs:
         worst = max(leg.solution.certificate.goal_error for leg in legs)
         lands = all(leg.solution.certificate.lands for leg in legs)
-        yield "replays reach the stops", lands, f"within {worst:.1e} rad or m, each with what the arm carries then"
+        yield "replays reach the stops", lands, f"within {worst:.1e} rad or m, each with its payload"
     near = [leg.solution.clearance for leg in legs if leg.solution.clearance is not None]
     if near:
         sure, nearest = all(one.sure for one in near), min(near, key=lambda one: one.distance)
@@ -167,7 +167,7 @@ def _checks(solution: CycleSolution) -> Iterator[tuple[str, bool | None, str]]:
 
 
 def _parts(cycle: Cycle, steps: Sequence[dict[str, Any]]) -> Iterator[dict[str, Any]]:
-    """Parts that the arm carries, and from when to when [s]; null: until the end."""
+    """Parts that the arm carries, with begin and end [s]; null: until the end."""
     held: tuple[Payload, float] | None = None if cycle.robot.payload is None else (cycle.robot.payload, 0.0)
     for one, step in zip(steps, cycle.steps, strict=False):
         if held is not None and isinstance(step, Release):

@@ -16,7 +16,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.values.actuator_limits import ActuatorLimits
 
 _library = cache(compiled_library)
-"""Loaded for good: addresses of a library's functions are in use. Another Function of the same source shares it."""
+"""Libraries, never unloaded: addresses of their functions are in use. Functions of the same source share one."""
 
 
 class Plant(NamedTuple):
@@ -87,7 +87,7 @@ class Driven(NamedTuple):
     estimate: Array
     """Velocities as the controller sees them, likewise."""
     clipped: Flags
-    """Whether the torque decided at a tick was clipped, shape (ticks, nv)."""
+    """Whether the torque computed at a tick was clipped, shape (ticks, nv)."""
     shortest: float
     """Step of Runge and Kutta's method, as a part of a tick."""
     ended: str

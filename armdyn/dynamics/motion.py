@@ -43,12 +43,12 @@ def replayed(robot: Robot, motion: Trajectory, rtol: float, spare: int) -> Array
 
     Args:
         robot: the arm.
-        motion: its first state, its times and its torques count.
+        motion: only its first state, times and torques are used.
         rtol: relative tolerance of a step; absolute 1e-2 of that.
-        spare: accelerations that may be computed for steps that are made anew.
+        spare: accelerations that repeated steps may take.
 
     Returns:
-        At the first samples, as far as states are finite and steps can be made, shape (m, 2 nv).
+        States at the samples, up to the first that is not finite or cannot be reached, shape (m, 2 nv).
     """
     x = np.concatenate([motion.q[0], motion.v[0]])
     states: Array = bridge_arm(robot).replay(

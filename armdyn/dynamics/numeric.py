@@ -84,7 +84,7 @@ def inverse_dynamics(robot: Robot) -> StateFunction:
 
 
 def inverse_dynamics_derivatives(robot: Robot) -> InverseDerivatives:
-    """Inverse dynamics of states with derivatives: those of forward dynamics, and ∂tau/∂x = -M ∂a/∂x."""
+    """Inverse dynamics of states with derivatives, from those of forward dynamics: ∂tau/∂x = -M ∂a/∂x."""
     arm = bridge_arm(robot)
 
     def derivatives(q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:

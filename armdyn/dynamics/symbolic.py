@@ -186,7 +186,7 @@ class Dynamics:
 
 
 def _vector(value: Value, name: str) -> Array:
-    """Numbers in a row; arrays of floats, which inner loops give, are looked at no further."""
+    """Numbers as one row; arrays of floats, as inner loops pass, are not checked."""
     known = isinstance(value, np.ndarray) and value.dtype == float
     return np.ravel(value if known else numbers(value, name, error=SpecError))
 

@@ -1,4 +1,4 @@
-"""From a fit to the estimate: the robot, its numbers with their confidence, and what the log tells."""
+"""Assemble the estimate from a fit: the robot, its parameters with confidence, and the measured combinations."""
 
 from collections.abc import Callable, Iterator
 
@@ -17,7 +17,7 @@ BODY = (
     *(("mass", "kg"), ("com x", "m"), ("com y", "m"), ("com z", "m")),
     *((f"I{axes}", "kg m²") for axes in ("xx", "yy", "zz", "xy", "xz", "yz")),
 )
-"""Numbers of a body, its inertia about its centre of mass."""
+"""Parameters of a body, its inertia about its centre of mass."""
 
 _TORQUE = ("N m", "N")
 _UNITS = {"armature": ("kg m²", "kg"), "damping": ("N m s/rad", "N s/m"), "coulomb": _TORQUE, "offset": _TORQUE}
@@ -33,8 +33,8 @@ def assembled(
 
     Args:
         robot: the prior, with its payload.
-        equations: that were fitted.
-        fit: of them.
+        equations: the fitted equations.
+        fit: their fit.
         judged: torque errors on data held out.
         unmoved: joints that hardly move.
     """

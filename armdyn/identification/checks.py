@@ -1,4 +1,4 @@
-"""Whether a log is one of an arm: units, order of the joints, torques rather than currents, channels that are dead."""
+"""Plausibility checks of a log: units, order of the joints, torques rather than currents, dead channels."""
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -10,11 +10,11 @@ from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
 
 MOVED = 0.02
-"""Way of a joint from which on its velocities and torques say something [rad or m]."""
+"""Least travel of a joint for a check of its velocities and torques [rad or m]."""
 _BEYOND = 0.1
 """Excess over a position limit that no encoder's offset explains [rad or m]."""
 _ALIKE, _UNLIKE = 0.9, 0.5
-"""Correlations of channels that are the same, and of those that are not."""
+"""Correlations of equal channels, and of different ones."""
 _SCALES = 0.2, 5.0
 """Measured torque as a multiple of the model's: outside it is in another unit. A guessed inertia or an unknown payload
 changes the torque of the joint with most load by less."""
@@ -98,7 +98,7 @@ def _check_velocities(robot: Robot, log: Log) -> None:
 
 def _check_torques(robot: Robot, log: Log, signals: Signals) -> None:
     model = rigid_torques(robot, signals.q, signals.v, signals.a)
-    # Torque per rigid torque beside friction: both without their parts along friction and offset.
+    # Torque per rigid torque: friction and offset are projected out of both.
     rest, expected = (np.empty_like(model) for _ in range(2))
     for j in range(robot.nv):
         v = signals.v[:, j]

@@ -1,4 +1,4 @@
-"""The equations of an identification: from a robot and what is unknown of it to columns and torques."""
+"""Equations of an identification: regressor columns and known torques of a robot with unknown parameters."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ What = Literal["all", "payload", "friction"]
 WHAT: tuple[What, ...] = ("all", "payload", "friction")
 
 _STRUCTURAL = 1e-7
-"""Singular value of the regressor's scaled columns at random states, as a part of the largest, below which no motion
-tells a combination."""
+"""Singular value of the regressor's scaled columns at random states, as a part of the largest, below which a
+combination is not identifiable."""
 _PRIOR_PART = 0.1
-"""Scale of what the robot does not know, as a part of what it does: friction and offset of the torques, armature of the
+"""Scales of parameters that the robot's file lacks: friction and offset as a part of the torques, armature of the
 joints' inertia, a payload's mass of the arm's, and its radius of gyration of the arm's length."""
 
 
@@ -33,10 +33,10 @@ class Equations:
 
     Attributes:
         robot: the prior; of a payload, the arm without it.
-        what: is unknown.
+        what: the unknowns: "all", "payload" or "friction".
         unknowns: their layout.
         width: of the smoothed jump of Coulomb friction [rad/s or m/s], one or shape (nv,).
-        replaced: dynamic parameters that the robot has where the unknown bodies are to be, shape (bodies, 10).
+        replaced: the robot's dynamic parameters of the unknown bodies, shape (bodies, 10).
     """
 
     robot: Robot
@@ -119,7 +119,7 @@ class Equations:
         return columns, known
 
     def robot_at(self, x: Array) -> Robot:
-        """The robot at the unknowns x, shape (p,); the sensors' offsets are no part of it."""
+        """The robot at the unknowns x, shape (p,), without the sensors' offsets."""
         armature, damping, coulomb, _ = self.unknowns.numbers(x)
         robot, bodies = self.robot, parameters_of(self.unknowns.bodies(x))
         if self.what == "payload":
@@ -132,7 +132,7 @@ class Equations:
 
     @cached_property
     def structural_rank(self) -> int:
-        """Number of combinations of the unknowns that motions tell, from the regressor at random states."""
+        """Number of identifiable combinations of the unknowns, from the regressor at random states."""
         rng, limits = np.random.default_rng(0), self.robot.limits
         count = 3 * self.unknowns.size // self.robot.nv + 10
         lower, upper = (np.clip(one, -np.pi, np.pi) for one in (limits.position_lower, limits.position_upper))

@@ -1,4 +1,4 @@
-"""The identified arm, and what the log says of it."""
+"""Result of an identification: the arm, its parameters with confidence, and torque errors."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
 
 NORMAL_95 = 1.959964
-"""95 % of a normal distribution lie within so many standard deviations."""
+"""Standard deviations within which 95 % of a normal distribution lie."""
 SEEN = 0.9
-"""Part of the prior's variance that the log has to take away for a number to count as measured."""
+"""Least reduction of the prior's variance for a parameter to count as measured."""
 _BARRIER = 0.1
-"""Weight of the divergence that keeps likely arms physical, as a part of the fit's: it moves what the log tells by
-less than a hundredth."""
+"""Weight of the divergence that keeps likely arms physical, as a part of the fit's: it moves measured parameters
+by less than a hundredth."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimated:
-    """One number of the arm.
+    """One parameter of the arm.
 
     Attributes:
         name: such as "mass of panda_joint4".
@@ -35,7 +35,7 @@ class Estimated:
         prior: of the given robot.
         value: the estimate.
         deviation: its standard deviation; 95 % intervals are 1.96 of it to either side.
-        seen: part of the prior's variance that the log takes away, 0 to 1.
+        seen: reduction of the prior's variance by the log, 0 to 1.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Estimated:
 
     @property
     def measured(self) -> bool:
-        """Whether the log decides the number, not the prior."""
+        """Whether the log rather than the prior determines the parameter."""
         return self.seen >= SEEN
 
     @property
@@ -58,10 +58,10 @@ class Estimated:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """Torques on the end of the logs, by a fit of their beginning, as means over `IdentifyOptions.step`.
+    """Torques on the end of the logs, from a fit of their beginning, as means over `IdentifyOptions.step`.
 
     Attributes:
-        t: times from the start of what is held out, of several logs one after the other [s], shape (n,).
+        t: times from the start of the held-out data, of several logs one after the other [s], shape (n,).
         torque: as measured [N m or N], shape (n, nv).
         prior: predicted by the given robot, likewise.
         fitted: predicted by the fit, likewise.
@@ -100,12 +100,12 @@ class Estimate:
     Attributes:
         robot: the arm with the identified inertias, payload or friction.
         offset: of the measured torques, which no robot has [N m or N], shape (nv,).
-        parameters: the numbers and their confidence.
-        judged: torque errors on data that were held out; None: none were.
+        parameters: the parameters and their confidence.
+        judged: torque errors on held-out data; None: no data was held out.
         noise: standard deviation of the torque residuals [N m or N], shape (nv,).
         weight: of the divergence from the prior, chosen by cross-validation.
-        combinations: number of combinations of the unknowns that any motion of this arm can tell.
-        measured_combinations: number of those that this log tells better than the prior.
+        combinations: number of combinations of the unknowns that are identifiable by motions of this arm.
+        measured_combinations: number of those that this log measures better than the prior.
         condition: condition number of the regressor on those combinations, unknowns relative to the prior.
         unmoved: joints that hardly move in the logs.
         warnings: a sentence where inertias that are taken from the robot contradict the logs.
@@ -166,7 +166,7 @@ class Estimate:
         count, seed = whole(count, "count", 1, MOST_MEMBERS), whole(seed, "seed", 0)
         if not 0 < number(confidence, "confidence") < 1:
             raise ProblemError(f"confidence is {confidence}; it is a probability above 0 and below 1, such as 0.95")
-        from scipy.stats import chi2  # half a second, for those who ask for likely arms
+        from scipy.stats import chi2  # half a second; only likely arms need it
 
         unknowns, fit = self.equations.unknowns, self.fit
         away = np.random.default_rng(seed).normal(size=(count, unknowns.size))

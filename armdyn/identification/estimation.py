@@ -22,8 +22,8 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
 _OWN_WIDTH = 0.95
-"""Torque residuals of a joint with another width of Coulomb friction, as a part of those with the width that is best
-for all, below which it has its own: less is the scatter of a residual's size over some 500 equations."""
+"""Torque residuals of a joint with another width of Coulomb friction, as a part of those with the best common width,
+below which the joint gets its own width: less is the scatter of a residual's size over some 500 equations."""
 _EXPLAINED = 0.8
 """Torque residuals with all links identified, as a part of those without, below which the robot's inertias are wrong:
 at least 0.89 on simulated logs of 4 and 10 s where they are right; below 0.8 on 19 of 24 where masses and inertias are
@@ -37,7 +37,7 @@ class IdentifyOptions:
 
     Attributes:
         smoothing: standard deviation of the Gaussian filter of all signals and their derivatives [s]: 5 ms pass 26 Hz.
-        step: torques and regressors are averaged over so long [s]: the same filter on both sides of the equations.
+        step: torques and regressors are averaged over this time [s]: the same filter on both sides of the equations.
         held_out: part of each log, its end, on which a fit of its beginning is judged; the estimate itself is of all
             the data. 0: no judgement.
         widths: of the smoothed jump of Coulomb friction that are tried [rad/s or m/s], where the robot has none. One is
@@ -72,8 +72,8 @@ def identify(
 
     The joint torques are linear in the inertial parameters, the armatures, viscous and Coulomb friction and the
     sensors' offsets. Their robust least squares, weighted by each joint's noise, is regularised by the entropic
-    divergence of the pseudo-inertias from the robot's: every estimate is a physical arm, and what the logs do not tell
-    stays as it was. See docs/identify.md.
+    divergence of the pseudo-inertias from the robot's: every estimate is a physical arm, and parameters that the logs
+    do not determine keep their prior values. See docs/identify.md.
 
     Args:
         robot: the arm as its file describes it: the prior.

@@ -1,4 +1,4 @@
-"""Exciting motions: what a log of them tells of the arm is as well conditioned as limits allow."""
+"""Exciting motions: their regressor is as well conditioned as the limits allow."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class ExcitingOptions:
     """Options of `exciting_motion`.
 
     Attributes:
-        what: is to be identified, as of `identify`: the condition number is that of these unknowns.
+        what: the unknowns, as of `identify`: the condition number is theirs.
         margin: part of position, velocity and torque limits that the motion uses.
         knots: coefficients of each joint's spline per second [1/s].
         candidates: random motions, the best of which is improved.
         generations: changes of the best one that are tried.
-        seed: of both.
+        seed: of the candidates and the changes.
         obstacles: in the world, of which the arm is kept clear.
         self_collision: whether links are kept clear of each other.
         allowed_contacts: pairs of names of links and obstacles that may touch.
@@ -87,7 +87,7 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     Args:
         robot: the arm, as far as it is known.
         duration: of the motion [s], 1 to 600.
-        options: what is to be identified, margins and obstacles.
+        options: unknowns, margins and obstacles.
 
     Raises:
         ProblemError: an argument is wrong, or no candidate is within the limits and clear.
@@ -123,12 +123,12 @@ class _Search:
     Attributes:
         robot: the arm.
         options: of the search.
-        equations: of what is to be identified.
+        equations: equations of the unknowns.
         t: checked times [s], shape (n,).
         spline: the spline's values and two derivatives at these times for unit coefficients, each of shape (n, k).
         lower: least positions [rad or m], shape (nv,).
         upper: largest, likewise.
-        collision: distances; None: nothing is to be kept clear of.
+        collision: distances; None: there are no obstacles.
     """
 
     robot: Robot

@@ -192,7 +192,7 @@ def autocorrelation(residual: Array, limit: Array, least: float) -> Array:
 def _covariance(unknowns: Unknowns, x: Array, columns: Array, inflated: Array, normal: Normal, weight: float) -> Array:
     """Sandwich covariance H⁻¹ M H⁻¹: scores of the residuals with their autocorrelation, and the prior's spread.
 
-    Of a log without noise H and M are large where it tells much and the prior's where it tells nothing; by their
+    Of a log without noise H and M are large along measured combinations and the prior's along the others; by their
     factors the covariance stays positive definite.
     """
     _, hessian = unknowns.derivatives(x)

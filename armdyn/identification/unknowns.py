@@ -19,7 +19,7 @@ LEAST_RADIUS = 2e-3
 
 
 def _symmetric_basis() -> Array:
-    """An orthonormal basis of the symmetric 4 × 4 matrices, shape (10, 4, 4)."""
+    """Orthonormal basis of the symmetric 4 × 4 matrices, shape (10, 4, 4)."""
     basis = []
     for i in range(4):
         for j in range(i + 1):

@@ -9,18 +9,18 @@ from armdyn.arrays import Array
 from armdyn.models.scene.collision import CollisionModel
 
 NEAR_STRAIGHT = 1.03
-"""A path that takes no more than this times the straight line's time is not worth a second one."""
+"""Ratio of a path's time to the straight line's, up to which no second path is planned."""
 ENOUGH = 8_000
-"""Checks [1] after which one path is enough if the next attempts find none: as many as four usual attempts."""
+"""Checks [1] after which one path is enough if the next attempts find none: those of four usual attempts."""
 
 
 @dataclass(frozen=True)
 class PlannerOptions:
-    """Options of the planner; lengths are seconds at the velocity limits.
+    """Options of the planner; lengths are in seconds at the velocity limits.
 
     Attributes:
         step: distance between collision checks, in the largest component. A Panda's fastest point moves 4 cm in 0.02 s;
-            what slips through is found when the motion is verified.
+            the motion's verification finds collisions between checks.
         reach: length by which a tree grows towards a random point; 0.1 to 0.2 need the fewest checks in shelves.
         checks: collision checks of all attempts together, so that the work does not depend on the clock.
         first_checks: of the first attempt. Times to a path have a heavy tail: starting again beats going on.
@@ -28,8 +28,8 @@ class PlannerOptions:
         shortcuts: random shortcuts tried on every path.
         beyond: random points are no farther than this from the box around both ends: half as many checks, and paths
             shorter by a tenth, than with points from within all bounds;
-        everywhere: but for every so many-th attempt.
-        paths: that are looked for.
+        everywhere: period of the attempts without this box.
+        paths: number of paths.
     """
 
     step: float = 0.02
@@ -70,15 +70,15 @@ def plan_paths(
     options: PlannerOptions | None = None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[Array]:
-    """Plan collision-free paths, one when it is asked for.
+    """Plan collision-free paths lazily: each is planned when the iterator is advanced.
 
     Args:
-        space: joint positions and what is free of them.
+        space: joint positions and the collision model.
         start: [rad or m], shape (n,), free.
         goal: likewise.
         seed: of the random points; the same seed gives the same paths.
         options: how finely and how long.
-        stop: whether to give up, asked within an attempt, too.
+        stop: whether to give up; polled within an attempt, too.
 
     Yields:
         Joint positions of each path, shape (m, n); none if there was none within the options' checks.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 JOIN_TOLERANCE = 1e-5
 """Largest difference of a joint's position [rad or m] and velocity [rad/s or m/s] between the end of a motion and the
-start of the next one: ten times what the replay of a certified motion misses its goal by at most."""
+start of the next one: ten times the largest goal error of a certified motion's replay."""
 
 _UNITS = {"q": "rad or m", "v": "rad/s or m/s"}
 _HELD = {"linear": "linear", "zero-order": "constant"}

@@ -86,7 +86,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[zipfile.ZipFile]:
         raise TrajectoryError(f"{path}: {str(error)[:_LONGEST]}") from None
     except zipfile.BadZipFile:
         raise TrajectoryError(f"{path}: not a readable npz trajectory (it is no .npz file, or is cut off)") from None
-    except Exception as error:  # a damaged file sets off all that zipfile, zlib and numpy can raise
+    except Exception as error:  # zipfile, zlib and numpy raise many classes on a damaged file
         raise TrajectoryError(f"{path}: not a readable npz trajectory ({str(error)[:_LONGEST]})") from None
 
 
@@ -114,14 +114,14 @@ def numbers_of(file: zipfile.ZipFile, name: str) -> Array:
 
 
 def bounded(array: Array, name: str) -> Array:
-    """A file's numbers, none of them too large to be reckoned with.
+    """A file's numbers, none of them larger than `MAX_NUMBER`.
 
     Args:
         array: its first axis the samples.
         name: of the array.
 
     Raises:
-        TrajectoryError: one is; those that are not finite are for who makes a motion of them.
+        TrajectoryError: one is larger; the trajectory's own checks refuse numbers that are not finite.
     """
     large = np.argwhere(np.isfinite(array) & (np.abs(array) > MAX_NUMBER))
     if large.size:

@@ -23,7 +23,7 @@ from armdyn.trajectory import messages, npz
 from armdyn.trajectory.formats.csv_table import PIECE_COLUMNS
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".npz", *messages.SUFFIXES)
-"""Of motions: no robot's file has them."""
+"""Suffixes of motions' files: no robot's file has them."""
 
 MAX_BYTES = 64 * 2**20
 """A larger table is refused [bytes]: half a million rows of seven joints' q, v and tau."""

@@ -35,7 +35,7 @@ MOST_SAMPLES = 200_000
 """Of one motion: 200 s at 1 kHz. Of seven joints they are 130 MB of JSON."""
 
 LEAST_STAMP = 1e-8
-"""Stamps are at least so far apart [s]: ten of the nanoseconds that ROS counts in."""
+"""Least time between two stamps [s]: ten of ROS's nanoseconds."""
 
 LEAST_STEP = 1e-30
 """Times of a motion nearer than that are refused [s]: rates over them, and squares of rates, overflow. An ulp of

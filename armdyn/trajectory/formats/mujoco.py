@@ -54,7 +54,7 @@ class Mujoco:
 
 
 def _attribute(name: str) -> str:
-    from xml.sax.saxutils import quoteattr  # it loads urllib, which nobody else needs
+    from xml.sax.saxutils import quoteattr  # it loads urllib, which nothing else needs
 
     return quoteattr(xml_name(name))
 

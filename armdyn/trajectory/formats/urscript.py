@@ -38,7 +38,7 @@ class UrScript(Stream):
     """One servoj per tick, after a slow movej to the start: https://www.universal-robots.com/manuals, Script manual.
 
     servoj(q, a, v, t, lookahead_time, gain) ignores a and v. The arm is behind the targets by about the lookahead time,
-    so that the last target is kept until the arm is there, and events are so much later than the targets.
+    so that the last target is kept until the arm is there, and events are delayed by the same time.
 
     Loads of pieces are added to the robot's payload by set_target_payload(m, cog, inertia, transition_time) at their
     events, in the axes of the flange; armdyn_event(kind, name) is there for the gripper's commands.
