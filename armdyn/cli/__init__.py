@@ -11,7 +11,7 @@ from armdyn.cli import interrupts
 __all__ = ["main"]
 
 _GARBAGE = 50_000
-"""New objects until garbage is looked for: most of a command's objects are what it imports, and stay. To look through
+"""New objects between two garbage collections: most of a command's objects are imports, and stay. To look through
 these again and again, and once more at the end, took a sixth of `armdyn mintime rr`."""
 
 

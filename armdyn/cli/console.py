@@ -1,4 +1,4 @@
-"""Output of commands: text for people on a terminal, one JSON object for machines."""
+"""Output of commands: text on a terminal, or one JSON object."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
 
 EXIT_CODES = (
     "0 done, and the motion is usable: it lands and keeps its limits; 2 bad usage or input; 3 it is not usable; "
-    "4 it is, but not what --require asks for; 5 disk full; 130 interrupted."
+    "4 it is, but --require is not met; 5 disk full; 130 interrupted."
 )
 """Meaning of the exit codes, as in help and README."""
 
 SCHEMA = interrupts.SCHEMA
-"""Version of the JSON objects, see docs/json.md: raised when a key goes, or means something else."""
+"""Version of the JSON objects, see docs/json.md: raised when a key is removed or changes its meaning."""
 
 
 class Terminal:
@@ -73,7 +73,7 @@ class Terminal:
     def print(self, what: str | Table) -> None:
         """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
-            self.rich.print(what, crop=False)  # the terminal folds what does not fit
+            self.rich.print(what, crop=False)  # the terminal folds long lines
 
 
 console, errors = Terminal(), Terminal(stderr=True)
@@ -106,9 +106,9 @@ class Answer:
         """Set the exit code of a result.
 
         Args:
-            usable: whether it is what the command is for, such as a usable motion.
-            interrupted: whether Ctrl-C has cut it short.
-            as_required: whether it meets `--require` or `--at-least`.
+            usable: whether the result is usable, such as a usable motion.
+            interrupted: whether Ctrl-C has cut the command short.
+            as_required: whether the result meets `--require` or `--at-least`.
         """
         code = DONE if as_required else NOT_AS_REQUIRED
         self.code = INTERRUPTED if interrupted else code if usable else NOT_USABLE
@@ -131,7 +131,7 @@ def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
     """
     if not interrupts.pressed() or summary["status"] == "interrupted":
         return dict(summary)
-    message = "interrupted after the motion was found; what else was asked for is not complete"
+    message = "interrupted after the motion was found; the other requested results are incomplete"
     return {**summary, "success": False, "status": "interrupted", "message": message}
 
 
@@ -216,7 +216,7 @@ def working(what: str) -> Iterator[Callable[[str], None]]:
 
 
 _REDRAWN = 0.1
-"""A bar is drawn again after so long at the earliest [s]: some studies do thousands of cases a second."""
+"""Least time between two redraws of a bar [s]: some studies do thousands of cases a second."""
 
 
 class Bar:

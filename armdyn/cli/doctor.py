@@ -133,7 +133,7 @@ PolicyRow = tuple[str, object, str, str, str]
 
 
 def _policy(robot: ad.Robot) -> list[PolicyRow]:
-    """The policy of a robot's minimum-time problems without path constraints, whatever the poses."""
+    """The policy of a robot's minimum-time problems without path constraints, for all poses."""
     import numpy as np
 
     from armdyn.optimal.task.policy import Policy
@@ -146,7 +146,7 @@ def _policy(robot: ad.Robot) -> list[PolicyRow]:
 
 
 def policy_facts(rows: Iterable[PolicyRow]) -> list[Facts]:
-    """A policy for machines; a value that JSON does not know is its text."""
+    """A policy as JSON; values without a JSON type become text."""
     names = ("name", "value", "unit", "reason", "cases")
     plain = (bool, int, float, str, NoneType)
     return [
@@ -156,7 +156,7 @@ def policy_facts(rows: Iterable[PolicyRow]) -> list[Facts]:
 
 
 def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
-    """A policy for people.
+    """A policy as a table.
 
     Args:
         name: the robot's.

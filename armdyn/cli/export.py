@@ -36,7 +36,7 @@ _MODEL_RATE = 4000.0
 
 @dataclass(frozen=True, kw_only=True)
 class RowOptions:
-    """The format, its rows, and where they go."""
+    """The format, its rate, and its folder."""
 
     format: str = option(_KINDS, _ABOUT_KINDS, default="csv")
     rate: str | None = option(
@@ -45,7 +45,7 @@ class RowOptions:
         "4000 with --model, and 1000 otherwise.",
     )
     out: Path | None = option("DIR", "Folder for the written file. By default that of FILE.")
-    piece: int | None = option("N", "Of a motion of several pieces only this one, from 1 on.")
+    piece: int | None = option("N", "Only this piece of a motion of several pieces, from 1 on.")
 
     @property
     def kind(self) -> type[OutputFormat]:
@@ -146,7 +146,7 @@ class ModelOptions:
     part: PartOptions
 
     def expect_format(self, kind: type[OutputFormat]) -> None:
-        """Refuse a model of another format, and options of a model where none is written.
+        """Refuse --model with another format, and its options without it.
 
         Raises:
             ProblemError: there are such options.
@@ -182,7 +182,7 @@ def export(
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
 
     Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
-    and accelerations are means over the step that begins there: what a controller holds until the next row.
+    and accelerations are means over the step that begins there: a controller holds them until the next row.
 
     ROS 2's message (trajectory_msgs/msg/JointTrajectory) is JSON, which is YAML, too; joints have the URDF's names.
 
@@ -233,7 +233,7 @@ def export(
 
 
 def _show(target: Path, facts: Mapping[str, Any], found: ad.ControllerCheck | None) -> None:
-    """The written file, and what the controller says of it."""
+    """The written file, and the controller's verdict."""
     even = "its own samples" if facts["rate"] is None else f"{facts['rate']:g} Hz"
     console.print(f"{escape(str(target))}  ({facts['samples']} rows at {even}, {facts['duration']:.6f} s)")
     if found is not None:
@@ -281,7 +281,7 @@ def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: 
 
 
 def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
-    """The arm that moved, of the result beside the file or as the user names it.
+    """The arm that moved, from the result next to the file or as the user names it.
 
     Raises:
         ArmdynError: it is not at hand, or another one moved.
@@ -303,7 +303,7 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
 
 
 def usual_rate(kind: type[OutputFormat]) -> float:
-    """Rows per second of a format where nobody asks for another rate [Hz]."""
+    """Default rows per second of a format [Hz]."""
     return float(getattr(kind, "rate", _DEFAULT_RATE))
 
 

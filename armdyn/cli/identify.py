@@ -31,14 +31,14 @@ _FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
 _MOST_ROWS = 40
 """Rows of the table of numbers on the terminal; --json has all."""
 _MOST_LIKELY = 100
-"""Arms in a file; fewer where it would be too large to be read again."""
+"""Most arms in a file; fewer where the file would be too large to be read."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifyCommandOptions:
     """Unknowns to identify, or the motion to log."""
 
-    payload_only: bool = flag("Identify what the arm carries, and friction; the links are as the robot's file says.")
+    payload_only: bool = flag("Identify the payload and friction; the links are as the robot's file says.")
     friction_only: bool = flag("Identify friction alone.")
     held_out: float = option(
         "PART", "End of each log on which a fit of its beginning is judged; the result is of all.", default=0.25
@@ -158,7 +158,7 @@ def _identify(
 
 
 def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:
-    """Text of identified.toml, and the number of likely arms in it: as many as are read again."""
+    """Text of identified.toml, and the number of likely arms in it, bounded by the size that can be read."""
     from armdyn.optimal.problem.robot_tables import likely_tables, robot_table
     from armdyn.parsing.toml import MAX_BYTES, to_toml
 

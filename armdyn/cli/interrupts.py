@@ -34,7 +34,7 @@ _CLEAR_LINE = b"\r\x1b[2K"  # of a spinner
 
 
 _PATIENCE = 0.5
-"""After which a command that is still at work says so [s]."""
+"""Time after which a command that is still working reports its step [s]."""
 
 
 class _State:
@@ -45,7 +45,7 @@ class _State:
     heard = False
     """Ctrl-C was pressed while a command was running, perhaps within a solve, which ends without an exception."""
     answered = False
-    """The command has said how it ended, or is about to."""
+    """The command has reported its end, or is about to."""
     doing = ""
     """The command's current step, in words."""
 
@@ -53,7 +53,7 @@ class _State:
 class Guard:
     """Context that handles Ctrl-C as this module describes; after it Ctrl-C is ignored until the process ends.
 
-    Where someone else sees to the signal, or nobody is to hear it (`nohup`, a job in the background), that stays.
+    Another handler of the signal stays, and so does its being ignored (`nohup`, a job in the background).
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class Guard:
         _signal.signal(_signal.SIGINT, _signal.SIG_IGN)
         if isinstance(error, KeyboardInterrupt):
             leave()
-        if isinstance(error, SystemExit) and _State.pressed:  # whoever caught it may have made another code of it
+        if isinstance(error, SystemExit) and _State.pressed:  # code that caught it may have changed the exit code
             if not _State.answered:  # it came just before the command's own code, or after it
                 leave()
             raise SystemExit(INTERRUPTED) from None
@@ -103,13 +103,13 @@ def at(what: str) -> None:
     """Set the command's current step, for the line that follows Ctrl-C.
 
     Args:
-        what: in words.
+        what: the step in words.
     """
     _State.doing = what
 
 
 def answer() -> None:
-    """Note that the command says how it ended: nobody else need say that it was interrupted."""
+    """Note that the command reports its end: no further line about the interrupt is needed."""
     _State.answered = True
 
 

@@ -1,4 +1,4 @@
-"""Help as it is laid out: a panel for each kind of option, descriptions that have most of the line."""
+"""Layout of the help: a panel for each kind of option, wide descriptions."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 _NAMES = 26
-"""Letters that an option's name and its value's may take for the description to begin beside them."""
+"""Letters that an option's name and its value's may take for the description to begin on their line."""
 
 _NARROW = 52
-"""Columns of a terminal below which all descriptions are below the options' names: beside them words are cut."""
+"""Columns of a terminal below which all descriptions are below the options' names: on their line words are cut."""
 
 _COMMANDS = 11
 """Letters that commands have."""
@@ -45,7 +45,7 @@ class Followed(Exit):
 
 
 class Command(TyperCommand):
-    """A command whose help has no narrow columns: where an option's name is long, its description is below it."""
+    """A command whose help has no narrow columns: the description of an option with a long name is below the name."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:  # click's
         """Print help."""
@@ -86,7 +86,7 @@ def _parse_then(ctx: Any) -> None:
 
 
 class CommandGroup(TyperGroup):
-    """The application, whose help is laid out likewise: examples, options, commands by purpose."""
+    """The application, whose help has examples, options, and commands by purpose."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Print help."""

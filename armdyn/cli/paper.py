@@ -32,7 +32,7 @@ def reproduce(
     ),
     json: bool = flag(JSON),
 ) -> None:
-    """The whole paper: every example, table and figure, the published numbers beside ours.
+    """The whole paper: every example, table and figure, with the published numbers next to ours.
 
     Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
     DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures Figures 2 to 7, DIR/cases every single
@@ -113,7 +113,7 @@ def urdf(
         from armdyn.models import ArmSpec, Payload
         from armdyn.models.values.urdf import urdf_file_name, urdf_from_spec
 
-        spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses what it does not know
+        spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses unknown arms
         load = Payload(mass=payload)
         text = urdf_from_spec(spec, load)
         answer.done("written", {})

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def presets(
     name: str | None = argument(
         "NAME|FILE.toml",
-        "Show its limits, sources, and what is not public; none: all presets.",
+        "Show its limits, sources, and unpublished conditions; none: all presets.",
         default=None,
         autocompletion=known_presets,
     ),
@@ -41,7 +41,7 @@ def presets(
         listed = [ad.ControllerPreset.named(one) for one in ad.ControllerPreset.names()]
         answer.done("listed", {"presets": [_facts(preset) for preset in listed]})
         console.print(_list(listed))
-        console.print("\narmdyn presets NAME shows limits, sources, and what is not public. Your own: docs/presets.md.")
+        console.print("\narmdyn presets NAME shows limits, sources, unpublished conditions. Your own: docs/presets.md.")
 
 
 def _facts(preset: ad.ControllerPreset) -> dict[str, object]:

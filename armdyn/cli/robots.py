@@ -30,7 +30,7 @@ def robots(
     everything: bool = flag("Also the library's robots of several limbs, and those armdyn refuses.", name="--all"),
     json: bool = flag(JSON),
 ) -> None:
-    """The robots that go by a name: the paper's arms, benchmarks of joints without a motor, and example-robot-data's.
+    """Robots by name: the paper's arms, benchmarks with joints without a motor, and example-robot-data's.
 
     Each name works wherever a command takes ROBOT, and in Robot.from_library(NAME). Everything of a robot that
     is not the arm is locked; armdyn doctor NAME says where.
@@ -57,7 +57,7 @@ def robots(
         every, some, none = _marks()
         console.print(
             f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
-            "Minimum time needs torque limits: give what is missing with --effort-limit. armdyn doctor NAME shows "
+            "Minimum time needs torque limits: give missing ones with --effort-limit. armdyn doctor NAME shows "
             "every joint."
         )
 
@@ -78,7 +78,7 @@ def _print_poses(robot: ad.Robot, answer: Answer) -> None:
 
 
 def _facts(name: str, progress: Callable[[str], None]) -> Facts:
-    """Facts of one robot; never an exception, for one bad robot must not hide the others."""
+    """Facts of one robot; without exceptions, as one bad robot must not hide the others."""
     import numpy as np
 
     from armdyn.models.robots.library import LIBRARY_ARMS

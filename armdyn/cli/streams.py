@@ -1,4 +1,4 @@
-"""Standard output and error as a command finds them: closed, without Unicode, with a reader that goes."""
+"""Standard output and error that may be closed, without Unicode, or lose their reader."""
 
 import errno
 import io
@@ -43,7 +43,7 @@ def flushed(code: str | int | None) -> str | int | None:
 
         full = is_full(error)
         why = str(DiskFullError("standard output")) if full else f"standard output: {error.strerror}"
-        if code != DISK_FULL:  # else the command has said so
+        if code != DISK_FULL:  # else the command has reported it
             sys.stderr.write(f"armdyn: {why}\n")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # the interpreter tries once more
         return code or (DISK_FULL if full else BAD_INPUT)
@@ -51,7 +51,7 @@ def flushed(code: str | int | None) -> str | int | None:
 
 
 def _hold(number: int) -> None:
-    """Have a descriptor that is closed lead nowhere: else the next file that is opened would be it."""
+    """Point a closed descriptor to the null device: else the next opened file would get its number."""
     try:
         os.fstat(number)
     except OSError:

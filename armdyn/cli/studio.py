@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from armdyn.show.studio.state import StudioState
 
 _TURN, _SHIFT = 1.0, 0.2
-"""By which the first joint moves where no goal is given [rad, m]."""
+"""Default travel of the first joint [rad, m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,11 +92,11 @@ def studio(
 
     Start and goal follow a gizmo at the tool, by inverse kinematics, or a slider for each joint. Obstacles are added,
     moved and removed; payload, reserve, calm and the controller's preset change what the arm can do. The motion is
-    computed while you drag, the newest request first, and played, with its duration, the proven gap, what decides it,
-    and what is wrong with a pose in words.
+    computed while you drag, the newest request first, and played, with its duration, the proven gap, the deciding
+    limits, and the faults of a pose in words.
 
-    The options are those of armdyn mintime, and the problem may be a file: what the page does not change, such as via
-    points, stays. Without --q-start and --q-goal the arm starts at its first named pose, and turns its first joint.
+    The options are those of armdyn mintime, and the problem may be a file: its other conditions, such as via points,
+    stay. Without --q-start and --q-goal the arm starts at its first named pose, and turns its first joint.
 
     Buttons save the problem (problem.toml, for armdyn mintime), the motion (trajectory.npz) and the report
     (report.html) into --out. The state is saved there all the time: a page that was killed goes on where it was, unless
@@ -161,5 +161,5 @@ def _print_address(as_json: bool, folder: Path, host: str, wanted: int, again: b
     if again:
         words["state"] = f"of the last session, from {folder / STATE_FILE}; --fresh begins anew"
     if not is_loopback(host):
-        words["open to others"] = f"whoever reaches {host} can use this page, and have files written into {folder}"
+        words["open to others"] = f"everyone who reaches {host} can use this page, and have files written into {folder}"
     console.print(facts_table("armdyn studio", words))

@@ -144,8 +144,8 @@ class Collocation:
 
         if not cut:
             return steps(self._arms[0], slice(None))
-        with ThreadPoolExecutor(1) as beside:
-            later = beside.submit(steps, self._arms[1], slice(cut, None))
+        with ThreadPoolExecutor(1) as pool:
+            later = pool.submit(steps, self._arms[1], slice(cut, None))
             first = steps(self._arms[0], slice(cut))
         end, by_state, by_torque = (np.concatenate(pair) for pair in zip(first, later.result(), strict=True))
         return end, by_state, by_torque

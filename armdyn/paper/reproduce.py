@@ -215,8 +215,8 @@ def _drawn(folder: Path, number: int, cases: Sequence[Case], payload: float) -> 
 def _work(folder: Path, case: Case, near: Case | None, with_folder: bool, fresh: bool) -> Outcome | DiskFullError:
     """One case, from disk if it is there. A full disk is returned: a job that raises would be done again."""
     kept = None if fresh else load_outcome(folder / "cases", case)
-    beside = None if kept or near is None else load_outcome(folder / "cases", near)
-    outcome = kept or run_case(case, workers=1, near=beside)  # the other cores have cases of their own
+    nearest = None if kept or near is None else load_outcome(folder / "cases", near)
+    outcome = kept or run_case(case, workers=1, near=nearest)  # the other cores have cases of their own
     if outcome.status == Status.INTERRUPTED:
         return outcome
     try:

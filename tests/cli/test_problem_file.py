@@ -6,7 +6,7 @@ import pytest
 
 from armdyn.cli.invocation import running
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.task import problem_file, refuse_beside_a_file
+from armdyn.cli.options.task import problem_file, refuse_with_a_file
 from armdyn.errors import ProblemError
 from cli.command import answer, run_here
 from problems import RR_FILE
@@ -98,7 +98,7 @@ def test_a_sweep_over_payload_takes_a_file(write_problem):
 
 def test_degrees_are_not_of_files(write_problem):
     with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="says units itself"):
-        refuse_beside_a_file(write_problem(RR_FILE), PoseOptions())
+        refuse_with_a_file(write_problem(RR_FILE), PoseOptions())
 
 
 def test_mintime_solves_a_file_and_its_options_go_before(write_problem):

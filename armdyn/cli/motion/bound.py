@@ -16,7 +16,7 @@ def bound(
 ) -> None:
     """Lower bound on the duration between two poses, proven: no motion is faster.
 
-    Velocity limits alone give one; torque limits add what speeding up and slowing down cost at least. All is
+    Velocity limits alone give one; torque limits add the least time of speeding up and slowing down. All is
     computed in intervals, rounded outward; no motion is searched for. With --goal-pose the bound holds for all joint
     positions within the limits that reach the pose, with --wrap for all ways round. It takes less than a second, for a
     goal pose of six or seven joints some seconds. Without velocity

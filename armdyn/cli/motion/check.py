@@ -98,7 +98,7 @@ def _motion(
 
 
 def show_check(found: ad.ControllerCheck, name: str) -> None:
-    """Print a check: the verdict, each condition, and what was not checked."""
+    """Print a check: the verdict, each condition, and the unchecked ones."""
     refused = next((row for row in found.offences if row.necessary), None)
     console.print(
         f"[bold]{escape(name)}[/]: {found.preset}, {found.interface} interface, {found.rate:g} commands per second"

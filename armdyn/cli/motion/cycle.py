@@ -56,7 +56,7 @@ def cycle(
         rich_help_panel=TASK,
     ),
     costs: bool = flag(
-        "Solve again without each way point, straight segment, speed limit and stop, to say what it costs.",
+        "Solve again without each way point, straight segment, speed limit and stop, and report its cost.",
         rich_help_panel=SOLVER,
     ),
     search: CycleSearchOptions,
@@ -70,12 +70,12 @@ def cycle(
 ) -> None:
     """Fastest cycle of a robot: moves, grasps, releases and waits in order, from a file.
 
-    Each move takes the arm with what it carries then, from rest to rest, past its way points and along its straight
+    Each move takes the arm with its payload from rest to rest, past its way points and along its straight
     segments without a stop. Where a place can be reached by several joint positions, the best of them are chosen for
     the whole cycle. The lower bound is proven over all of them.
 
-    The table says of each step what decides its time and what would help: to first order 10 % more of the limit that
-    decides most; with --costs, also what each condition costs.
+    The table has the deciding limit of each step's time, and a remedy: to first order 10 % more of the limit that
+    decides most; with --costs, also the cost of each condition.
 
     Written are the motion with its payloads (trajectory.npz, and the files of --format), the table (steps.csv), a
     report, and result.json.
@@ -138,7 +138,7 @@ def _solve(
 
 
 def _write_example(path: Path, answer: Answer) -> None:
-    """Write the example; a file of its name is left alone.
+    """Write the example; an existing file is not overwritten.
 
     Raises:
         FileError: there is such a file.
@@ -186,7 +186,7 @@ def _write(
     results: ResultOptions,
     progress: Any,
 ) -> Written:
-    """The files of a cycle, as far as it is solved."""
+    """The files of a cycle, of its solved moves."""
     robot = solution.cycle.robot
     title = f"{name}: {f'{solution.duration:.3f} s, ' if solution.usable else ''}{solution.verdict}"
     folder.mkdir(parents=True, exist_ok=True)

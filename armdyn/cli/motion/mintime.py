@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from armdyn.studies.reserve import ReserveCurve, Settling
 
 _WATCHED = 1.0
-"""Time for which likely arms are watched [s], or after a longer motion: they are many, and near to the model."""
+"""Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class SearchOptions(CurveOptions):
     """Extent of the search, and the choice of a reserve for feedback."""
 
     for_tracking: bool = flag(
-        "Leave so much torque to feedback (--reserve) that likely arms settle soonest, under the default controller at "
+        "Choose the torque reserve (--reserve) with which likely arms settle soonest, under the default controller at "
         "1 kHz: those of a file of armdyn identify, else payload 20 % off, with and without friction."
     )
 
@@ -165,7 +165,7 @@ def mintime(
     results: ResultOptions,
     require: list[str] | None = REQUIRE,
     no_costs: bool = flag(
-        "With --preset: do not solve again without each necessary condition to see what it costs.",
+        "With --preset: do not solve again without each necessary condition for its cost.",
         rich_help_panel=LIMITS,
     ),
 ) -> None:
@@ -180,7 +180,7 @@ def mintime(
     the motion saves 0.01 % of its time. With obstacles, via points or path limits they are not checked.
 
     With --preset the conditions of the robot's controller are limits, too. The motion is checked as the controller sees
-    it, and solved again without each necessary condition that it meets, to say what that condition costs.
+    it, and solved again without each necessary condition that it meets, for the cost of that condition.
 
     Exit code 0: the motion is usable: it reaches the goal and satisfies all limits. 3: it is not, or the controller of
     --preset would refuse it, and the output says why. 4: it is, but --require certified (or extremal, or gap:0.5%) is
@@ -261,7 +261,7 @@ def _problem(task: ProblemOptions, results: ResultOptions) -> tuple[ad.MinimumTi
 
 
 def _show_contacts(error: ad.ContactError, name: str, results: ResultOptions) -> None:
-    """Write a page with the pose for which a problem is refused into the folder of --out; without one, say so."""
+    """Write a page with the pose for which a problem is refused into the folder of --out; without one, a hint."""
     hint = "--out DIR writes a page that shows the pose, with the bodies that touch in red"
     if results.output.out is not None and not results.no_report:
         from armdyn.show.replay import write_contacts

@@ -35,10 +35,10 @@ def optimality(
     """Compare a planner's motion with the fastest between the same two states.
 
     Says whether the motion keeps torque, velocity and position limits, how long each joint works on none of them, and
-    what the fastest motion takes. Torques that the file does not have come from inverse dynamics, velocities from a
+    the duration of the fastest motion. Missing torques come from inverse dynamics, velocities from a
     cubic spline, accelerations from differences. Joints of a ROS 2 message come in any order. Obstacles and a path that
-    was to be kept are not looked at: the fastest motion is free to go another way. --reserve is what the planner was to
-    leave to feedback; --acceleration-limit and --jerk-limit are those that it had to keep, and bind the fastest motion
+    was to be kept are ignored: the fastest motion is free to go another way. --reserve is the planner's reserve for
+    feedback; --acceleration-limit and --jerk-limit are the planner's, and bind the fastest motion
     only: whether the planner's motion keeps them is not checked.
     Exit code 3: the motion breaks a limit, or no fastest one was found to compare it with.
 
@@ -69,7 +69,7 @@ def optimality(
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
         answer.judge(bool(summary["success"]), interrupted=solution.status is ad.Status.INTERRUPTED)
         words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
-        console.print(facts_table(f"{arm.name}: {file.name} beside the fastest motion", words))
+        console.print(facts_table(f"{arm.name}: {file.name} against the fastest motion", words))
 
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:
@@ -116,7 +116,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
 
 
 _ROUNDING = 1e-9
-"""Durations that differ by less are equal, as a part of them: the replay is aimed to 1e-9."""
+"""Largest relative difference of equal durations: the replay is aimed to 1e-9."""
 
 
 def _could(found: ad.TimeOptimality) -> str:

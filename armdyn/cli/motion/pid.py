@@ -60,7 +60,7 @@ class PidLoopOptions:
             q_goal=goal,
             gains=ad.PidGains(kp=values[0], ki=values[1], kd=values[2]),
             duration=self.duration,
-            form=self.form,  # type: ignore[arg-type]  # simulate_pid refuses what it does not know
+            form=self.form,  # type: ignore[arg-type]  # simulate_pid refuses unknown forms
             arrival_rule=self.arrival_rule or usual,  # type: ignore[arg-type]  # the same
         )
 

@@ -27,7 +27,7 @@ class Requirement:
     Attributes:
         text: as it was given.
         kind: "certified", "extremal" or "gap".
-        most: the largest gap, as a part of the lower bound; of the others not looked at.
+        most: the largest gap, as a part of the lower bound; ignored for other kinds.
     """
 
     text: str
@@ -45,7 +45,7 @@ def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
 
 
 def missing_of(required: Sequence[Requirement], usable: bool, reached: Mapping[str, Any]) -> list[str]:
-    """Requirements that a motion does not meet, with remedies; of a motion that is not usable, all.
+    """Unmet requirements of a motion, with remedies; all if the motion is not usable.
 
     Args:
         required: of the motion.

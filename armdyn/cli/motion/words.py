@@ -48,7 +48,7 @@ def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
         )
         if turns and (wrap or abs(angle) > np.pi)
     ]
-    hint = "" if wrap else ", as it was asked to; with --wrap it may go the other way round"
+    hint = "" if wrap else ", as its goal says; with --wrap it may go the other way round"
     return {"way round": ", ".join(far) + hint} if far else {}
 
 

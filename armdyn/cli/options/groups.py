@@ -17,7 +17,7 @@ TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene",
 """Panels of help that commands share, in their order."""
 
 _ANGLES = ("q_start", "q_goal", "via", "lock")
-"""Options whose numbers are positions of joints: all that --degrees is about."""
+"""Options of joint positions, to which --degrees applies."""
 
 
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -70,12 +70,12 @@ def option(metavar: str, about: str, *, default: Any = None, name: str = "", **m
 
 
 def flag(about: str, **more: Any) -> Any:
-    """Likewise: an option that is given or not; arguments as of `option`."""
+    """A field of a group: an option without a value; arguments as of `option`."""
     return option("", about, default=False, **more)
 
 
 def argument(metavar: str, about: str, *, default: Any = MISSING, **more: Any) -> Any:
-    """Likewise: an argument, which must be given unless it has a default."""
+    """A field of a group: an argument, required unless it has a default."""
     return field(default=default, metadata={"option": typer.Argument(metavar=metavar, help=about, **more)})
 
 
@@ -88,10 +88,10 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
     """Options that a command has besides its own: --quiet, and --degrees if the command takes angles.
 
     Args:
-        own: the command's own options, complete when the first common one is asked for.
+        own: the command's own options, complete when the first common one is read.
     """
     angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
-    flags = [("quiet", "Say nothing but errors and warnings; the exit code tells, and files are written.", OUTPUT)]
+    flags = [("quiet", "Print errors and warnings only; files are written, and the exit code is the result.", OUTPUT)]
     if angles:
         note = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
         flags.insert(0, ("degrees", f"{note} All other options stay as they are.", TASK))
@@ -116,7 +116,7 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
 
 
 def _flowing(help_text: str) -> str:
-    """A docstring whose paragraphs flow, so that they fit every terminal; examples, which begin with [dim], do not."""
+    """A docstring with its paragraphs unwrapped, for all terminals; examples, which begin with [dim], stay."""
     paragraphs = cleandoc(help_text).split("\n\n")
     return "\n\n".join(text if text.startswith("[dim]") else " ".join(text.split("\n")) for text in paragraphs)
 

@@ -78,7 +78,7 @@ class FastJointOptions:
     velocity_limit: str | None = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
     reserve: str = option(
         "R[,R…]",
-        "Part of the torque limits that is kept for feedback: with 0.1 the motion takes 90 % at most.",
+        "Part of the torque limits that is kept for feedback: with 0.1 the motion uses 90 % at most.",
         default="0",
     )
     velocity_reserve: str = option("R[,R…]", "Part of the velocity limits that is kept, likewise.", default="0")
@@ -162,7 +162,7 @@ def friction_words(robot: Robot) -> dict[str, str]:
 
 
 def carried_facts(robot: Robot) -> dict[str, object]:
-    """The tip, and what the robot carries, for JSON."""
+    """The tip and the payload, for JSON."""
     bodies = [
         {"name": body.name, "mass": body.mass, "frame": robot.frame_of(body).name, "com": list(body.com)}
         | {"shapes": len(body.shapes)}
@@ -172,7 +172,7 @@ def carried_facts(robot: Robot) -> dict[str, object]:
 
 
 def carried_words(robot: Robot) -> dict[str, str]:
-    """The tip, and what the robot carries and where, in words."""
+    """The tip, and the payload with its place, in words."""
     lines = []
     for body in robot.attached:
         size = f", {len(body.shapes)} shape{'s' if len(body.shapes) > 1 else ''}" if body.shapes else ""

@@ -43,7 +43,7 @@ class PoseOptions:
         return _pose("--q-start", self.q_start, robot, name, kind)
 
     def goal(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
-        """The goal, likewise."""
+        """Joint positions of the goal; see `start`."""
         return _pose("--q-goal", self.q_goal, robot, name, kind)
 
 
@@ -59,7 +59,7 @@ def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind)
 
 
 def _how_to_say(option: str, robot: ad.Robot) -> str:
-    """Message for a missing pose: the ways to give one."""
+    """Message for a missing pose, with its forms."""
     poses = ", ".join(robot.poses)
     names = f", or a pose that has a name ({poses})" if poses else ""
     example = ",".join(["0", "90deg", "0.5"][: robot.nv] + ["0"] * (robot.nv - 3))
@@ -71,7 +71,7 @@ def _how_to_say(option: str, robot: ad.Robot) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class GoalOptions:
-    """Start and goal, which may be a frame's pose, and which way round.
+    """Start and goal, which may be a frame's pose; joint velocities there; turns of endless joints.
 
     Attributes:
         poses: as joint positions.

@@ -43,7 +43,7 @@ def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
         robot: with these joints locked, which are then no joints of its model any more.
 
     Raises:
-        ProblemError: one is such; or the robot was not read from a URDF, so that nobody knows.
+        ProblemError: there is such a joint; or the robot is not from a URDF, so that its joints' kinds are unknown.
     """
     bare = [joint for joint, _, value in (text.partition("=") for text in texts) if not unit_said(value)]
     if not (bare and degrees_are_on()):

@@ -185,7 +185,7 @@ class PayloadPlace:
 
     payload_shape: list[str] | None = option(
         "SHAPE",
-        "What the payload looks like in that frame, such as box:0.06,0.06,0.2@0,0,0.1 or another shape of --obstacle: "
+        "Shape of the payload in that frame, such as box:0.06,0.06,0.2@0,0,0.1 or another shape of --obstacle: "
         "it is kept clear of obstacles, too. May be given again.",
     )
 

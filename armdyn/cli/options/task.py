@@ -48,8 +48,8 @@ def likely_arms(task: ProblemOptions | ArmOptions) -> tuple[ad.Robot, ...]:
     return tuple(task.joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
 
 
-def refuse_beside_a_file(name: str, *groups: Any) -> None:
-    """Refuse options next to a problem file or a study file that has them itself.
+def refuse_with_a_file(name: str, *groups: Any) -> None:
+    """Refuse options that a problem file or a study file sets itself.
 
     Args:
         name: the file.
@@ -64,7 +64,7 @@ def refuse_beside_a_file(name: str, *groups: Any) -> None:
         for field in fields(group):
             value = getattr(group, field.name)
             if is_dataclass(value):
-                refuse_beside_a_file(name, value)
+                refuse_with_a_file(name, value)
             elif field.default is not MISSING and value != field.default:
                 option = "arm" if field.name == "part" else field.name.replace("_", "-")
                 raise beside_a_file(option, name)
@@ -89,7 +89,7 @@ class ProblemOptions:
         """
         name = self.robot.robot
         if kind_of_file(name) in ("problem", "study"):
-            refuse_beside_a_file(
+            refuse_with_a_file(
                 name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.path_constraints
             )
             file = problem_file(name)
@@ -119,7 +119,7 @@ class ArmOptions:
         name = self.robot.robot
         if kind_of_file(name) not in ("problem", "study"):
             return None
-        refuse_beside_a_file(name, self.poses, self.payload, self.robot.part, self.joints)
+        refuse_with_a_file(name, self.poses, self.payload, self.robot.part, self.joints)
         return problem_file(name)
 
     @cached_property

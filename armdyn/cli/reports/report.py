@@ -37,7 +37,7 @@ class ShownOptions:
     robot: str | None = option(
         "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
     )
-    until: str | None = option("S", "Only so much of each motion \\[s]; by default all of it.")
+    until: str | None = option("S", "Only the first S seconds of each motion; by default all of it.")
     part: PartOptions
     payload: PayloadOptions
 
@@ -67,7 +67,7 @@ def report(shown: ShownOptions, output: OutputOptions) -> None:
     """One HTML page of saved results: the arm, its curves, its verdict and numbers.
 
     mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
-    ghosts. It is written beside a single result, else to results/report-ROBOT. Nothing in a result is executed. A
+    ghosts. It is written next to a single result, else to results/report-ROBOT. Nothing in a result is executed. A
     robot's file that a result names is drawn where it is here and makes the very arm that moved; else give --robot.
 
     [dim]armdyn report results/mintime-rr
@@ -77,8 +77,8 @@ def report(shown: ShownOptions, output: OutputOptions) -> None:
         results, end = shown.results, shown.end()
         subject, moves = shown.read()
         title = moves[0].facts.text("title") if len(results) == 1 else ""
-        beside = results[0] if results[0].is_dir() else results[0].parent
-        folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else beside
+        folder = results[0] if results[0].is_dir() else results[0].parent
+        folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else folder
         from armdyn.show.page.report import report_of
 
         with working(f"report of {subject.name}"):

@@ -1,4 +1,4 @@
-"""Saved results and other planners' files, read again: motions and their facts.
+"""Readers of saved results and of other planners' files: motions and their facts.
 
 They may be untrusted. Of a folder only files of known names are read, within bounds, and no link that leads out of it.
 """
@@ -26,7 +26,7 @@ class Saved:
     Attributes:
         path: the folder, or the motion's file.
         motion: its motion.
-        facts: of its result; none beside a bare motion.
+        facts: of its result; empty for a bare motion.
         reference: the motion to follow, or the fastest one that it was compared with; None: neither.
     """
 
@@ -46,9 +46,9 @@ def read_saved(path: Path) -> Saved:
     """
     folder = path if path.is_dir() else path.parent
     if not path.is_dir() and path.name != "result.json":
-        beside = folder / "result.json"
-        judged = path.name == "trajectory.npz" and beside.is_file()
-        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(beside))) if judged else Facts())
+        file = folder / "result.json"
+        judged = path.name == "trajectory.npz" and file.is_file()
+        return Saved(path, Trajectory.load(path), Facts(load_result(_inside(file))) if judged else Facts())
     result, motion = folder / "result.json", folder / "trajectory.npz"
     if not motion.is_file():
         raise FileError(motion, "no such file: give the folder of one motion, as mintime, pid and track write it")
@@ -59,7 +59,7 @@ def read_saved(path: Path) -> Saved:
 
 
 def _inside(file: Path) -> Path:
-    """The file, if it is in its folder and not elsewhere by a link.
+    """The file, if its real path is in its folder.
 
     Raises:
         FileError: it leads elsewhere.
@@ -70,7 +70,7 @@ def _inside(file: Path) -> Path:
 
 
 def is_given(path: Path) -> bool:
-    """Whether it is a motion as other planners leave it, and neither a folder nor a file of armdyn."""
+    """Whether the path is another planner's motion, and neither a folder nor a file of armdyn."""
     suffix = path.suffix.lower()
     if path.is_dir() or path.name == "result.json" or suffix not in SUFFIXES:
         return False

@@ -1,4 +1,4 @@
-"""The robot that moved, made again from a result's description or from its name; motions of it side by side.
+"""The robot of a result, rebuilt from the result's description or from its name; motions of it side by side.
 
 A result may come from a stranger: a robot is made from a name that comes with armdyn, and from a file that a result
 names only if it makes the very arm that moved.
@@ -119,7 +119,7 @@ def _is_file(name: str) -> bool:
 
 
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
-    """The robot as it was when it moved; where the user does not name it, it is looked for in the library only."""
+    """The robot as it was when it moved; unless the user names it, it is searched in the library only."""
     options, model = facts.part("asked").part("options"), facts.part("model")
     payload, tool = (model.part(part).given() for part in ("payload", "tool"))
     carried = spec.payload or (payload_from(payload) if payload else None)
@@ -154,7 +154,7 @@ def _limits(model: Facts, joints: tuple[str, ...]) -> JointLimits | None:
             return None
         columns[name] = np.array([none if x is None else x for x in values])
     found = JointLimits(**columns)
-    with suppress(ArmdynError):  # what was written by others may be no curves
+    with suppress(ArmdynError):  # curves written by others may be malformed
         if curves:
             own = TorqueSpeed(found.effort_lower, found.effort_upper, joints=joints, curves=curves)
             return replace(found, actuators=own)
@@ -184,7 +184,7 @@ def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
 
 
 NEAR = 1e-3
-"""Motions between poses nearer than this [rad or m] have the same task: text has three digits at least."""
+"""Largest distance between the poses of the same task [rad or m]: text has three digits at least."""
 
 
 def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[ShownMotion]]:
@@ -234,7 +234,7 @@ def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> 
         return subject_of(known, spec)
     if spec.robot is None:
         raise ProblemError(
-            f"{paths[0]} does not say of which robot it is: name it by --robot, or give a result of armdyn beside it"
+            f"{paths[0]} does not say of which robot it is: name it by --robot, or add a result of armdyn"
         )
     return Subject.of(_built(spec.robot, Facts(), spec))
 
@@ -267,17 +267,17 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
 
 
 def _warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
-    """Warn of motions whose time is not to be measured by the first's: they begin, or end, elsewhere."""
+    """Warn of motions whose times are not comparable with the first's: they begin, or end, elsewhere."""
     first = moves[0].motion
     for move in moves[1:]:
         ends = [("begins", 0)]
         if not ({"settled_time", "arrival_time"} & {*move.facts.values, *moves[0].facts.values}):
             ends.append(("ends", -1))  # a closed loop comes near by its own rule
         for word, k in ends:
-            beside = float(np.max(np.abs(move.motion.q[k] - first.q[k])))
-            if beside > NEAR:
+            apart = float(np.max(np.abs(move.motion.q[k] - first.q[k])))
+            if apart > NEAR:
                 _warn(
-                    f"{move.name} {word} {beside:.3g} rad or m from where {moves[0].name} {word}: their times are not "
+                    f"{move.name} {word} {apart:.3g} rad or m from where {moves[0].name} {word}: their times are not "
                     "of the same task"
                 )
 

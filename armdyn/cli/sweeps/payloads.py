@@ -34,7 +34,7 @@ def run_payloads(
     results: SweepResults,
     answer: Answer,
 ) -> None:
-    """Solve one motion with several payloads, or those that are missing, and write table, figure and motions.
+    """Solve one motion with several payloads, unless done before, and write table, figure and motions.
 
     Args:
         name: of the robot, as it was given.
@@ -58,7 +58,7 @@ def run_payloads(
             answer.interrupted()
             return
         rows = [_line(row) for row in found]
-        figure = figure and status != "interrupted"  # who pressed Ctrl-C does not wait for it
+        figure = figure and status != "interrupted"  # after Ctrl-C the user does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")
         files = write_sweep(folder, arm, rows, motions, f"{arm.name}: minimum time over payload", figure=figure)
     missing = [

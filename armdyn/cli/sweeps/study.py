@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ROWS = "study.sqlite"
 FIGURES = ("curve", "map", "pareto")
 _ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed", "done"}
-"""Statuses of cases that were done: an arm that does not settle is an answer."""
+"""Statuses of completed cases: an arm that does not settle is a result."""
 _MOST_DRAWN = 100_000
 """Rows of a figure, at most."""
 
@@ -67,11 +67,11 @@ class SweepResults:
 
 
 def run_file(path: str, options: StudyOptions, results: SweepResults, answer: Answer) -> None:
-    """Do a study's cases, or those that are missing, and write tables and figures of all of them.
+    """Run a study's missing cases, and write tables and figures of all cases.
 
     Args:
         path: of the study.
-        options: who works.
+        options: the executor.
         results: files that are written.
         answer: filled in.
 
@@ -161,7 +161,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
 
 
 def _outcomes(study: Study) -> tuple[str, str]:
-    """Columns of the number that the task is about, and of one that it is weighed against."""
+    """Columns of the task's main number, and of one to plot it against."""
     from armdyn.studies.tasks.registry import TASKS
 
     return TASKS[str(study.task.description()["task"])].outcomes
@@ -180,7 +180,7 @@ def _progress_text(now: Progress) -> str:
 
 
 def _left(left: tuple[float, float] | None) -> str:
-    """A time that is left, no more exactly than it is known."""
+    """The remaining time, to its accuracy."""
     if left is None:
         return "too early to say how long"
     least, most = left

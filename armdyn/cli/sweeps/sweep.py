@@ -14,7 +14,7 @@ from armdyn.cli.options.groups import SOLVER, argument, given, option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
-from armdyn.cli.options.task import problem_file, refuse_beside_a_file
+from armdyn.cli.options.task import problem_file, refuse_with_a_file
 from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
@@ -95,7 +95,7 @@ def sweep(
     Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
     payload's begins; the optimum of a heavier payload is tried on the lighter one, too. A payload that is solved
     is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
-    not; 4: all are, but some are not what --require asks for.
+    not; 4: all are, but some do not meet --require.
 
     A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
     are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
@@ -107,7 +107,7 @@ def sweep(
     armdyn sweep problem.toml --payload 0,0.5,1
     armdyn sweep study.toml --workers 8 --parquet
     armdyn sweep study.toml --scheduler node1:8786
-      [dim]A study.toml of 30 cases; docs/sweeps.md says what else may vary:[/dim]
+      [dim]A study.toml of 30 cases; docs/sweeps.md lists all fields that may vary:[/dim]
       \[arms.rr]
       q_start = \["-90deg", 0]
       q_goal = \["9deg", 0]
@@ -117,9 +117,9 @@ def sweep(
     """
     with answering(results.output.json) as answer:
         if kind_of_file(robot.robot) == "study":
-            refuse_beside_a_file(robot.robot, poses, payloads, robot.part, joints, search)
+            refuse_with_a_file(robot.robot, poses, payloads, robot.part, joints, search)
             if require:
-                raise ProblemError("--require is for a robot's sweep; a study's rows say what is certified")
+                raise ProblemError("--require is for a robot's sweep; a study's rows say which motions are certified")
             run_file(robot.robot, study, results, answer)
             return
         if study != StudyOptions():
@@ -139,7 +139,7 @@ def _problems(
     """
     masses = payloads.masses(robot.robot)
     if kind_of_file(robot.robot) == "problem":
-        refuse_beside_a_file(robot.robot, poses, payloads.place, robot.part, joints)
+        refuse_with_a_file(robot.robot, poses, payloads.place, robot.part, joints)
         file = problem_file(robot.robot)
         return {mass: file.made(mass) for mass in masses}, file.options
     arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}

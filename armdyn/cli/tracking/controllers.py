@@ -29,7 +29,7 @@ class ControllerOptions:
     controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
     weights: str | None = option(
         "E,T,I",
-        "Of lqr: error worth half the torque range \\[rad], what a velocity error counts beside it \\[s], and "
+        "Of lqr: error worth half the torque range \\[rad], weight of a velocity error against it \\[s], and "
         "its integral \\[1/s].",
     )
     bandwidth: str | None = option("W", "Of computed-torque: its natural frequency \\[rad/s].")

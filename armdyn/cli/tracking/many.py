@@ -104,8 +104,7 @@ def monte_carlo(
     ROBOT may be identified.toml of armdyn identify: its likely arms, which fit the log, are then taken in turn.
 
     Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
-    where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least
-    asks for.
+    where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least.
 
     [dim]armdyn monte-carlo rrr --payload 0.1006 --reserve 0.1 --within 0.4
     armdyn monte-carlo problem.toml --count 200

@@ -32,7 +32,7 @@ class ReferenceOptions:
     panel: ClassVar[str] = TASK
 
     reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
-    ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp that takes so long \\[s].")
+    ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp of this duration \\[s].")
     duration: float = option("S", "Simulated time \\[s].", default=2.0)
     tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
 

@@ -19,12 +19,12 @@ from armdyn.errors import ProblemError
 from armdyn.files import as_json, attributes
 
 _CHOSEN_ON = 10
-"""Likely arms that gains are chosen on, at most half of them: the others are held out."""
+"""Most likely arms for choosing gains, at most half of all: the others are held out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyOptions:
-    """Parameters to choose; see `ControllerFamily` and `Ramps`."""
+    """Parameters to tune; see `ControllerFamily` and `Ramps`."""
 
     panel: ClassVar[str] = "Controllers"
 
@@ -88,7 +88,7 @@ def tune(
     arms: ArmsOptions,
     output: OutputOptions,
 ) -> None:
-    """The gains, and the ramp, with which the worst of some arms settles soonest in the loop as it is built.
+    """Tune gains, and the ramp, so that the worst of some arms settles soonest, in the simulated sampled loop.
 
     They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
     then tried on random arms. ROBOT may be identified.toml of armdyn identify: they are chosen on half of its likely

@@ -130,14 +130,14 @@ def run_of(
         hold: of the trajectory.
     """
     t = np.arange(len(driven.q)) / ticks.rate
-    beside = np.abs(driven.q - ticks.goal)
-    settled = settled_time(t, beside.max(axis=1), tolerance) if driven.ended == "whole" else None
+    errors = np.abs(driven.q - ticks.goal)
+    settled = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
     off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
     lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
     broke = float(t[-1]) if driven.ended != "whole" else None
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
-    status, message = _status(robot, driven, settled, beside[-1], tolerance, float(t[-1]))
+    status, message = _status(robot, driven, settled, errors[-1], tolerance, float(t[-1]))
     return Run(
         trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
         status=status,
@@ -185,10 +185,10 @@ def overshoot(q: Array, goal: Array) -> Array:
     return np.asarray(np.maximum(past.max(axis=0), 0.0))
 
 
-def _error_at(t: Array, beside: Array, time: float) -> float:
+def _error_at(t: Array, errors: Array, time: float) -> float:
     if time > t[-1] + 1e-12:
         return float("inf")
-    return max(abs(float(np.interp(time, t, column))) for column in beside.T)
+    return max(abs(float(np.interp(time, t, column))) for column in errors.T)
 
 
 def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory:

@@ -197,8 +197,8 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
     way = [int(joint) for joint in model.supports[end]]
     goal = goal or next((frame for frame in model.frames if frame.name == last), None)
     # Frames of a model that was put together by hand may not know where they hang.
-    beside = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
-    if base not in way or beside:
+    branches = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
+    if base not in way or branches:
         raise SpecError(f"arm: {clipped(last)!r} is not behind {clipped(first)!r} in {source}")
     names = [str(model.names[joint]) for joint in way[way.index(base) + (start is not None) :] if joint]
     if not names:
@@ -296,8 +296,8 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
         ends = [_joints(model)[arm[1]] if named is None else int(named.parentJoint)]
 
     parents = list(model.parents)
-    beside = {i for i in still if sum(parents[j] == parents[i] for j in still) > 1}
-    ends = [i for i in ends if not beside & set(model.supports[i])] or ends
+    fingers = {i for i in still if sum(parents[j] == parents[i] for j in still) > 1}
+    ends = [i for i in ends if not fingers & set(model.supports[i])] or ends
 
     def rank(frame: pin.Frame) -> tuple[int, int]:
         return len(list(_way(model, frame))), -len(still & set(model.supports[frame.parentJoint]))

@@ -127,10 +127,10 @@ def _gripping(root: Element) -> dict[str, float]:
     }
     bases = {_link(joint, "parent") for joint in joints.values()}
     ends = {name: _link(joint, "parent") for name, joint in joints.items() if _link(joint, "child") not in bases}
-    beside = {name for name, base in ends.items() if sum(other == base for other in ends.values()) > 1}
+    paired = {name for name, base in ends.items() if sum(other == base for other in ends.values()) > 1}
     found = {}
     for name, joint in joints.items():
-        if name in mimics or not (_GRIPPING.search(name) or name in mimics.values() or name in beside):
+        if name in mimics or not (_GRIPPING.search(name) or name in mimics.values() or name in paired):
             continue
         limit = joint.find("limit")
         lower, upper = (0.0, 0.0) if limit is None else (float(limit.get(key, "0")) for key in ("lower", "upper"))

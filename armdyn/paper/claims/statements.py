@@ -97,7 +97,7 @@ def statements(arm: PlanarArmName, outcomes: Iterable[Outcome], payload: float =
 def _total_time(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
     fastest, arrival = _time(optimal, found), _time(loop, found)
     energy = _time(replace(optimal, kind="time_energy"), found)
-    beside = "" if energy is None else f"; the time-energy optimum takes {energy:.4f} s"
+    also = "" if energy is None else f"; the time-energy optimum takes {energy:.4f} s"
     said, said_loop = (published.printed_time(case.example, case.payload) for case in (optimal, loop))
     checks = []
     if said is not None:
@@ -106,7 +106,7 @@ def _total_time(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
                 f"The minimum time of Example {optimal.example} is {said.text} s.",
                 fastest,
                 lambda t: (
-                    f"{t:.4f} s: the paper's is {said.value / t:.2f} times that{beside}.",
+                    f"{t:.4f} s: the paper's is {said.value / t:.2f} times that{also}.",
                     abs(t - said.value) < _SAME_TIME,
                 ),
             )

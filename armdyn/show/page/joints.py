@@ -125,9 +125,9 @@ def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
     """Tiles of several motions: the time at which each is at the goal."""
     tiles = []
     for k, row in enumerate(rows):
-        beside = "" if k == 0 or row.later is None else f"{_later(row)}, ".replace("-", "−")
-        verdict = row.verdict[:1].lower() + row.verdict[1:] if beside else row.verdict
-        tiles.append(Tile(row.name, seconds(row.there), beside + verdict))
+        later = "" if k == 0 or row.later is None else f"{_later(row)}, ".replace("-", "−")
+        verdict = row.verdict[:1].lower() + row.verdict[1:] if later else row.verdict
+        tiles.append(Tile(row.name, seconds(row.there), later + verdict))
     return tiles
 
 

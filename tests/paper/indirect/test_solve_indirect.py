@@ -55,12 +55,12 @@ def test_time_energy_is_that_of_the_reference_by_both_methods(arm, reading, mass
     assert found.duration == pytest.approx(duration, rel=1e-7)
     assert found.cost == pytest.approx(cost, rel=1e-7)
     assert found.direct.duration == pytest.approx(duration, rel=1e-7)
-    beside = compare_with_direct(found)
-    assert beside.duration < 1e-6
+    errors = compare_with_direct(found)
+    assert errors.duration < 1e-6
     # States and costates are polynomials of high order on either side; torques are linear between 100 to 600 knots.
     # Measured 3e-6: a cost flat in its second order to 1e-12 leaves its minimizer to 1e-6.
-    assert max(beside.q, beside.v, beside.costate_q, beside.costate_v) < 1e-5
-    assert beside.tau < 1e-3
+    assert max(errors.q, errors.v, errors.costate_q, errors.costate_v) < 1e-5
+    assert errors.tau < 1e-3
     assert found.hamiltonian_spread < 1e-7  # of H, in which time's term is 1; tolerance 1e-6 of the equations
     np.testing.assert_allclose(found.hamiltonian[0], found.hamiltonian[-1], atol=1e-7)
 
@@ -98,11 +98,11 @@ def test_two_links_minimum_time_from_time_energy_and_from_the_direct_costates():
         assert found.duration == pytest.approx(direct.duration, rel=1e-9)
         assert [arc.modes for arc in found.arcs] == [arc.modes for arc in direct.arcs]
         assert found.hamiltonian_spread < 1e-8
-        beside = compare_with_direct(found, direct.phases)
+        errors = compare_with_direct(found, direct.phases)
         # The issue asks for 1e-2 of the peak; costates linear between 48 samples per arc leave 3e-4.
-        assert max(beside.costate_q, beside.costate_v) < 1e-3
-        assert beside.tau == 0  # both are on the limits, and switch at the same times
-        assert max(beside.q, beside.v) < 1e-5
+        assert max(errors.costate_q, errors.costate_v) < 1e-3
+        assert errors.tau == 0  # both are on the limits, and switch at the same times
+        assert max(errors.q, errors.v) < 1e-5
     replayed = ad.replay_torques(problem.robot, alone.trajectory)
     np.testing.assert_allclose(replayed.q[-1], problem.q_goal, atol=1e-8)  # an integrator that knows no costates
 
@@ -123,8 +123,8 @@ def test_saturated_law_keeps_the_limits_and_tends_to_minimum_time():
         assert found.success, found.message
         assert np.max(np.abs(found.trajectory.tau)) <= 3.0
         assert found.hamiltonian_spread < 1e-6  # of H, in which time's term is 1: the tolerance of the equations
-        beside = compare_with_direct(found)
-        assert beside.duration < 1e-4  # the direct mesh has no knot where the torque leaves its limit
+        errors = compare_with_direct(found)
+        assert errors.duration < 1e-4  # the direct mesh has no knot where the torque leaves its limit
         durations.append(found.duration)
     assert np.all(np.diff(durations) < 0)
     assert exact < durations[-1] < exact * (1 + 1e-4)
