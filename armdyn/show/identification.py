@@ -1,4 +1,4 @@
-"""The report of an identification: one HTML file of torques, identified numbers, and what the logs do not tell."""
+"""Report of an identification: one HTML file of torques, identified parameters, and undetermined ones."""
 
 import os
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from armdyn.show.page.sections import Section, listed, making_section, stacked, 
 from armdyn.show.page.verdict import Tile
 
 _WIDTH, _HEIGHT = 600.0, 150.0
-"""Of a curve's drawing; the page scales it."""
+"""Width and height of a curve's drawing; the page scales it."""
 _POINTS = 600
-"""Samples of a curve that is drawn."""
+"""Samples of a drawn curve."""
 _CURVES = ("measured", "prior", "fitted")
 
 
@@ -103,7 +103,7 @@ def _tiles(estimate: Estimate) -> list[Tile]:
 
 
 def _torque_section(estimate: Estimate, judged: Judged) -> Section:
-    """Torques of each joint over the time that was held out."""
+    """Torques of each joint over the held-out time."""
     keys = [
         element("span", element("i", class_=name), label)
         for name, label in zip(_CURVES, ("measured", "predicted before", "predicted after"), strict=True)
@@ -156,7 +156,7 @@ def _error_section(estimate: Estimate, judged: Judged) -> Section:
 
 
 def _numbers(numbers: Sequence[Estimated], *, bars: bool) -> Html:
-    """Table of numbers with their confidence beside the robot's."""
+    """Table of parameters with their confidence, next to the robot's own."""
     if not numbers:
         return element("p", "None: the logs tell no number better than the robot's file.")
     head = [th("number"), th("file"), th("identified"), th("± (95 %)"), th("unit")]
@@ -190,7 +190,7 @@ def _bar(one: Estimated) -> Html:
 
 
 def _unseen_section(estimate: Estimate) -> Section:
-    """Section of the numbers that the logs do not determine."""
+    """Section of the parameters that the logs do not determine."""
     unseen = [one for one in estimate.parameters if not one.measured]
     facts = [
         ("joints not moved", ", ".join(estimate.unmoved) or "none"),
@@ -205,4 +205,4 @@ def _unseen_section(estimate: Estimate) -> Section:
         table = _numbers(unseen, bars=False)
         title = element("summary", f"Numbers that the logs do not tell ({len(unseen)})")
         body.append(element("details", title, element("p", note), table))
-    return Section("unseen", "What the logs do not tell", join(body))
+    return Section("unseen", "Not determined by the logs", join(body))

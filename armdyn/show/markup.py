@@ -69,7 +69,7 @@ def inline_svg(text: str, prefix: str, label: str, colors: Mapping[str, str]) ->
 
 
 def script_json(data: Mapping[str, Any]) -> str:
-    """JSON that may stand between script tags, whatever its strings are.
+    """JSON that is safe between script tags, with any strings.
 
     Raises:
         ValueError: a number is not finite.

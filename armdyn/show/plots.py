@@ -43,7 +43,7 @@ def plot_trajectories(
 
     A colour is a joint, a line style a trajectory. The torque's jumps are drawn as jumps; ticks of the joint's colour
     on the time axes say when it switches. Joints whose torque limits differ by more than three times have torque panels
-    of their own, so that a wrist is seen beside a shoulder. Limits that are not drawn are listed above the panel.
+    of their own, so that a wrist is visible next to a shoulder. Limits that are not drawn are listed above the panel.
 
     Args:
         trajectories: one or more, of the same joints.

@@ -33,12 +33,12 @@ _PACKAGES = {
     "armdyn": "armdyn/models/robots/urdf",
     "robot_descriptions": "robot_descriptions",
 }
-"""Packages that robots come with, and the folders in which they have them."""
+"""Packages with robots, and their folders of robots."""
 
 _ABSOLUTE = re.compile(r"/|~|[A-Za-z]:/|\.{1,2}/")
 
 MAX_BYTES = 8 * 2**20
-"""A result larger than this is not read [bytes]: of hostile JSON each byte may take forty in memory."""
+"""Largest result that is read [bytes]: of hostile JSON each byte may take forty in memory."""
 
 
 def model_facts(robot: Robot) -> dict[str, object]:
@@ -143,7 +143,7 @@ def load_result(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a file of `save_result`.
 
     Returns:
-        The facts, and `format`, `armdyn`, `units` and `model` beside them.
+        The facts, and the keys `format`, `armdyn`, `units` and `model`.
 
     Raises:
         ResultError: the file is missing or too large, no JSON, of an unknown version, in other units, or lacks the

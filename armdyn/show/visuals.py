@@ -31,7 +31,7 @@ Rgba = tuple[float, float, float, float]
 _GREY = (0.62, 0.66, 0.70, 1.0)
 _BONE = (0.35, 0.42, 0.50, 1.0)
 _OBSTACLE = (0.93, 0.62, 0.20, 0.55)
-_PLATE = (3.0, 3.0, 0.005)  # [m]: what is drawn of a half space
+_PLATE = (3.0, 3.0, 0.005)  # [m]: size of a drawn half space
 _PAYLOAD = (0.80, 0.15, 0.18, 1.0)
 _CARRIED = (0.20, 0.45, 0.72, 1.0)
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
@@ -95,7 +95,7 @@ def robot_shapes(robot: Robot) -> list[VisualShape]:
                 replace(shape, joint=frame.parentJoint, placement=at @ shape.placement, name=name)
                 for shape in _visual_shapes(visual, robot.package_dirs, own)
             ]
-        except Exception as error:  # whatever a stranger's mesh provokes, the motion is still shown
+        except Exception as error:  # the motion is shown also with a malformed mesh
             troubles.append(f"link {name!r}: {error}")
     if troubles:
         warnings.warn(

@@ -1,4 +1,4 @@
-"""Monte Carlo over plants: how often one controller settles on random arms, and how long that takes."""
+"""Monte Carlo over plants: success rate and settled times of one controller on random arms."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class MonteCarlo:
         return SuccessRate(settled, count, settled / count, float(interval.low), float(interval.high))
 
     def quantiles(self, parts: Sequence[float] = (0.5, 0.9, 0.99, 1.0)) -> Array:
-        """Quantiles of the settled times [s]; inf where so many arms did not settle.
+        """Quantiles of the settled times [s]; inf where too few arms settled.
 
         Each is the time of an arm; none is interpolated.
 
@@ -203,7 +203,7 @@ def monte_carlo(
 ) -> MonteCarlo:
     """Run a controller along a reference on many arms that differ from its model.
 
-    Arm k of a seed is the same whatever the number of workers and the order. With a file each row is written as it
+    Arm k of a seed is the same for any number of workers and any order. With a file each row is written as it
     ends; a study that was stopped or killed goes on with the rows that are missing, also with a greater count.
 
     Args:

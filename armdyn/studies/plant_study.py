@@ -156,7 +156,7 @@ class PlantStudy(OwnTask):
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
     def description(self) -> dict[str, object]:
-        """All that a row depends on, besides its number, as JSON.
+        """The inputs of a row, besides its number, as JSON.
 
         Raises:
             ResultError: the controller is no dataclass of numbers.
@@ -181,7 +181,7 @@ class PlantStudy(OwnTask):
 
 
 def identity(robot: Robot) -> dict[str, object]:
-    """What distinguishes the robot in a study's file: name, model hash, torque limits, as JSON values."""
+    """The robot's identity in a study's file: name, model hash, torque limits, as JSON values."""
     effort = np.concatenate([robot.limits.effort_lower, robot.limits.effort_upper])
     falling = torque_speed_entry(robot.limits.actuators)
     facts = {"name": robot.name, "model": robot.model_hash, "effort": [f"{x:g}" for x in effort]}
@@ -200,7 +200,7 @@ def named(value: object) -> dict[str, object]:
     """A dataclass as JSON: its class and its fields.
 
     Raises:
-        ResultError: the value is none, and cannot be told from another one of its class.
+        ResultError: the value has no JSON form that distinguishes it from others of its class.
     """
     if not hasattr(value, "__dataclass_fields__"):
         raise ResultError(

@@ -65,7 +65,7 @@ class Plants:
         damping: viscous friction of a joint [N m s/rad or N s/m], likewise.
         start: greatest distance of a joint from the reference's start [rad or m].
         likely: arms taken in turn instead of the model, such as `Estimate.likely(200)`; the differences are added.
-        seed: arm k of a seed is the same, however many there are and in whatever order they are drawn.
+        seed: arm k of a seed is the same, for any number and order of draws.
 
     Raises:
         ProblemError: a range that is not two numbers in order; negative friction; a payload that is not positive.
@@ -129,7 +129,7 @@ class Plants:
     def corners(self, robot: Robot) -> tuple[Robot, ...]:
         """The arms at the ends of the ranges, and with the payload in the middle: six, or less where one has no width.
 
-        Of likely arms so many each. Friction is the least in all joints, or the greatest.
+        With likely arms, this number for each of them. Friction is the least in all joints, or the greatest.
 
         Args:
             robot: the controller's model.

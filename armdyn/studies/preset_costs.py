@@ -1,4 +1,4 @@
-"""Costs of a controller's conditions: how much faster the motion is without each of them."""
+"""Costs of a controller's conditions: the time saved without each of them."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -112,7 +112,7 @@ def _flat(table: Table, into: tuple[str, ...] | None, way: str = "") -> Iterator
 
 
 def _is_range(value: Mapping[str, Any]) -> bool:
-    """Whether a table of [vary] is meant as a range: `to` may also lead on, to the end of a cycle's move."""
+    """Whether a table of [vary] is a range: `to` may also be the key of a cycle's move."""
     return "from" in value or isinstance(value.get("to"), int | float | str)
 
 

@@ -28,7 +28,7 @@ _LOADS = (0.8, 1.0, 1.2)
 _DRY, _VISCOUS = 0.02, 0.001
 """Coulomb friction, and viscous friction per rad/s, of the likely arms that rub, as parts of the torque limits."""
 _WATCHED = 2.5
-"""Longer than a motion that settles takes; a reference may last longer, see `track` [s]."""
+"""Simulated time [s], longer than a settling motion takes; a reference may last longer, see `track`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ Value = Any
 """A setting's value, as JSON has it: a number, a text, or a list or table of these."""
 
 Sync = Literal["full", "normal"]
-"""When a row is on the disk itself: "full", before the next begins; "normal", when the operating system writes it."""
+"""Time at which a row reaches the disk: "full", before the next begins; "normal", when the system writes it."""
 SYNCS: tuple[Sync, ...] = ("full", "normal")
 
 _ID = 0x61726D73

@@ -1,4 +1,4 @@
-"""The engine of all studies: cases done by an executor, each with a row as soon as it has ended."""
+"""Engine of all studies: an executor does the cases, and each has a row as soon as it has ended."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ class TimeLeft:
         self._n, self._sum, self._squares = 0, 0.0, 0.0
 
     def add(self, seconds: float) -> None:
-        """Add a case that took so long [s]."""
+        """Add a case with its duration [s]."""
         self._n += 1
         self._sum += seconds
         self._squares += seconds * seconds
 
     def left(self, cases: int) -> tuple[float, float] | None:
-        """Least and greatest likely time for so many cases [s]; None: too early to say.
+        """Least and greatest likely time for a number of cases [s]; None: too early.
 
-        The mean is what a case took on the clock, whatever the number of workers and what they wait for. Its relative
+        The mean is of wall time per case, for any number of workers, waits included. Its relative
         spread is that of the cases' own times: σ √(m² / n + m) for the sum of m more after n, the first term for the
         mean not being known, the second for chance.
         """
@@ -64,12 +64,12 @@ class TimeLeft:
 
 
 ATTEMPTS = 3
-"""Workers that may die of a case before it gets a row."""
+"""Worker deaths after which a case gets a row."""
 DIED = "worker_died"
 """Status of a case whose workers died."""
 
 _LISTEN = 0.25
-"""Interval [s] at which Ctrl-C is looked for."""
+"""Polling period of Ctrl-C [s]."""
 _TOLD = 0.1
 """Least interval [s] between two reports of progress."""
 
@@ -133,7 +133,7 @@ def run_study(
     again: bool = False,
     sync: Sync = "full",
 ) -> StudyRun:
-    """Do the cases of a study, or those that are missing after it was stopped or killed.
+    """Run the missing cases of a study.
 
     A case whose worker dies is given to another one, three times at most; then its row says so. Ctrl-C ends the run and
     leaves the rows that there are.

@@ -123,7 +123,7 @@ def test_side_by_side(tracked, loop, tmp_path):
     assert first["torque"] == pytest.approx(np.abs(run.tau).max() / 3)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["figure.pdf", "figure.svg", "report.html"]
     page = (tmp_path / "report.html").read_text()
-    assert "Side by side" in page and "What was checked: PID (acceleration)" in page
+    assert "Side by side" in page and "Checks: PID (acceleration)" in page
     words = run_here("compare", tracked, loop, "--out", tmp_path).stdout
     assert "later than the first" in words and "figure.svg" in words
 
@@ -159,7 +159,7 @@ def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
         assert one["torque"] == pytest.approx(np.abs(motion.tau).max() / 3, rel=0.01)
         assert one["later"] == pytest.approx(motion.duration / first["there"] - 1, abs=1e-6)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "What was checked: toppra" in page and "Path constraints" not in page
+    assert "Checks: toppra" in page and "Path constraints" not in page
     words = run_here("compare", tracked, files[0], "--out", tmp_path / "out").stdout
     assert "+" in words and "Keeps its" in words  # of narrow columns
 

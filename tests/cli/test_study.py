@@ -59,7 +59,7 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
         (["--reserve", "0.1"], "--reserve: "),
         (["--lock", "a=1"], "--lock: "),
         (["--starts", "3"], "--starts: "),
-        (["--require", "certified"], "a study's rows say what is certified"),
+        (["--require", "certified"], "a study's rows say which motions are certified"),
         (["--scheduler", "here"], "write HOST:PORT"),
         (["--scheduler", "here:1", "--workers", "2"], "--workers are processes of this machine"),
     ],

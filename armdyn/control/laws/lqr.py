@@ -86,7 +86,7 @@ def bearable(weights: ErrorWeights, half: Array, plant: Steps, loop: Loop, phase
 
 
 def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], moving: Flags) -> Array:
-    """Diagonals of Q at each tick, for x = (e, ė, ∫e dt, torques decided and not yet felt).
+    """Diagonals of Q at each tick, for x = (e, ė, ∫e dt, torques computed and not yet applied).
 
     Args:
         weights: at the goal.

@@ -20,7 +20,7 @@ VELOCITIES: tuple[Velocity, ...] = ("filtered", "observer", "exact")
 Antiwindup = Literal["conditional", "back_calculation", "none"]
 """Integral while a torque is clipped:
 
-- "conditional": it halts for a joint whose error asks for more (conditional integration).
+- "conditional": it halts for a joint whose error would increase it (conditional integration).
 - "back_calculation": it is led back in 10 ms to where the torque is at its limit (Åström and Murray, Feedback
   Systems, 2nd ed., section 11.4).
 - "none": it goes on.
@@ -33,7 +33,7 @@ HOLDS: tuple[Hold, ...] = ("zoh", "continuous")
 
 _MOST_DELAY = 100
 LEAST_RATE, MOST_RATE = 1.0, 1e6
-"""Of a loop [Hz]."""
+"""Largest rate of a loop [Hz]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Loop:
         cutoff: of the velocity's filter, or of the observer [Hz].
         noise: standard deviation of the readings' noise, added before rounding [rad or m].
         seed: of the noise.
-        saturate: clip torques at the effort limits; of motors with torque-speed curves the arm gets what these leave at
+        saturate: clip torques at the effort limits; with torque-speed curves the arm gets the torque allowed at
             its speed, which the integral's anti-windup does not know.
         antiwindup: see `Antiwindup`.
         hold: see `Hold`; a continuous loop has no other imperfections.

@@ -20,7 +20,7 @@ from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 
 _PER_DECADE = 60
-"""Factors that are looked at, of which all above the answer are stable."""
+"""Tested factors; all above the result are stable."""
 _EXACT = 1e-12
 """Relative precision of the factor."""
 

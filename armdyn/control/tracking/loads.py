@@ -64,7 +64,7 @@ class ChangingLoad:
 
     @property
     def model(self) -> Plant | None:
-        """The observer's arm, likewise."""
+        """The observer's arm with the load that the weights choose."""
         models = [one.model for one in self.loads if one.model is not None]
         return _arm(models) if models else None
 

@@ -23,7 +23,7 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
 
 _SHORTEST, _LONGEST = 1e-5, 1e4
-"""Of a run [s]."""
+"""Longest run [s]."""
 _RATE = 1000.0
 """Least ticks per second [Hz], memory permitting: the cubics between them are then within 1e-9 rad of the motion."""
 
@@ -42,7 +42,7 @@ def simulate_pid(
     arrival_rule: ArrivalRule = "last_entry_all_joints",
     samples: int = 1001,
 ) -> Run:
-    """Move an arm from start to goal under u = kp e + ki ∫e dt + kd ė, eq. (27), and see when it arrives.
+    """Move an arm from start to goal under u = kp e + ki ∫e dt + kd ė, eq. (27), and measure its arrival time.
 
     It is `track` with `Pid(gains, form, feedforward=False)`, a set point and `Loop.ideal(saturate)`. With form
     "acceleration" this is the loop of eq. (24): q̈ = D⁻¹(-C v - g) + u. Position and velocity limits are not enforced.
@@ -57,7 +57,7 @@ def simulate_pid(
         duration: of the simulation [s].
         form: see `Form`.
         saturate: clip torques at the effort limits, and halt the integral of a joint whose torque is clipped and whose
-            error asks for more; None: for form "torque" only.
+            error would increase it; None: for form "torque" only.
         arrival_tolerance: of a joint's error [rad or m].
         arrival_rule: see `ArrivalRule`; by default all joints have to come and stay, as `Run.settled` requires, too.
         samples: number of samples of the trajectory, evenly spaced, both ends included.

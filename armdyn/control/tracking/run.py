@@ -50,7 +50,7 @@ class Run:
             the run broke off [s]; None: never.
         overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
         stability: of the loop at rest at the goal, of a run of `track` that did not settle; else None.
-        arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that asks to *stay*
+        arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that says *stay*
             has none where a loop of `simulate_pid` is unstable at the goal, or the run broke off.
         arrival_rule: see `ArrivalRule`.
         max_real_eigenvalue: of `simulate_pid`: largest real part [1/s] of the loop's eigenvalues at the goal, without
@@ -192,7 +192,7 @@ def _error_at(t: Array, errors: Array, time: float) -> float:
 
 
 def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory:
-    """A run that broke off at once has two samples all the same."""
+    """The trajectory; also of a run that broke off at once, with two samples."""
     rows = slice(None) if t.size > 1 else [0, 0]
     times = t if t.size > 1 else np.array([0.0, 1e-9])
     return Trajectory(
@@ -234,7 +234,7 @@ class Envelope:
         low: of all runs the least distance [rad or m], shape (n, nv).
         high: the greatest, likewise; inf from where on a run broke off.
         parts: of the runs, whose distances `quantiles` has, shape (m,), increasing.
-        quantiles: distances that so many runs do not exceed [rad or m], shape (m, n, nv).
+        quantiles: quantiles of the distances over the runs [rad or m], shape (m, n, nv).
         joint_names: one per joint.
         duration: of the reference [s].
         tolerance: of a joint's distance from the goal, to be settled [rad or m].

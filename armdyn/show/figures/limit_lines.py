@@ -37,7 +37,7 @@ def scales(limits: JointLimits | None, joints: int) -> list[tuple[int, ...]]:
 
 
 def draw_limits(panel: Panel, limits: JointLimits) -> bool:
-    """Draw the limits near the curves, and say above the panel which are not there; whether there was one to draw."""
+    """Draw the limits near the curves, and list the others above the panel; returns whether one was drawn."""
     lower, upper = {
         "position": (limits.position_lower, limits.position_upper),
         "velocity": (-limits.velocity, limits.velocity),

@@ -15,15 +15,15 @@ Row = Mapping[str, Any]
 Named = Callable[[str], str]
 """Axis labels by column."""
 Kind = Literal["words", "linear", "log"]
-"""Of a setting: words, or numbers on a scale."""
+"""Values of a setting: words, or numbers on a scale."""
 
 MAX_CURVES = 8
 _MAX_PANELS = 4
 _COLORS = "viridis"
 _MOST, _FAR = 0.9, 3.0
-"""Colours of a map go up to this quantile where the largest number is so many times as far from the least."""
+"""Upper quantile of a map's colours, and the ratio of the ranges above which it replaces the largest number."""
 _TICKED = 8
-"""Rows or columns of a map that each have a tick, at most."""
+"""Most rows or columns of a map with a tick each."""
 
 
 def pareto(points: Array) -> Flags:

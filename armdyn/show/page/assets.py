@@ -31,7 +31,7 @@ def viewer_script() -> str:
     import meshcat
 
     bundle = Path(str(meshcat.__file__)).with_name("viewer") / "dist" / "main.min.js"
-    # XML namespaces are no links, but whoever searches the page for links should find none.
+    # XML namespaces are no links, but a search of the page for links should find none.
     return _fit(re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8")), "meshcat's bundle")
 
 

@@ -1,4 +1,4 @@
-"""A cycle on a page: its steps, what its conditions cost, and where each part is that the arm carries."""
+"""A cycle on a page: its steps, the costs of its conditions, and the placements of the carried parts."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -37,7 +37,7 @@ def step_data(motion: Trajectory) -> list[dict[str, Any]]:
 
 
 def steps_section(facts: Facts) -> Section | None:
-    """Table of the steps: time, share, limit that decides, remedy; None: it is no cycle."""
+    """Table of the steps: time, share, deciding limit, remedy; None: the result is no cycle."""
     steps = facts.parts("steps")
     if not steps:
         return None
@@ -69,12 +69,12 @@ def costs_section(facts: Facts) -> Section | None:
     costs = [one.text("said") for one in facts.parts("costs")]
     if not costs:
         return None
-    return Section("costs", "What each condition costs", element("ul", *(element("li", line) for line in costs[:30])))
+    return Section("costs", "Cost of each condition", element("ul", *(element("li", line) for line in costs[:30])))
 
 
 _MOST_PARTS = 100
 _SAME_PLACE = 5e-3
-"""A part that is grasped so near [m] to where one of its name was released is the same one."""
+"""Largest distance [m] between release and grasp of the same part."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class CarriedPart:
 
 @dataclass(frozen=True, eq=False)
 class ShownPart:
-    """A part where it is for a while: on a joint, or standing in the world.
+    """A placement of a part during an interval: on a joint, or standing in the world.
 
     Attributes:
         shapes: of the part.
@@ -108,7 +108,7 @@ class ShownPart:
 
 
 def parts_in(facts: Facts) -> list[CarriedPart]:
-    """The parts of a result, which may be untrusted: those that can be made again."""
+    """The parts of a result, which may be untrusted; malformed parts are left out."""
     found = []
     for one in facts.parts("parts")[:_MOST_PARTS]:
         begin = one.number("begin")

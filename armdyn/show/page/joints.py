@@ -101,7 +101,7 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
 
 
 def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> float | None:
-    """Span shown at first [s]: a little more than the motions need to arrive; None: all.
+    """Initially shown span [s]: a little longer than the motions take to arrive; None: all.
 
     Args:
         moves: the motions.
@@ -132,10 +132,10 @@ def comparison_tiles(rows: Sequence[Compared]) -> list[Tile]:
 
 
 def comparison_section(rows: Sequence[Compared]) -> Section | None:
-    """Several motions side by side; nothing of one."""
+    """Several motions side by side; empty for one motion."""
     if len(rows) < 2:
         return None
-    words = ("motion", "at the goal", "beside the first", "recorded", "work", "fastest", "strongest", "verdict")
+    words = ("motion", "at the goal", "against the first", "recorded", "work", "fastest", "strongest", "verdict")
     body = [
         [
             th(one.name, "row"), td(seconds(one.there)),
@@ -145,15 +145,15 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
         for k, one in enumerate(rows)
     ]  # fmt: skip
     note = (
-        "Work is ∫ Σ |τ q̇| dt, what the joints give and take; fastest and strongest: the most that a joint takes "
-        "of its limit. A closed loop is at the goal when it has come to stay, by its own rule."
+        "Work is ∫ Σ |τ q̇| dt, given and taken by the joints; fastest and strongest: the largest part of its limit "
+        "that a joint uses. A closed loop is at the goal when it has come to stay, by its own rule."
     )
     parts = [stacked([th(word) for word in words], body), element("p", note, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)
 
 
 def most_used(x: Array, lower: Array, upper: Array) -> float | None:
-    """Largest share of its limit that a quantity takes; None where there is no limit.
+    """Largest used share of a quantity's limit; None where there is no limit.
 
     Args:
         x: numbers over time, shape (n,) of one joint or (n, nv).
@@ -180,7 +180,7 @@ def _share(part: float | None) -> Html:
 _WIDTH, _HEIGHT, _EDGE = 260.0, 170.0, 6.0
 """Width, height and edge of a picture [px]."""
 _POINTS = 600
-"""Points of a motion that are drawn, about."""
+"""Approximate number of drawn points of a motion."""
 
 
 def motor_section(
@@ -207,7 +207,7 @@ def motor_section(
         pictures.append(
             element("figure", _picture(edge / size, way / size, caption), element("figcaption", caption, class_="note"))
         )
-    note = "Torque over speed: the motion, within what the motor can give at each speed."
+    note = "Torque over speed: the motion, within the motor's torque at each speed."
     body = join([element("p", note, class_="note"), element("div", *pictures, class_="motors")])
     return Section("motors", "Torque and speed", body, wide=True)
 

@@ -16,7 +16,7 @@ from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Sample
 
 NEAR_LIMIT = 0.005
-"""Part of a limit that a sample may be beside it to count as on it, where arcs are not known."""
+"""Largest distance of a sample from an active limit, as a part of the limit, where arcs are unknown."""
 
 _DENSE = 500
 _OWN = 1500
@@ -29,7 +29,7 @@ _MODES = {
 """An arc's mode as `assets/report.js` writes it."""
 
 Segment = tuple[float, float, str]
-"""From when to when [s], and on which limit."""
+"""Begin and end [s], and the active limit."""
 
 
 @dataclass(frozen=True, eq=False)

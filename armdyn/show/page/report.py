@@ -139,7 +139,7 @@ def report_of(
         lead.append(f"{len(steps)} steps, {'closed' if first.facts.true('closed') else 'open'}")
         lead += dict.fromkeys(f"{one.payload.name}, {one.payload.mass:g} kg" for one in parts_in(first.facts))
     if len(moves) > 1:
-        lead.append(f"{first.name} beside {', '.join(move.name for move in moves[1:])}")
+        lead.append(f"{first.name} against {', '.join(move.name for move in moves[1:])}")
     rows = joints.compared(moves, subject.limits)
     judged = len(moves) > 1 and all(move.facts.values for move in moves)  # a run's own reference is not
     tiles = joints.comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration)
@@ -212,7 +212,7 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
 
 
 def report_html(report: Report) -> str:
-    """The page; its only scripts are its own."""
+    """The page, whose scripts are all its own."""
     return fill(page_template(evaluates=bool(report.data["alone"])), page_fields(report) | {"viewer": viewer_script()})
 
 

@@ -56,7 +56,7 @@ def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section
     if verdict.advice:
         lines = [element("li", options(line)) for line in verdict.advice]
         parts += [element("h3", "What you can do"), element("ul", *lines)]
-    return Section(f"verdict{suffix}", titled("What was checked", of), join(parts))
+    return Section(f"verdict{suffix}", titled("Checks", of), join(parts))
 
 
 def options(line: str) -> Html:
@@ -92,9 +92,9 @@ def deciding_section(facts: Facts, duration: float) -> Section | None:
         words = f"Time does not determine the motion of {', '.join(idle)}."
         parts.append(element("p", words, class_="note"))
     if calm := facts.number("calm"):
-        given = f"{1000 * calm:.2g} ms are given for calm joints: without, the motion is so much faster."
+        given = f"{1000 * calm:.2g} ms are given for calm joints: without calm, the motion is faster by this time."
         parts.append(element("p", given, class_="note"))
-    return Section("decides", "What decides the time", join(parts))
+    return Section("decides", "Deciding limits", join(parts))
 
 
 def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
@@ -116,7 +116,7 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
 
 
 def optima_section(facts: Facts, duration: float) -> Section | None:
-    """The other optima that the search met, slower than the answer."""
+    """The other optima that the search found, slower than the solution."""
     others = [x for x in facts.numbers("local_optima") if x is not None]
     if not others:
         return None
@@ -172,7 +172,7 @@ def controller_section(facts: Facts) -> Section | None:
     text = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
     heads = [th("condition"), th("of its limit"), th("costs", class_="words")]
     return Section(
-        "controller", "What the controller's conditions cost", join([element("p", text), stacked(heads, rows)])
+        "controller", "Costs of the controller's conditions", join([element("p", text), stacked(heads, rows)])
     )
 
 
@@ -241,7 +241,7 @@ def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | No
 
 
 def _without_folders(text: str) -> str:
-    """A word without the folders of whose machine it was: of an absolute path its last name."""
+    """A word without the folders of the user's machine: of an absolute path its last name."""
     found = _PATH.fullmatch(text)
     return text if found is None else found[1] + re.split(r"[/\\]", found[2].rstrip("/\\"))[-1]
 
@@ -255,7 +255,7 @@ def _typed(command: str) -> str:
 
 
 def titled(title: str, of: str) -> str:
-    """A heading, and of which motion."""
+    """A heading with the name of its motion."""
     return f"{title}: {of}" if of else title
 
 

@@ -14,11 +14,11 @@ class Verdict:
     """Verdict on a motion.
 
     Attributes:
-        level: "good": all is as it was asked; "fair": usable, but something is missing; "bad": not usable; "none": a
+        level: "good": all requirements are met; "fair": usable, but one is missing; "bad": not usable; "none": a
             bare motion, of which nothing was checked.
         headline: a few words.
         said: a sentence or two.
-        checks: name of each check, whether it holds (None: not known, or not asked), and the number.
+        checks: name of each check, whether it holds (None: unknown, or not required), and the number.
         advice: remedies, a line each.
     """
 
@@ -58,7 +58,7 @@ def verdict_of(facts: Facts) -> Verdict:
         return _of_tracking(facts)
     if "feasible" in facts:
         return _of_given(facts)
-    return Verdict("none", "Not judged", "A motion without a result beside it: nothing of it was checked.")
+    return Verdict("none", "Not judged", "A motion without a result: nothing of it was checked.")
 
 
 def tiles_of(facts: Facts, duration: float) -> list[Tile]:
@@ -173,11 +173,11 @@ def _of_given(facts: Facts) -> Verdict:
 
 
 def _possible(facts: Facts) -> tuple[tuple[str, bool | None, str], ...]:
-    """Whether the arm can do a motion that came from elsewhere."""
+    """Whether the arm can execute another planner's motion."""
     from armdyn.optimal.proof.repeat import OPEN_LOOP_GROWTH  # slow to import: the optimiser
 
     worst, end, growth = facts.text("worst_violation"), facts.number("replay_error"), facts.number("growth")
-    led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m beside it"
+    led = "they diverge" if end is None else f"replayed without feedback, they end {end:.1e} rad or m off its end"
     if growth is not None and growth > OPEN_LOOP_GROWTH:
         led += f"; unstable open loop (growth {growth:.2g}): other integrators end elsewhere"
     return (

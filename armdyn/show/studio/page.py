@@ -40,7 +40,7 @@ _SLIDER_EVERY = 3
 _REST = 0.6
 """At the end of the motion, before it is played again [s]."""
 _LET_GO = 3.0
-"""A gizmo that has not moved for so long counts as let go, though no browser said so [s]: it may have been closed."""
+"""Time without motion after which a gizmo counts as released [s]: its browser may have been closed."""
 _STEP = 1e-3
 """Of the joints' sliders [rad or m]."""
 _PHONE = 600
@@ -73,7 +73,7 @@ def serve(session: Session, host: str, port: int, serving: Callable[[int], None]
 class Page:
     """Widgets and scene of a session, the same in all browsers.
 
-    Callbacks of widgets only note what is to be done, and with which value; `run`, in the main thread, does it, once
+    Callbacks of widgets only queue an action with its value; `run`, in the main thread, does it, once
     per frame. A widget that a browser has changed since the last frame began is not written to before that is done.
     """
 
@@ -208,7 +208,7 @@ class Page:
         return noted
 
     def _on_update(self, handle: Any, action: Callable[[Any], object]) -> None:
-        """Do something with the value that a browser gives to a widget, in the next frame."""
+        """Call a function with the value that a browser gives to a widget, in the next frame."""
 
         async def noted(event: Any) -> None:
             if event.client is not None:  # else this page itself changed the widget
@@ -233,7 +233,7 @@ class Page:
 
         gizmo.on_update(dragged)
 
-    # What browsers ask for, done in the main thread.
+    # Requests of browsers, done in the main thread.
 
     def _toggle(self) -> None:
         self._playing = not self._playing
@@ -298,7 +298,7 @@ class Page:
     # Drawing.
 
     def _changed(self, what: str, now: object) -> bool:
-        """Whether something is not as it was drawn last."""
+        """Whether the state differs from the drawn one."""
         if what in self._drawn and self._drawn[what] == now:
             return False
         self._drawn[what] = now
@@ -423,7 +423,7 @@ def _nearest_speed(speed: float, options: Sequence[str]) -> str:
 
 @contextmanager
 def _same_origin(host: str) -> Iterator[None]:
-    """Within it servers of websockets refuse what `foreign` is: viser has no option for that."""
+    """Context in which websocket servers refuse `foreign` requests: viser has no option for that."""
     plain = websockets.asyncio.server.serve
 
     def guarded(*given: Any, process_request: Any, **keywords: Any) -> Any:

@@ -36,9 +36,9 @@ _FORMAT = "armdyn-studio-1"
 _MAX_BYTES = 2**20
 """Of a saved state [bytes]."""
 _SAVED = 0.5
-"""A changed state is saved after so long at most [s]: a disk is slower than a hand."""
+"""Longest time until a changed state is saved [s]: a disk is slower than a hand."""
 _OUT_OF_REACH = 1e-4
-"""Distance to a dragged pose that is mentioned [m or rad]: less is not seen."""
+"""Smallest reported distance to a dragged pose [m or rad]: less is not visible."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class SessionSetup:
 
 
 class Session:
-    """State of the page and all that follows from it. A context: its solver ends with it.
+    """State of the page, its problem and its motion. A context: its solver ends with it.
 
     One thread calls all methods; only `save_problem`, `save_motion` and `save_report` may be called from others.
 
@@ -79,11 +79,11 @@ class Session:
         setup: problem, options and presets.
         folder: of the files.
         robot: that carries the state's payload.
-        state: what is changed by hand.
+        state: the state edited by the user.
         problem: that the state poses; None: it poses none.
         refused: why it poses none; empty: it does.
         touching: the ends at which bodies touch.
-        warnings: of the problem, and of what was done last.
+        warnings: of the problem, and of the last action.
         solution: the last motion; None: none yet.
         solved: the state that the last result is of.
         failed: why the last result is no motion; empty: it is one.

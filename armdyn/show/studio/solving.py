@@ -1,4 +1,4 @@
-"""The solver's process of the studio: the newest request wins, and what is under way is stopped for it."""
+"""Solver process of the studio: the newest request wins, and the running computation is stopped for it."""
 
 import threading
 import time
@@ -13,12 +13,12 @@ Request = TypeVar("Request")
 Result = TypeVar("Result")
 
 _PATIENCE = 1.0
-"""A computation is left alone for so long though a newer request waits [s]: while somebody drags, motions of a moment
-ago appear, instead of none until the hand rests."""
+"""Least time of a computation before a newer request stops it [s]: during a drag, motions of a moment ago appear,
+instead of none until the hand rests."""
 _AGAIN = 5.0
 """Time after which a computation that goes on is interrupted once more [s]: stopped, it still checks its motion."""
 _POLL = 0.02
-"""Between two looks at the process and at the requests [s]."""
+"""Polling period of the process and the requests [s]."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class NewestFirst(Generic[Request, Result]):
         self._thread.join()
 
     def request(self, what: Request) -> None:
-        """Ask for something, instead of all that was asked before."""
+        """Submit a request, which replaces all earlier ones."""
         with self._lock:
             self._waiting = what
             self._since = self._since or time.monotonic()
@@ -74,7 +74,7 @@ class NewestFirst(Generic[Request, Result]):
         return None if since is None else time.monotonic() - since
 
     def newest(self) -> Reply[Request, Result] | None:
-        """The result that came last, once; None: none came since."""
+        """The newest result, once; None: no new one."""
         with self._lock:
             found, self._solved = self._solved, None
         return found

@@ -1,4 +1,4 @@
-"""State that a user changes in the studio: a value, to and from JSON, and the problem that it poses."""
+"""State that a user edits in the studio: a value, to and from JSON, and its problem."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -151,10 +151,10 @@ def carrying(robot: Robot, mass: float) -> Robot:
 def posed(
     problem: MinimumTimeProblem, robot: Robot, state: StudioState, presets: Mapping[str, ControllerPreset]
 ) -> tuple[MinimumTimeProblem, tuple[str, ...]]:
-    """The problem that a state poses, and the warnings of it.
+    """The problem of a state, and its warnings.
 
     Args:
-        problem: that the studio began with: whatever the state does not say, such as limits and via points, stays.
+        problem: the studio's initial problem: conditions that the state lacks, such as limits and via points, stay.
         robot: `carrying` the state's payload.
         state: the state.
         presets: by their names.
@@ -184,7 +184,7 @@ def posed(
 
 
 def placement_of(obstacle: Obstacle) -> pin.SE3 | None:
-    """Where the page's gizmo stands for an obstacle in the world; None: the page does not move such a one."""
+    """Placement of the gizmo for an obstacle in the world; None: the page does not move such an obstacle."""
     one: Any = obstacle
     if hasattr(one, "placement"):
         return pin.SE3(np.array(one.placement))

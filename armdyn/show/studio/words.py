@@ -7,15 +7,15 @@ from armdyn.show.page.scene import short_names
 from armdyn.show.studio.session import Session
 
 _MOST_LIMITS = 3
-"""That are named as deciding the duration."""
+"""Most limits named as deciding the duration."""
 _LEAST = 0.005
-"""Of the duration that a limit decides, to be named [-]."""
+"""Least share of the duration for a limit to be named [-]."""
 _SLOW = 0.4
-"""A computation that takes longer is mentioned [s]: a flicker helps nobody."""
+"""Time after which a computation is mentioned [s]: earlier, the text would flicker."""
 
 
 def answer_html(session: Session) -> str:
-    """The panel of the motion: duration, gap, what decides, warnings; and what is being computed."""
+    """The panel of the motion: duration, gap, deciding limits, warnings; and the running computation."""
     solution = session.solution
     big = "–" if solution is None else f"{solution.duration:.4f} s"
     head = element("span", big, style="font-size:1.7em;font-weight:600;font-variant-numeric:tabular-nums")
@@ -41,7 +41,7 @@ def status(session: Session) -> str:
 
 
 def facts_of(solution: Solution) -> list[str]:
-    """Whether a motion is executable, how near to the optimum it is proven to be, and what decides its duration."""
+    """Whether a motion is executable, its proven gap, and the limits that decide its duration."""
     joints = solution.problem.robot.joint_names
     names = dict(zip(joints, short_names(joints), strict=True))
     most = [one for one in solution.decides if one.part >= _LEAST][:_MOST_LIMITS] if solution.usable else []
@@ -50,7 +50,7 @@ def facts_of(solution: Solution) -> list[str]:
 
 
 def warnings_of(session: Session) -> list[str]:
-    """All that is wrong with the state or its motion, a sentence each."""
+    """Faults of the state or its motion, a sentence each."""
     lines = [session.refused, *session.warnings, session.failed if session.current else "", session.unsaved]
     return [f"{one[0].upper()}{one[1:]}." for one in lines if one]
 

@@ -36,7 +36,7 @@ _PARTS = 2
 
 
 def target(workers: int) -> float:
-    """Intended duration of a batch for so many workers [s]."""
+    """Intended duration of a batch for a number of workers [s]."""
     return max(TARGET, workers / _PER_SECOND)
 
 
@@ -71,16 +71,16 @@ _AHEAD = 2
 """Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
 _FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)
 """For a batch's results to arrive, from time to time [s]. A worker that dies when its batch has ended takes them along:
-Dask asks it in vain for half a minute, but has the batch done again meanwhile."""
+Dask queries it in vain for half a minute, but has the batch done again meanwhile."""
 _RECONNECT = 30.0
 """For a connection to the scheduler that has broken to be made again, which Dask does by itself [s]."""
 _BREAKS = 10_000
 """Batches in a row that were lost so, at most: as many as the largest cluster has at once."""
 _LOOK = 2.0
-"""How often one looks for new workers [s]."""
+"""Polling period for new workers [s]."""
 _GONE = 180.0
-"""A cluster that brings nothing back, and has no worker whenever one looks, is given up after so long [s]: one whose
-workers a case kills at once, time and again, looks like that for half a minute."""
+"""Time without results and workers after which a cluster is given up [s]: one whose workers a case kills at once,
+time and again, has neither for half a minute."""
 
 
 def dask_executor(address: str) -> ExecutorOf:
@@ -211,7 +211,7 @@ class DaskCluster:
 
         Raises:
             ClusterError: the scheduler is gone.
-            TimeoutError: the results have not arrived after so long [s]: the worker has died since, or the network is
+            TimeoutError: the results have not arrived in this time [s]: the worker has died since, or the network is
                 slow.
         """
         from distributed import KilledWorker
@@ -280,7 +280,7 @@ def _check(client: Client, address: str) -> None:
 
 
 def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[Ended], str]:
-    """Do a batch on a worker; cases that are not begun after so long [s] are left out."""
+    """Do a batch on a worker; cases not begun within this time [s] are left out."""
     from distributed import get_worker
 
     return list(run_in_turn(task, cases, patience)), str(get_worker().address)

@@ -10,7 +10,7 @@ from armdyn.studies.rows import Value
 from armdyn.studies.tasks.task import CaseResult, StudyTask, result_of
 
 HERE = "this process"
-"""Name of the worker that is the engine's own process: an interrupted case of its ends the study."""
+"""Name of the worker that is the engine's own process: when its case is interrupted, the study ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +74,7 @@ class Executor(Protocol):
         """Send cases to one worker, which does one after the other."""
 
     def ended(self, seconds: float) -> list[Ended]:
-        """Wait for reports for so long at most [s]."""
+        """Wait for reports, at most this time [s]."""
 
 
 ExecutorOf = Callable[[StudyTask], AbstractContextManager[Executor]]
@@ -82,7 +82,7 @@ ExecutorOf = Callable[[StudyTask], AbstractContextManager[Executor]]
 
 
 def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> Iterator[Ended]:
-    """Do cases one after the other, each from the nearest motion that is there.
+    """Do cases one after the other, each from the nearest available motion.
 
     Args:
         task: the work on each.

@@ -65,7 +65,7 @@ def local_executor(task: StudyTask, workers: int | None = None) -> Iterator[Exec
 
 
 class InProcess:
-    """This process, with one case at a time: work that listens for Ctrl-C gets it. Exceptions are raised."""
+    """This process, with one case at a time: work that handles Ctrl-C receives it. Exceptions are raised."""
 
     size = 1
 

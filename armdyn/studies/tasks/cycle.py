@@ -48,7 +48,7 @@ class CycleTask:
         """
         table.only(("file", *OPTIONS))
         if "file" not in table.values:
-            raise table.error("file", 'cycle.file is missing: a cycle file beside the study, such as "cell.toml"')
+            raise table.error("file", 'cycle.file is missing: a cycle file next to the study, such as "cell.toml"')
         with table.at("file"):
             path = file_inside(Path(table.path).parent, table.values["file"])
         own = read_toml(path)

@@ -122,7 +122,7 @@ def _facts(solution: Solution) -> dict[str, Any]:
 
 
 def _chain_facts(solution: Solution) -> dict[str, Any]:
-    """Facts by which the optima of a chain are compared, and which `--require` asks for."""
+    """Facts that compare the optima of a chain, and that `--require` checks."""
     by, weight = solution.sensitivities(), solution.problem.effort_weight
     # Where effort is paid for torques are on no limit, and their arcs say nothing.
     arcs = () if solution.problem.pays_effort else solution.arcs

@@ -181,7 +181,7 @@ def test_costs_of_the_controllers_conditions_are_listed():
     ]
     robot, move = judged(controller={"preset": "franka-panda", "interface": "torque", "costs": costs})
     page = page_of(move, robot=robot)
-    section = page[page.index("What the controller") :]
+    section = page[page.index("Costs of the controller") :]
     section = " ".join(text_of(section[: section.index("</section>")]).split())
     assert "franka-panda, torque interface" in section
     assert "torque rate 99.95 % at least 22.9 ms, 4.4 %" in section
