@@ -139,7 +139,7 @@ def listener(value: object) -> Callable[[Any], None]:
     Raises:
         ProblemError: it cannot be called.
     """
-    return function(value, "progress", lambda told: None)
+    return function(value, "progress", lambda text: None)
 
 
 def stopper(value: object) -> StopCondition:

@@ -74,7 +74,10 @@ WRONG = [
     (lambda: ad.solve_minimum_time(PROBLEM, None, "loud"), "progress is 'loud'; it must be a function"),
     (lambda: solve_indirect(RR), "problem is <Robot"),
     (lambda: solve_indirect(PROBLEM, options=ad.MinimumTimeOptions()), "options is .* must be an IndirectOptions"),
-    (lambda: solve_indirect(PROBLEM, MOTION), "seed is <Trajectory.* must be a Solution: what solve_minimum_time"),
+    (
+        lambda: solve_indirect(PROBLEM, MOTION),
+        "seed is <Trajectory.* must be a Solution: the result of solve_minimum_time",
+    ),
     (lambda: compare_with_direct(PROBLEM), "indirect is <MinimumTimeProblem"),
     (lambda: ad.time_optimality("rr", MOTION), "robot is 'rr'; it must be a Robot: use Robot.from_library"),
     (lambda: ad.time_optimality(RR, START), "trajectory is .0.0, 0.0."),

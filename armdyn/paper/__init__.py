@@ -1,4 +1,4 @@
-"""The paper, reproduced: what it prints, what comes of it here, what it claims, tables, pages.
+"""The paper, reproduced: its printed numbers and equations, our results, its claims, tables, pages.
 
 The rooms in the order of the data; none imports one below it:
 
@@ -6,8 +6,8 @@ The rooms in the order of the data; none imports one below it:
 - `indirect`: its second approach, Pontryagin's canonical system as equations.
 - `printed`: its examples, equations as printed, gains, published numbers.
 - `outcomes`: one case solved or simulated, and kept on disk. Nothing is drawn there.
-- `claims`: what the paper says in words, measured; its first approach; whether a goal can be held.
-- `tables`: Tables 3 to 7, published beside ours.
+- `claims`: the paper's statements in words, measured; its first approach; whether a goal can be held.
+- `tables`: Tables 3 to 7, published against computed.
 - `page`: figures, each example's folder, and the page that shows it all.
 
 `plan` says which cases there are to solve, and `reproduce` goes through all rooms.

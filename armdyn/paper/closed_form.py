@@ -122,7 +122,7 @@ class PlanarArm:
         return C[: self.nv, : self.nv]
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torque g(q) [N m], shape (nv,): what holds the arm still.
+        """Gravity torque g(q) [N m], shape (nv,): it holds the arm still.
 
         Args:
             q: joint angles [rad], shape (nv,).

@@ -36,7 +36,7 @@ def as_completed(
                 waiting.remove(k)
                 pool.submit(k, k)
             found = [(k, result) for k, _, result in pool.finished(None)] if pool.idle < pool.count else []
-            if not found:  # nobody is at work
+            if not found:  # no worker is busy
                 if (k := free()) is None:
                     raise ValueError(f"jobs {waiting} wait for each other")
                 waiting.remove(k)

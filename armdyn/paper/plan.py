@@ -11,7 +11,7 @@ from armdyn.paper.printed.loop import PAPER_RULE
 
 _KINDS: tuple[Kind, ...] = ("minimum_time", "time_energy", "pid")
 FAR: dict[Kind, float] = {"minimum_time": 2.0, "time_energy": 2.5}
-"""Payloads that differ by such a factor are no neighbours: 500 g and 1 kg have other optima than what is lighter. Of
+"""Ratio of payloads from which they are no neighbours: 500 g and 1 kg have other optima than lighter payloads. Of
 time and energy the optimum of 500 g leads to one of 1 kg, where coarse meshes show nothing but artefacts."""
 
 EXAMPLES_OF_PART = {
@@ -26,7 +26,7 @@ EXAMPLES_OF_PART = {
 """Values of `--only`, and the examples that each needs."""
 
 _ONLY_FIGURED_PAYLOAD = ("table7", *(f"figure{one.figure}" for one in EXAMPLES))
-"""Parts that the paper has for 100.6 g alone."""
+"""Parts of the paper for 100.6 g alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class Plan:
         only: names of `EXAMPLES_OF_PART`; empty: everything.
         payloads: M [kg]; empty: those of Table 2.
         arrival_rule: of the PID loops.
-        fresh: also what is on disk already.
+        fresh: also the cases on disk.
         workers: processes; None: one per core.
 
     Raises:

@@ -1,4 +1,4 @@
-"""The whole paper: cases solved side by side, kept as they are done, and what is written of them."""
+"""Reproduction of the whole paper: cases solved in parallel, stored as they finish, and their files."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -73,19 +73,19 @@ def reproduce(
     done: Callable[[Outcome, int, int], None] | None = None,
     shown: Callable[[Sequence[Outcome]], None] | None = None,
 ) -> Reproduced:
-    """Carry a plan out. What is on disk already is not solved again; what is done when Ctrl-C comes stays there.
+    """Carry a plan out. Cases on disk are not solved again; after Ctrl-C finished cases stay there.
 
     Writes `cases/` (every outcome), a folder for each example with the figures' payload, `tables/`,
     `figures/` and `index.html`; the page for a first time as soon as the figures are drawn.
 
     Args:
         folder: made if it is not there.
-        plan: what.
-        done: told each outcome as it comes, how many are there, and of how many.
-        shown: told once, when all with the figures' payload are there, on the page and in their folders: which.
+        plan: the cases, figures and tables.
+        done: called with each outcome, the number of finished cases, and the number of all.
+        shown: called once with the outcomes of the figures' payload, when their page and folders are written.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; finished cases are on disk, and what was running is not.
+        KeyboardInterrupt: Ctrl-C; finished cases are on disk, running ones are lost.
         FileError: the folder, or one in it, cannot be written; nothing is solved then.
         DiskFullError: there is no room for a file.
         OSError: a file cannot be written.
@@ -153,7 +153,7 @@ class _SoFar:
 
     @property
     def outcomes(self) -> tuple[Outcome, ...]:
-        """Outcomes in the order of the cases."""
+        """The outcomes, in the order of the cases."""
         return tuple(self.found[case] for case in self._cases if case in self.found)
 
     @property

@@ -30,14 +30,14 @@ class SampledLoop:
     - with velocity "filtered" the filter's memory pole v̂(k-1) - (1 - pole) rate q(k-1) [rad/s];
       with "observer" the predicted q̂⁻ [rad] and v̂⁻ [rad/s]; with "exact" nothing;
     - the integrals that the law uses [rad s];
-    - the torques that are decided and not yet applied, the next first [N m or N].
+    - the torques that are computed and not yet applied, the next first [N m or N].
 
-    f is the torque that the arm feels over the tick. Nothing is clipped, rounded or noisy.
+    f is the torque applied to the arm over the tick. Nothing is clipped, rounded or noisy.
 
     Attributes:
-        carried: shape (n, n). It has no torque that the arm feels.
-        torque: shape (n, nv): effect of the applied torque within one tick.
-        felt: shape (nv, n).
+        carried: transition without the applied torque, shape (n, n).
+        torque: effect of the applied torque within one tick, shape (n, nv).
+        felt: selects the applied torque from the state, shape (nv, n).
         period: one tick [s].
         arm: between ticks.
     """

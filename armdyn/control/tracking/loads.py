@@ -94,12 +94,12 @@ class ChangingLoad:
     def tables(self, tables: Tables) -> Tables:
         """The tables of a loop with the joints of the weights; `rows` are chosen among those of the laws."""
         weights = np.eye(len(self.loads))[self.which]
-        felt = np.minimum(np.arange(len(self.loads[0].law.rows)) + self.delay, len(self.which) - 1)
-        rows = np.stack([one.law.rows for one in self.loads])[self.which[felt], np.arange(len(felt))]
+        acting = np.minimum(np.arange(len(self.loads[0].law.rows)) + self.delay, len(self.which) - 1)
+        rows = np.stack([one.law.rows for one in self.loads])[self.which[acting], np.arange(len(acting))]
         first = weights[np.minimum(np.arange(self.delay), len(weights) - 1)]
         none, nv = np.zeros(len(self.loads)), tables.lower.size
         return tables._replace(
-            rows=np.hstack([rows, weights[felt]]),
+            rows=np.hstack([rows, weights[acting]]),
             q_reference=_widened(tables.q_reference, none),
             start=_widened(tables.start.reshape(-1, nv), none).ravel(),
             first=np.hstack([tables.first, first]),

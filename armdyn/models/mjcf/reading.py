@@ -91,7 +91,7 @@ def _parsed(text: str, source: str) -> pin.Model:
         file.write_text(text, encoding="utf-8")
         try:
             return pin.buildModelFromMJCF(str(file))
-        except Exception as error:  # whatever C++ throws
+        except Exception as error:  # any C++ exception
             raise UrdfError(source, f"Pinocchio cannot read it ({clipped(str(error).strip())})") from None
 
 
@@ -117,7 +117,7 @@ def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:
             tied.add(0)
         if tie.get("active") != "false" and len(tied) > 1:
             names = ", ".join(clipped(end) for end in ends if end)
-            raise UrdfError(source, f"<equality> ties {names} together; armdyn knows no closed loops: lock what moves")
+            raise UrdfError(source, f"<equality> ties {names} together; armdyn knows no closed loops: lock joints")
 
 
 Range = tuple[float, float]

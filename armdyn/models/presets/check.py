@@ -114,7 +114,7 @@ TOLERANCE = 1e-6
 """Part of a limit by which a value may exceed it, as in planned motions."""
 
 REST_ACCELERATION = 1e-2
-"""Acceleration at an end that counts as zero [rad/s²], where no jerk limit says what one tick may change."""
+"""Acceleration at an end that counts as zero [rad/s²], where no jerk limit bounds the change in one tick."""
 
 
 @dataclass(frozen=True)
@@ -313,7 +313,7 @@ def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, A
 def _ends(
     condition: str, limits: ControllerLimits, rate: float, commands: Commands
 ) -> tuple[Array, Array, Array, Array]:
-    """Velocity or acceleration at both ends; at rest they are at most what one tick may change them."""
+    """Velocity or acceleration at both ends; at rest they are at most the allowed change in one tick."""
     order = int(condition == "zero_acceleration")
     values = commands.ends[order]
     change = (limits.acceleration, limits.jerk)[order]

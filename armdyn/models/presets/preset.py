@@ -98,7 +98,7 @@ class ControllerPreset:
 
         Raises:
             FileError: the file cannot be read, or is too large.
-            ProblemError: it describes no preset; the message says in which line, and what would be right.
+            ProblemError: it describes no preset; the message has the line, and the right form.
         """
         return cls._from(read_toml(path))
 

@@ -9,12 +9,12 @@ from armdyn.models.values.per_joint import per_joint
 from armdyn.parsing.toml import Table
 
 MOST_JOINTS = 64
-"""Joints that a preset may have."""
+"""Most joints of a preset."""
 MOST_RATE = 1e5
-"""Commands per second that a controller may take [Hz]."""
+"""Largest command rate of a controller [Hz]."""
 
 MOST_LETTERS = 1000
-"""Letters of a text of a preset."""
+"""Most letters of a text in a preset."""
 
 KINDS = ("necessary", "recommended")
 

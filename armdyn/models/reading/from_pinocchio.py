@@ -56,7 +56,7 @@ class Reading:
 def read_model(
     model: pin.Model, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
 ) -> Reading:
-    """The arm inside a model; the model itself is left as it is.
+    """The arm inside a model; the model itself stays unchanged.
 
     Args:
         model: any of Pinocchio's.
@@ -134,7 +134,7 @@ def locked_joints(
 
 
 def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
-    """The arm that is left of a model when joints are locked; the model itself is left as it is.
+    """The arm of a model with locked joints; the model itself stays unchanged.
 
     Raises:
         UnsupportedJointError: a joint that moves neither turns nor slides along one axis.

@@ -127,7 +127,7 @@ def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
 
 
 def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterator[tuple[Any, Any]]:
-    """The triangle meshes of a file, scaled and placed: bare ones and those they come from, with their looks.
+    """The triangle meshes of a file, scaled and placed: bare, and with their materials.
 
     Args:
         path: of the file.
@@ -137,7 +137,7 @@ def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterat
     Raises:
         ValueError: the file is no regular one, too large, of no known format, or has no triangles.
     """
-    import trimesh  # slow to import, and only whoever draws or avoids obstacles needs it
+    import trimesh  # slow to import, and only for drawing and obstacles
 
     if path.suffix.lower() not in _MESH_FORMATS:
         raise ValueError(f"mesh {path.name!r} is none of {', '.join(_MESH_FORMATS)}")

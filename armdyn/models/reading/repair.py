@@ -119,7 +119,7 @@ def _link(joint: Element, tag: str) -> str:
 def _gripping(root: Element) -> dict[str, float]:
     """Joints of a gripper to the positions to lock them at: zero, or the bound nearest to it [rad or m].
 
-    They have such a name, lead a joint that mimics them, or move beside another one on one link, with none behind.
+    They have such a name, lead a joint that mimics them, or share a link with another finger, with no joint behind.
     """
     joints = _moving(root)
     mimics = {

@@ -47,7 +47,7 @@ def read_arm(
 
 @lru_cache(maxsize=16)
 def _whole(text: str, source: str) -> tuple[Element, dict[str, Mimic], pin.Model]:
-    """The URDF, the joints that follow others, and Pinocchio's model of the whole robot; all are only looked at.
+    """The URDF, the joints that follow others, and Pinocchio's model of the whole robot; all read-only.
 
     A robot is read again for every payload.
     """

@@ -10,7 +10,7 @@ from armdyn.errors import UnsupportedJointError, UrdfError
 from armdyn.models.reading.urdf_xml import LARGEST, clipped, finite_numbers, parse_xml
 
 MAX_LINKS = 1000
-"""A URDF of more links is refused: those who read it descend link by link. The largest known robots have 200."""
+"""A URDF of more links is refused: readers descend link by link. The largest known robots have 200."""
 
 MAX_MOVING = 150
 """A URDF of more moving joints is refused: Pinocchio's memory grows with their cube, 0.2 GiB for 150."""
@@ -19,7 +19,7 @@ MOVING = ("revolute", "continuous", "prismatic")
 MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _TRIANGLE_TOLERANCE = 1e-2  # published URDFs round principal moments to two or three digits
 POINT_MASS = 1e-12
-"""Inertias below are those of point masses [kg m²]: published ones are a rounding, 1e-17, beside zero."""
+"""Inertias below are those of point masses [kg m²]: published ones are a rounding, 1e-17, off zero."""
 
 _KEPT: dict[str, tuple[str, ...]] = {
     "inertial": (),
@@ -111,7 +111,7 @@ def inertia_fault(tensor: Array) -> str:
 
 
 def dynamics_urdf(root: ElementTree.Element) -> str:
-    """A checked URDF without elements that dynamics do not need: Pinocchio reads what was checked, and nothing else."""
+    """A checked URDF without elements that dynamics do not need: Pinocchio reads nothing unchecked."""
     bare = ElementTree.Element("robot", name=str(root.get("name")))
     for element in root:
         if element.tag not in ("link", "joint"):

@@ -96,7 +96,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
         UrdfError: one of these, or not XML.
     """
     builder = ElementTree.TreeBuilder()
-    parser = expat.ParserCreate("utf-8", " ")  # the text was decoded: whatever its XML declaration says
+    parser = expat.ParserCreate("utf-8", " ")  # the text was decoded, for any XML declaration
     depth = elements = 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
@@ -139,7 +139,7 @@ def to_number(text: str) -> float:
     """A decimal number as URDF writes it; Python's other spellings (1_000, other scripts' digits) are refused.
 
     Raises:
-        ValueError: it is none. NaN and infinity are numbers here: whoever asked says that they are not finite.
+        ValueError: it is no number. NaN and infinity are numbers here: the caller refuses them as not finite.
     """
     value = float(text)
     if abs(value) < float("inf") and not _NUMBER.fullmatch(text.strip()):
@@ -154,7 +154,7 @@ def finite_numbers(
 
     Args:
         text: the attribute's value.
-        what: its name, in messages.
+        what: the quantity's name in messages.
         source: the file, in messages.
         where: the element, in messages.
         least: fewest numbers.

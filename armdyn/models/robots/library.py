@@ -1,4 +1,4 @@
-"""Robots that go by a name: arms of example-robot-data, the package's own benchmarks, robots of robot_descriptions."""
+"""Robots by name: arms of example-robot-data, the package's own benchmarks, robots of robot_descriptions."""
 
 import contextlib
 import csv
@@ -54,11 +54,11 @@ def described(name: str) -> Description:
     if name not in known:
         raise UnknownRobotError(name, sorted(known))
     try:
-        # It tells of its cloning on stdout, where results go, and of names that it is to change.
+        # It prints its cloning, and names that it will change, on stdout, where results go.
         with contextlib.redirect_stdout(sys.stderr), warnings.catch_warnings():
             warnings.simplefilter("ignore", FutureWarning)
             module = import_module(f"{PACKAGE}.{name}")
-    except Exception as error:  # no git, no network, no room: whatever its cloning meets
+    except Exception as error:  # no git, no network, no room: any error of its cloning
         what = f"{PACKAGE} cannot provide it ({shown(error)}); it clones robots from the internet the first time"
         raise UrdfError(name, what) from None
     if (urdf := getattr(module, "URDF_PATH", None)) is not None:

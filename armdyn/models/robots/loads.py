@@ -1,4 +1,4 @@
-"""Loads of a motion's pieces: from an arm that carries something, and back to it; and motions backwards in time."""
+"""Loads of a motion's pieces, from and to an arm with its payload; motions reversed in time."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def is_motion_of(robot: Robot, motion: Trajectory) -> bool:
 
 
 def reversed_motion(robot: Robot, motion: Trajectory) -> Trajectory:
-    """The motion backwards in time, q(T - t), under the same torques.
+    """The motion reversed in time, q(T - t), under the same torques.
 
     Without friction the equations of motion, D(q) a + C(q, v) v + g(q) = tau, are the same for v and -v. Friction is
     not: backwards a torque of twice the friction more is needed, which may be beyond the limits; solve for that motion

@@ -62,7 +62,7 @@ class RobotOptions:
         gear_ratio: turns of the rotor for one of the joint [-], or angle of the rotor over way of the joint [rad/m].
         damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf": the file's,
             `<dynamics damping=…>`; 0: none. None: the file's, but none for a library's robot, whose numbers are there
-            to calm simulators: z1 and talos_arm have 1 for every joint, panda 0.003 beside `mu_viscous="16"`.
+            to calm simulators: z1 and talos_arm have 1 for every joint, panda 0.003 with `mu_viscous="16"`.
         friction: Coulomb friction [N m or N], likewise; in a URDF `<dynamics friction=…>`.
         friction_width: speed over which Coulomb friction changes its sign, see `JointFriction` [rad/s or m/s].
         passive: names of joints without a motor; their torque limits are zero.

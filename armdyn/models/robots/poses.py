@@ -27,13 +27,13 @@ if TYPE_CHECKING:
 
 
 _FOLDERS = (".", "../srdf", "../config")
-"""Where an SRDF is, seen from the URDF: beside it, or as example-robot-data and MoveIt's packages have it."""
+"""Places of an SRDF relative to the URDF: next to it, or as in example-robot-data and MoveIt's packages."""
 _MOST_FILES = 20
 _MOST_POSES = 200
 _LONGEST = 80
-"""Characters of a name."""
+"""Most characters of a name."""
 _LOOKED_AT = 1000
-"""Entries of a folder that are looked at."""
+"""Most entries of a folder that are searched."""
 
 _UR = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 _PANDA = tuple(f"panda_joint{i}" for i in range(1, 8))
@@ -78,12 +78,12 @@ def pose_named(robot: Arm, name: str) -> Array:
 
 
 def pose_given(robot: Arm, given: Any, what: str) -> Array:
-    """Joint positions as a user gives them, as an array of its own, shape (nv,) [rad or m].
+    """Copy of joint positions given by a user, shape (nv,) [rad or m].
 
     Args:
         robot: whose joints.
         given: a number per joint, or the name of a pose.
-        what: they are, in messages.
+        what: the quantity's name in messages.
 
     Raises:
         ProblemError: wrong length or not finite, or the robot has no pose of that name.
@@ -98,7 +98,7 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
 
 
 def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False) -> list[float]:
-    """Positions of a robot's joints, as people write them [rad or m].
+    """Positions of a robot's joints from numbers, text or a pose's name [rad or m].
 
     Their number is checked by the caller.
 
@@ -169,7 +169,7 @@ def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
     """The poses of an SRDF that are of the robot; groups may each have one of the same name."""
     try:
         root = parse_xml(read_urdf(path), str(path))
-    except ArmdynError:  # it was not asked for; a robot is none the worse for a bad file beside it
+    except ArmdynError:  # it was not requested; a bad file next to the URDF does not matter
         return {}
     if root.tag != "robot" or (root.get("name") != robot.model.name and path.stem != Path(robot.source).stem):
         return {}

@@ -54,7 +54,7 @@ class Robot(Arm):
 
     @classmethod
     def from_source(cls, source: RobotSource, options: RobotOptions | None = None) -> Self:
-        """An arm from wherever one is read.
+        """An arm from any source.
 
         Raises:
             ArmdynError: see the reader of that source.
@@ -287,7 +287,7 @@ def _payload_is_link(source: RobotSource, options: RobotOptions) -> bool:
 
 
 def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
-    """Pinocchio's model of a source, whatever its format."""
+    """Pinocchio's model of a source, of any format."""
     lock, arm, folders, name = options.lock or {}, options.arm, tuple(map(str, options.package_dirs)), source.name
     if source.format == "model":
         called = f"Pinocchio model {name!r}"

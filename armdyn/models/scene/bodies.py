@@ -23,7 +23,7 @@ _ROUND = 24
 ROUND_FINE = 128
 """The same of an obstacle or an attached body: 0.03 % larger, and computed once."""
 BALLS = 3
-"""Balls that contain a body: with three a Panda's far pairs are told apart from its near ones."""
+"""Balls that contain a body: with three a Panda's far pairs are distinguished from its near ones."""
 EqualBalls = tuple[Array, float]
 """Centres [m], shape (m, 3), and radius [m]."""
 
@@ -62,7 +62,7 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
     """
     if not robot.urdf:
         raise ProblemError(
-            f"{robot.source} was read from no URDF, so it has no geometry: what it would touch is unknown; "
+            f"{robot.source} was read from no URDF, so it has no geometry, and contacts are unknown; "
             "a URDF has geometry"
         )
     root = parse_urdf(robot.urdf, robot.source)
@@ -72,14 +72,12 @@ def bodies(robot: Robot) -> tuple[Body, ...]:
             try:
                 at = frame.placement.homogeneous @ origin(element)
                 shapes = list(_shapes(element, robot.package_dirs))
-            except Exception as error:  # whatever a stranger's mesh provokes: without it nothing is known
+            except Exception as error:  # any error of a foreign mesh: without it contacts are unknown
                 raise ProblemError(f"{robot.source}: link {name!r} cannot be kept clear of anything: {error}") from None
             found += [_body(name, frame, at, geometry, balls) for geometry, balls in shapes]
         if any(body.joint for body in found):
             return (*found, *_attached(robot))
-    raise ProblemError(
-        f"{robot.source} has no geometry, neither <collision> nor <visual>: what it would touch is unknown"
-    )
+    raise ProblemError(f"{robot.source} has no geometry, neither <collision> nor <visual>: contacts are unknown")
 
 
 def elements_of_links(robot: Robot, root: Element, tag: str) -> Iterator[tuple[str, pin.Frame, Element]]:

@@ -15,20 +15,20 @@ from armdyn.models.values.placement import Point
 from armdyn.trajectory import Trajectory
 
 _TOUCHES = 5e-5
-"""Bodies that are so near each other or overlap by so much touch, in words [m]."""
+"""Distance or overlap below which bodies touch, in words [m]."""
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest distance at the times of a motion that were looked at: its value, time and bodies.
+    """Smallest distance at the sampled times of a motion: its value, time and bodies.
 
     Attributes:
         distance: between the two bodies [m]; negative: they overlap. At times between, bodies may be nearer, but keep
-            what is asked if that is `sure`.
+            the clearance if that is `sure`.
         time: in the motion [s].
         body: name of the arm's link.
         other: of the obstacle, or of another link.
-        sure: whether it is proven that every pair keeps the clearance asked for between the samples, too.
+        sure: whether it is proven that every pair keeps the clearance between the samples, too.
         points: the nearest points of the two bodies in the world [m]; None: not computed.
     """
 
@@ -144,7 +144,7 @@ class CollisionModel:
         Args:
             poses: joint positions [rad or m], shape (poses, nv).
             within: pairs no farther apart than this [m].
-            most: so many pairs of a pose at most.
+            most: largest number of pairs of a pose.
         """
         with one_at_a_time:
             return NearPairs(*self._scene.near(_poses(poses), within, most))
@@ -187,7 +187,7 @@ class CollisionModel:
             work: equal parts of the motion that are looked at first, and pairs looked at again at most.
 
         Returns:
-            The nearest pair, `sure` if all keep what is asked; times at which a pair is nearer [s], increasing.
+            The nearest pair, `sure` if all keep their distances; times at which a pair is nearer [s], increasing.
         """
         travel, acceleration, reach = bounds
         rows = (motion.t, motion.q, motion.v, travel, acceleration, required, reach)

@@ -65,7 +65,7 @@ def obstacle_solid(placement: Array, geometry: Any) -> dict[str, Any]:
 
 
 def _solid(geometry: Any, placement: Array, points: Array, radius: float) -> dict[str, Any]:
-    """What every solid has; its own joint, or world, and what bounds its distances are to be added."""
+    """Arguments common to all solids; the caller adds its joint, or world, and its bounding geometry."""
     return {
         "shape": _shape(geometry),
         "joint": 0,
@@ -97,9 +97,9 @@ def _shape(geometry: Any) -> Any:
 
 _POSES = 60
 _ALWAYS = 0.95
-"""Bodies that touch in this part of so many random poses, or more, are built so."""
+"""Part of the random poses: bodies that touch in at least this part touch by construction."""
 _MOUNTED = 0.01
-"""Tool or payload and the link on a neighbouring joint that are so near in as many poses are built so, too [m]."""
+"""Distance [m]: tool or payload and the link on a neighbouring joint that are nearer in as many poses touch, too."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from armdyn.arrays import Array, Flags, Index
 from armdyn.models.scene.convex_parts import Surface, corners_of_hull, cut_where_it_saves
 
 MOST_BOXES = 1000
-"""Of a point cloud or a height map: a Panda's solve takes 2 s among 40 of them, 7 s among 900."""
+"""Most boxes of a point cloud or a height map: a Panda's solve takes 2 s among 40 of them, 7 s among 900."""
 
 _ALIGNED = 16
 """Planes across each axis through faces of a mesh, those of the largest area."""
@@ -19,7 +19,7 @@ _EVEN = 8
 _SAVED = 0.005
 """Part of the whole hull's volume that further cuts of the surface in a box of cells must save."""
 _EDGE = 1e-6
-"""What touches a plane by less does not cross it [m]; by as much parts are larger."""
+"""Tolerance of planes [m]: a smaller penetration is no crossing; parts are larger by it."""
 
 
 def few_boxes(solid: Flags, allowed: Flags) -> tuple[Index, Index]:

@@ -23,14 +23,14 @@ from armdyn.models.values.placement import Placement
 from armdyn.reprs import brief
 
 MAX_TRIANGLES = 100_000
-"""Of a mesh: cutting so many takes up to half a minute."""
+"""Most triangles of a mesh: cutting them takes up to half a minute."""
 MAX_CORNERS = 20_000
-"""Of all convex parts of a mesh: proofs look at every one, and result files have their numbers."""
+"""Most corners of all convex parts of a mesh: proofs visit every one, and result files store them."""
 _MAX_BYTES = 64 * 2**20
 _LOOSE = 1.25
-"""Of convex parts to a body's volume, from which a grid is tried: its hollows would be filled."""
+"""Ratio of the convex parts' volume to the body's, above which a grid is tried: its hollows would be filled."""
 _FARTHEST = 100.0
-"""Of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
+"""Largest distance of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
 
 
 @brief
@@ -117,7 +117,7 @@ class Mesh(Obstacle):
             raise ProblemError(f"scale of {what} is {shown(scale)}; it must be one positive number or three")
         try:
             found = [mesh for mesh, _ in load_meshes(file, np.broadcast_to(factors, 3), _MAX_BYTES)]
-        except Exception as error:  # whatever a stranger's mesh provokes
+        except Exception as error:  # any error of a foreign mesh
             raise ProblemError(f"{what}: {error}") from None
         return cls(_cut(found, what), placement, name=name)
 

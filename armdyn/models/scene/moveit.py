@@ -36,7 +36,7 @@ def read_planning_scene(file: Path, frames: Mapping[str, pin.SE3 | None]) -> Rea
             places in it; None: the frame moves.
 
     Raises:
-        ArmdynError: the file is no such message, or has what a scene here cannot have.
+        ArmdynError: the file is no such message, or has elements that armdyn does not support.
     """
     content = read_yaml(file)
     scene = _table(content, "a planning scene") if content else {}

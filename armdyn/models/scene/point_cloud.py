@@ -26,9 +26,9 @@ from armdyn.reprs import brief
 
 _MAX_BYTES = 64 * 2**20
 _FARTHEST = 2**20
-"""From the origin, in cells."""
+"""Largest distance from the origin, in cells."""
 _MOST_CELLS = 2**26
-"""Of a grid [bytes]."""
+"""Largest grid [bytes]."""
 
 
 @brief
@@ -100,7 +100,7 @@ class PointCloud(Obstacle):
         pose = homogeneous(placement, f"placement of obstacle {name!r}")
         try:
             points = _points(read_bounded(file, _MAX_BYTES), file.suffix.lower())
-        except Exception as error:  # whatever a stranger's file provokes
+        except Exception as error:  # any error of a foreign file
             raise ProblemError(f"obstacle {name!r}, {file}: {' '.join(str(error).split())[:300]}") from None
         return cls(points @ pose[:3, :3].T + pose[:3, 3], size, name=name)
 

@@ -2,8 +2,8 @@
 
 Two bodies whose relative motion between two times is at most L are apart by (d0 + d1 - L) / 2 at least in between
 (Schwarzer, Saha, Latombe, "Adaptive dynamic collision checking", IEEE Transactions on Robotics 21(3), 2005). Where that
-is not enough, the plane between them at either end is moved with the velocities of their points: what accelerations add
-falls with the square of the time.
+is not enough, the plane between them at either end is moved with the velocities of their points: the accelerations'
+share falls with the square of the time.
 """
 
 import numpy as np
@@ -117,9 +117,9 @@ def _reach_of(robot: Robot, last: int, far: float) -> Array:
 
 
 PIECES = 64
-"""Equal parts of a motion that are looked at first: most need no second look at an arm's usual speeds."""
+"""Equal parts of a motion at the start of the bisection: most need no further one at an arm's usual speeds."""
 MOST = 20_000
-"""Pairs looked at again before the proof is given up: among shelves it takes a few hundred."""
+"""Most bisections before the proof is given up: among shelves it takes a few hundred."""
 
 
 def prove_clearance(
@@ -133,8 +133,8 @@ def prove_clearance(
         required: distances to be kept [m], shape (pairs,) or one for all.
 
     Returns:
-        Where the nearest pair is nearest, `sure` if every pair keeps what is asked at all times; times at which a pair
-        is nearer than asked [s], increasing.
+        The nearest pair, `sure` if every pair keeps its distance at all times; times at which a pair
+        is nearer than that [s], increasing.
     """
     if not model.pairs:
         return Clearance(np.inf, float(motion.t[0]), "nothing", "nothing", True), ()

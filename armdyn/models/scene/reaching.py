@@ -24,13 +24,13 @@ Row = tuple[float, ...]
 _STARTS = 80
 _STEPS = 100
 REACHED = 1e-9
-"""Error of a pose [m and rad] that counts as none: far below any encoder's, far above rounding."""
+"""Largest error of a reached pose [m and rad]: far below any encoder's, far above rounding."""
 _DEPENDENT = 1e-6
 """Singular values of a frame's Jacobian below this share of the greatest: joints that move together leave it there."""
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 """Names of a goal pose's directions."""
 _DISTINCT = 0.3
-"""Solutions of which no joint is further off than this [rad or m] are one branch."""
+"""Largest distance of a joint between solutions of one branch [rad or m]."""
 
 
 @brief
@@ -91,7 +91,7 @@ class GoalPose:
     @property
     def pose(self) -> pin.SE3:
         """Pose in the world; without an orientation, with the world's."""
-        return pin.SE3(self._pose)  # a copy: whoever gets it may change it
+        return pin.SE3(self._pose)  # a copy: the caller may change it
 
     @cached_property
     def _pose(self) -> pin.SE3:
@@ -114,7 +114,7 @@ def poses_reaching(
             limits that getting there takes, whole turns taken off where the limits allow.
         limits: of the positions, and of the velocities that order them.
         seed: of the random positions.
-        most: so many at most.
+        most: largest number of solutions.
 
     Raises:
         SpecError: the robot has no such frame.

@@ -47,7 +47,7 @@ def load_scene(
     lock: Mapping[str, float] | None = None,
     package_dirs: Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
-    """Read a scene; docs/obstacles.md says what each kind of file may have.
+    """Read a scene; docs/obstacles.md describes the kinds of files.
 
     The file may come from a stranger: it is read up to a size, and its meshes lie inside its folder, the folder of its
     ROS package, or `package_dirs`.

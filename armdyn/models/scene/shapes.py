@@ -23,8 +23,8 @@ class Obstacle:
     are points or numbers, or `placement`, a pose.
 
     Attributes:
-        sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to what messages call their
-            numbers, such as "R" or "SX,SY,SZ".
+        sizes: the keys of `obstacle_from` before the @ of `--obstacle KIND:SIZES@PLACES`, to the names of their numbers
+            in messages, such as "R" or "SX,SY,SZ".
         places: the keys behind it, each of three numbers; none: --obstacle does not say the shape.
         name: in messages.
     """

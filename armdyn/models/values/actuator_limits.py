@@ -201,7 +201,7 @@ def torque_speed_entry(limits: ActuatorLimits) -> dict[str, list[list[float]]]:
 def _lines(points: Array, most: float) -> Array:
     """Slopes s and torques c at rest of the lines t = c - s v through neighbouring points, shape (lines, 2).
 
-    Without level ones at the largest torque, which say what the torque limits say.
+    Without level ones at the largest torque, which repeat the torque limits.
     """
     speed, torque = points.T
     slopes = -np.diff(torque) / np.diff(speed)

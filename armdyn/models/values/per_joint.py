@@ -26,7 +26,7 @@ def per_joint(
     Args:
         value: as given: real numbers; no text, no booleans, no None, no rows of different length.
         joints: their names; None where no arm is known yet: then any number of them is right, and one stays one.
-        what: the number is, in messages.
+        what: the quantity's name in messages.
         unit: likewise.
         error: class of the raised error.
         scalar: whether one number may stand for all joints; where there is one joint it may anyway.
@@ -37,7 +37,7 @@ def per_joint(
         Shape (nv,), or () of one number without joints.
 
     Raises:
-        ArmdynError: as `error`, which says what, of which joint, where and how much it is, and what would be right.
+        ArmdynError: as `error`; the message has the quantity, joint, value and the right form.
     """
     expected = _expected(joints, scalar)
     array = numbers(value, what, expected, error=error)

@@ -1,4 +1,4 @@
-"""Places and poses as users give them."""
+"""Positions and poses from arrays, placements and quaternions."""
 
 from typing import TypeAlias
 
@@ -52,7 +52,7 @@ def homogeneous(placement: Placement, what: str) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):  # a matrix of huge numbers is none
         turned = np.max(np.abs(rotation.T @ rotation - np.eye(3)))
     if not turned <= 1e-6 or np.linalg.det(rotation) < 0:
-        raise ProblemError(f"{what} has a rotation that is none: {rotation.tolist()}")
+        raise ProblemError(f"{what} has an invalid rotation: {rotation.tolist()}")
     return pose
 
 

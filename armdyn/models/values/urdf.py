@@ -66,7 +66,7 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
     if payload is not None:
         expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
-    import yourdfpy as yp  # slow to import (trimesh), and only whoever writes a URDF needs it
+    import yourdfpy as yp  # slow to import (trimesh), and only for writing a URDF
     from lxml import etree
 
     robot = yp.Robot(name=spec.name)

@@ -236,7 +236,7 @@ class Linearisation:
         reading: where the payload is.
         linearised: the law of the linearised link.
         exact: the law of the link itself.
-        miss: where the linearised law's torque leaves the link itself, beside the goal [rad, rad/s].
+        miss: distance from the goal at which the linearised law's torque leaves the link itself [rad, rad/s].
     """
 
     payload: float
@@ -247,7 +247,7 @@ class Linearisation:
 
 
 def linearisation(payload: float, reading: Reading = "tip") -> Linearisation:
-    """Example 1 by the first approach, beside its true minimum time.
+    """Example 1 by the first approach, against its true minimum time.
 
     Args:
         payload: M [kg].

@@ -1,4 +1,4 @@
-"""Sections 6.1 to 6.3 of the paper as computed statements: its claim, what our numbers say, whether it holds."""
+"""Sections 6.1 to 6.3 of the paper as computed statements: the claim, our numbers, the verdict."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +34,7 @@ class Check:
     Attributes:
         claim: the paper's, in words.
         finding: ours, with numbers.
-        holds: whether the finding supports the claim; None: what it needs was not computed.
+        holds: whether the finding supports the claim; None: a needed result was not computed.
     """
 
     claim: str
@@ -71,7 +71,7 @@ def statements(arm: PlanarArmName, outcomes: Iterable[Outcome], payload: float =
     """A section's items (i) to (v), computed.
 
     The two motions compared are the minimum time and the PID loop with the payload at the tip; the effect of
-    payload is told for both readings, over the payloads that the outcomes have.
+    payload is given for both readings, over the payloads that the outcomes have.
 
     Args:
         arm: "r" for section 6.1, "rr" for 6.2, "rrr" for 6.3.
@@ -139,11 +139,11 @@ def _oscillations(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
         return lambda a, b: (f"{_list(of(a))} against {_list(of(b))} {unit}.", _all_greater(of(a), of(b)))
 
     def fewer(a: Traits, b: Traits) -> tuple[str, bool]:
-        told = (
+        finding = (
             f"Reversals {_list(a.reversals)} against {_list(b.reversals)}; longest way back {_list(a.swings)} against "
         )
-        told += f"{_list(b.swings)} rad; overshoot {_list(a.overshoot)} against {_list(b.overshoot)} rad."
-        return told, sum(b.reversals) <= sum(a.reversals) and max(b.swings) <= max(a.swings)
+        finding += f"{_list(b.swings)} rad; overshoot {_list(a.overshoot)} against {_list(b.overshoot)} rad."
+        return finding, sum(b.reversals) <= sum(a.reversals) and max(b.swings) <= max(a.swings)
 
     claims: list[tuple[str, Callable[[Traits, Traits], tuple[str, bool]]]] = [
         ("The range of positions is greater in the time-optimal motion.", wider(lambda x: x.position, "rad")),
@@ -164,12 +164,12 @@ def _oscillations(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
 def _range_of_speeds(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
     def judge(a: Traits, b: Traits) -> tuple[str, bool]:
         fast, slow = (max(abs(v) for pair in x.velocity for v in pair) for x in (a, b))
-        told = "; ".join(
+        finding = "; ".join(
             f"joint {i + 1}: {_range(*p)} against {_range(*q)} rad/s"
             for i, (p, q) in enumerate(zip(a.velocity, b.velocity, strict=True))
         )
         wider = all(p[1] - p[0] > q[1] - q[0] for p, q in zip(a.velocity, b.velocity, strict=True))
-        return f"{told[0].upper()}{told[1:]}. The fastest joint is {fast / slow:.0f} times as fast.", wider
+        return f"{finding[0].upper()}{finding[1:]}. The fastest joint is {fast / slow:.0f} times as fast.", wider
 
     claim = f"The range of velocities is greater in Example {optimal.example} than in Example {loop.example}."
     return (_compare(claim, _traits(optimal, found), _traits(loop, found), judge),)
@@ -202,17 +202,17 @@ def _told_effect(effect: PayloadEffect) -> str:
     if not reached:
         return f"None of {n} payloads has a time."
     (light, first), (heavy, last) = reached[0], reached[-1]
-    told = f"{first:.4g} s with {1000 * light:g} g"
+    finding = f"{first:.4g} s with {1000 * light:g} g"
     if effect.ratio is not None:
-        told += f", {last:.4g} s with {1000 * heavy:g} g: × {effect.ratio:.2f}"
+        finding += f", {last:.4g} s with {1000 * heavy:g} g: × {effect.ratio:.2f}"
     if missing := n - len(reached):
-        told += f"; {missing} of {n} payloads {'has' if missing == 1 else 'have'} no time"
+        finding += f"; {missing} of {n} payloads {'has' if missing == 1 else 'have'} no time"
     elif not effect.rises:
         rising = np.diff([t for _, t in reached]) > 0
-        told += (
+        finding += (
             "; it falls" if not rising.any() else f"; {int(np.sum(~rising))} of {n - 1} steps up in payload shorten it"
         )
-    return told + "."
+    return finding + "."
 
 
 def _stability(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
@@ -220,7 +220,7 @@ def _stability(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
 
 
 def _loops(loop: Case, found: Found) -> list[Case]:
-    """The loop, and what it is with equation (7) as printed where that was computed."""
+    """The loop; also with equation (7) as printed, where that was computed."""
     printed = [case for case in found if case.variant == "printed" and case.payload == loop.payload]
     return [loop, *(case for case in printed if replace(case, variant="lagrangian", reading=loop.reading) == loop)]
 
@@ -233,23 +233,23 @@ def _stays(loop: Case, found: Found) -> Check:
     if outcome is None or outcome.trajectory is None:
         return Check(claim, "Not computed.", None)
     growth = float(str(outcome.facts["max_real_eigenvalue"]))
-    told = f"The loop's rightmost eigenvalue at the goal is {growth:+.3f} 1/s: {'un' if growth >= 0 else ''}stable."
+    finding = f"The loop's rightmost eigenvalue at the goal is {growth:+.3f} 1/s: {'un' if growth >= 0 else ''}stable."
     end = outcome.trajectory.t[-1]
     if outcome.time is None:
         late = largest_error(outcome.trajectory, loop.q_goal, end / 2)
         what = f"It does not arrive: in the second half of {end:g} s a joint is up to {late:.2f} rad off"
-        return Check(claim, f"{what}. {told}", False)
+        return Check(claim, f"{what}. {finding}", False)
     stray = largest_error(outcome.trajectory, loop.q_goal, outcome.time)
     final = largest_error(outcome.trajectory, loop.q_goal, end - 1.0)
     what = f"Joint 1 stays within {_TOLERANCE:g} rad until {end:g} s"
     if stray > _TOLERANCE * (1 + 1e-6):  # the first joint arrives exactly on the tolerance
         what += f", another joint is still up to {stray:.3f} rad off"
     what += f"; in the last second all are within {final:.1e} rad"
-    return Check(claim, f"{what}. {told}", growth < 0 and final <= _TOLERANCE)
+    return Check(claim, f"{what}. {finding}", growth < 0 and final <= _TOLERANCE)
 
 
 def _holds(optimal: Case) -> Check:
-    """Whether the arm can stay at the goal after t_f, where the paper stops."""
+    """Whether the arm can stay at the goal after t_f, at which the paper's motion ends."""
     still = holding(optimal.arm, optimal.payload, optimal.reading)
     claim = f"Example {optimal.example} is computed until t_f, where the arm is in the final position and can stay."
     return Check(
@@ -258,8 +258,8 @@ def _holds(optimal: Case) -> Check:
 
 
 def _three_oscillations(a: Traits, _: Traits) -> tuple[str, bool]:
-    told = "no reversal" if not sum(a.reversals) else f"{_list(a.reversals)} reversals"
-    return f"{told.capitalize()} of the velocity; overshoot {_list(a.overshoot)} rad.", sum(a.reversals) >= 2
+    finding = "no reversal" if not sum(a.reversals) else f"{_list(a.reversals)} reversals"
+    return f"{finding.capitalize()} of the velocity; overshoot {_list(a.overshoot)} rad.", sum(a.reversals) >= 2
 
 
 def _greater_torque(a: Traits, b: Traits) -> tuple[str, bool]:

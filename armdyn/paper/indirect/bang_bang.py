@@ -13,7 +13,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 
 RTOL = 1e-12
-"""Of the integrator: durations are to hold to 1e-10."""
+"""Tolerance of the integrator: durations are to hold to 1e-10."""
 _SAMPLES = 48
 """Per arc, on which the signs of S are looked at and which the answer has."""
 
@@ -29,7 +29,7 @@ class BangBangProblem:
         lower: torque limits [N m], shape (nv,).
         upper: likewise.
         tolerance: of the scaled equations.
-        stop: asked before every step of Newton's method.
+        stop: polled before every step of Newton's method.
     """
 
     system: CanonicalSystem
@@ -91,7 +91,7 @@ class BangBangExtremal:
 
 
 def guess_arcs(problem: BangBangProblem, t: Array, y: Array) -> BangBangExtremal:
-    """The structure that the signs of S say, along an extremal of about minimum time.
+    """Structure by the signs of S, along an extremal of about minimum time.
 
     Args:
         problem: whose system is used.

@@ -45,7 +45,7 @@ class BoundaryExtremal:
 
 
 class _StopError(Exception):
-    """Takes a stop through code that is not ours."""
+    """Carries a stop through foreign code."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class BoundaryProblem:
         weight: w [1/(N m)²].
         lower: torque limits [N m], shape (nv,); -inf for none.
         upper: likewise.
-        guess: what it is scaled by.
-        stop: asked as the solvers go on.
+        guess: the scale of the unknowns.
+        stop: polled by the solvers.
     """
 
     system: CanonicalSystem
@@ -178,13 +178,13 @@ def _extremal(problem: BoundaryProblem, s: Array, root: Root) -> BoundaryExtrema
 
 
 def _trapezoidal(problem: BoundaryProblem, s: Array, unknowns: Array) -> Point:
-    """The equations of all intervals and of the ends; their Jacobian is made when it is asked for."""
+    """The equations of all intervals and of the ends; their Jacobian is computed lazily."""
     residual = _trapezoidal_residual(problem, s, unknowns)
 
     def step() -> Array:
         try:
             return np.asarray(splu(_trapezoidal_jacobian(problem, s, unknowns)).solve(-residual))
-        except RuntimeError as error:  # all that SuperLU says of a singular matrix
+        except RuntimeError as error:  # SuperLU's only error for a singular matrix
             raise SingularError from error
 
     return Point(residual, step)

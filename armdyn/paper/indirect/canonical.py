@@ -53,7 +53,7 @@ def canonical_system(robot: Robot, law: TorqueLaw = MINIMUM) -> CanonicalSystem:
 
     Args:
         robot: the arm.
-        law: what the torque is, and the running cost in H.
+        law: the torque, and the running cost in H.
     """
     return _build(Dynamics(robot), law)
 
@@ -88,7 +88,7 @@ def _build(dynamics: Dynamics, law: TorqueLaw) -> CanonicalSystem:
     q, v, rho = y[:n], y[n : 2 * n], y[2 * n :]
     f = ca.vertcat(v, dynamics.aba(q, v, tau))
     flow = ca.vertcat(f, -ca.jtimes(f, y[: 2 * n], rho, True))
-    # Linear in τ: at 0 its derivative is short of what gravity and velocities put in.
+    # Linear in τ: its derivative at 0 lacks the terms of gravity and velocities.
     switching = ca.jtimes(ca.substitute(f, v, 0 * v), tau, rho, True)
     symbols = LawSymbols(q, v, rho[:n], rho[n:], switching, tau, w)
     hamiltonian = law.running_cost(symbols) + ca.dot(rho, f)

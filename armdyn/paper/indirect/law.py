@@ -1,4 +1,4 @@
-"""A law: what torque an extremal has, as a value that the canonical system is built from."""
+"""Torque laws of extremals: values from which the canonical system is built."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class LawSymbols:
         rho_q: costates of the positions.
         rho_v: costates of the velocities.
         switching: S = ∂(ρᵀf)/∂τ = D(q)⁻¹ ρ_v.
-        tau: torque [N m]; of the running cost only, as a law says what it is.
+        tau: torque [N m]; of the running cost only, as a law determines it.
         weight: w of the effort [1/(N m)²], one number.
     """
 
@@ -44,7 +44,7 @@ class TorqueLaw:
         minimises: τ is where H with L = 1 + w/2 τᵀτ is least: costates of the direct method are then its own, and
             w → 0 leads to minimum time.
         seed_weight: problem -> w of the time-energy problem whose optimum is nearest; None: the problem's own.
-        remark: what is to be said of a solution, whose H varies; "": nothing.
+        remark: a remark on a solution whose H varies; "": none.
     """
 
     name: str

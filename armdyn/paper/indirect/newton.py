@@ -1,6 +1,6 @@
 """Newton's method with steps that are halved until the residual falls.
 
-Deuflhard, Newton Methods for Nonlinear Problems, section 3.1; the descent asked for is Armijo's, of the residual's
+Deuflhard, Newton Methods for Nonlinear Problems, section 3.1; the required descent is Armijo's, of the residual's
 norm: |F(x + λd)| < (1 − λ/10) |F(x)|.
 """
 
@@ -14,7 +14,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 
 _DESCENT = 0.1
-"""Part of what the linearised equations promise that a step must keep."""
+"""Least actual decrease of a step, as a part of that predicted by the linearised equations."""
 _TO_ZERO = 0.9
 """Part of the way to zero that unknowns which stay positive go in one step."""
 
@@ -29,7 +29,7 @@ class Point:
 
     Attributes:
         residual: F(x), shape (n,).
-        step: gives the d of F'(x) d = −F(x), shape (n,), when it is asked; raises SingularError if there is none.
+        step: returns the d of F'(x) d = −F(x), shape (n,); raises SingularError if there is none.
     """
 
     residual: Array
@@ -49,7 +49,7 @@ class Root:
         unknowns: x, shape (n,).
         residual: F(x), shape (n,).
         steps: taken.
-        status: SOLVED; ITERATION_LIMIT; FAILED; or what the stop says.
+        status: SOLVED; ITERATION_LIMIT; FAILED; or the stop's status.
         reason: the same for people.
     """
 
@@ -70,7 +70,7 @@ def newton(
     positive: int = 0,
     stop: Stop | None = None,
 ) -> Root:
-    """A root of n equations near a guess, or where the way to it ends.
+    """Find a root of n equations near a guess, or the last iterate.
 
     Args:
         equations: F and its linear solver, at a given x.
@@ -78,8 +78,8 @@ def newton(
         tolerance: of the largest |F_i|.
         steps: at most.
         shortest: part of a step below which it is given up.
-        positive: so many of the last unknowns are positive and stay it.
-        stop: asked before every step.
+        positive: number of the last unknowns that are positive and stay so.
+        stop: polled before every step.
     """
     unknowns, point, taken = start, equations(start), 0
 
@@ -109,6 +109,6 @@ def newton(
 
 
 def _longest(unknowns: Array, step: Array, positive: int) -> float:
-    """Part of a step that may be gone."""
+    """Largest part of a step that keeps unknowns positive."""
     shrink = -step[unknowns.size - positive :] / unknowns[unknowns.size - positive :]
     return min(1.0, _TO_ZERO / max(float(np.max(shrink, initial=0.0)), 1e-9))

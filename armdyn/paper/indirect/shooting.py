@@ -25,11 +25,11 @@ _ROUGH, _NEAR = 1e-8, 1e-4
 _NEWTON_STEPS = 30
 _SHORTEST_STEP = 2.0**-7
 _ROUNDS = 5
-"""Of a structure that is corrected by the signs of S."""
+"""Most corrections of a structure by the signs of S."""
 
 
 def shoot(problem: BangBangProblem, guess: BangBangExtremal) -> BangBangExtremal:
-    """Newton's method on the durations, then the signs of S; where they object, again with what they say.
+    """Newton's method on the durations, then the signs of S; where these contradict, again with their structure.
 
     Args:
         problem: the minimum-time problem.
@@ -88,8 +88,8 @@ class ShootingEquations:
         problem: the minimum-time problem.
         tau: torques of the arcs [N m], shape (m, nv).
         switches: the joint that switches after each arc but the last.
-        scale: what is one in y, shape (4 nv,).
-        time: what is one in lengths [s].
+        scale: unit of y, shape (4 nv,).
+        time: unit of the arcs' lengths [s].
     """
 
     problem: BangBangProblem
@@ -148,7 +148,7 @@ class ShootingEquations:
         return np.asarray(x / self.scale[: x.size])
 
     def _joins(self, starts: Array, lengths: Array, rtol: float) -> tuple[Array, Array]:
-        """Where arcs end less where they should, and by all starts and lengths: bidiagonal, lengths behind.
+        """Defects of the arcs' ends, and their derivatives by all starts and lengths: bidiagonal, lengths last.
 
         [ Y_0 −1             ẏ_0         ]
         [     Y_1 −1             ẏ_1     ]
@@ -167,7 +167,7 @@ class ShootingEquations:
             jacobian[own, m * size + a] = rates[a]
             if a < m - 1:
                 jacobian[own, (a + 1) * size : (a + 2) * size] = -np.eye(size)
-        return (ends / scale).ravel()[: to.size] - to, jacobian[: to.size]  # no costate is asked for at the goal
+        return (ends / scale).ravel()[: to.size] - to, jacobian[: to.size]  # the goal has no costates
 
     def _switching(self, starts: Array) -> tuple[Array, Array]:
         """S of the joint that switches, times its torque's jump, and by all starts and lengths."""

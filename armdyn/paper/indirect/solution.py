@@ -36,7 +36,7 @@ class IndirectOptions:
     """Options of `solve_indirect`.
 
     Attributes:
-        law: what the torque is: MINIMUM, which minimises H, or another `TorqueLaw`.
+        law: the torque law: MINIMUM, which minimises H, or another `TorqueLaw`.
         method: "lobatto", three-stage Lobatto IIIA on a mesh that adapts, of order 4; or "trapezoidal",
             finite differences on an even mesh, of order 2.
         bounded: keep the torque limits (saturated law); or have none.
@@ -45,7 +45,7 @@ class IndirectOptions:
         max_nodes: of the Lobatto mesh.
         starts: guesses of the search that makes a seed; None: the policy's.
         seed: of the guesses after the first.
-        continuations: so many of the optima found are followed to minimum time; the fastest is the answer.
+        continuations: number of found optima that are followed to minimum time; the fastest is returned.
         time_limit: wall time [s].
     """
 
@@ -119,7 +119,7 @@ class IndirectSolution:
 
 @dataclass(frozen=True, eq=False)
 class ExtremalSamples:
-    """An extremal and what follows from it, before it is held against limits that it does not know.
+    """An extremal and its solution, before the check of limits outside its equations.
 
     Attributes:
         t: times [s], shape (m,).
@@ -149,14 +149,14 @@ def from_extremal(
     options: IndirectOptions,
     direct: Phases | None,
 ) -> IndirectSolution:
-    """The solution that an extremal is, converged or not.
+    """The solution of an extremal, converged or not.
 
     Args:
         problem: the minimum-time problem.
-        boundary: what was solved; its law and weight give the torque.
+        boundary: the solved problem; its law and weight give the torque.
         found: the extremal.
         options: how.
-        direct: what it was seeded with.
+        direct: its seed.
     """
     if not (found.duration > 0 and np.all(np.isfinite(found.y))):  # nothing to show but where it began
         guess = boundary.guess
@@ -180,14 +180,14 @@ def from_arcs(
     options: IndirectOptions,
     direct: Phases | None,
 ) -> IndirectSolution:
-    """The solution that converged arcs are; a jump of the torque is two samples one ulp apart.
+    """The solution of converged arcs; a jump of the torque is two samples one ulp apart.
 
     Args:
         problem: the minimum-time problem.
-        shooting: what was solved.
+        shooting: the solved arcs.
         found: the arcs.
         options: how.
-        direct: what it was seeded with.
+        direct: its seed.
     """
     t = found.t.copy()
     t[:-1, -1] = np.nextafter(t[1:, 0], 0)
@@ -209,7 +209,7 @@ def checked(
         problem: the minimum-time problem.
         options: how.
         samples: the extremal.
-        direct: what it was seeded with.
+        direct: its seed.
     """
     n = problem.robot.nv
     robot, t, q, v = problem.robot, samples.t, samples.y[:, :n], samples.y[:, n : 2 * n]
@@ -266,7 +266,7 @@ class Comparison:
 
 
 def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None) -> Comparison:
-    """The indirect answer beside a direct one.
+    """Compare an indirect solution with a direct one.
 
     Args:
         indirect: one answer; between its samples costates are linear, which costs about 1e-4 of their peak.
@@ -275,7 +275,7 @@ def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None
     Raises:
         ProblemError: there is none, or it is something else.
     """
-    expect(indirect, IndirectSolution, "indirect", "what solve_indirect returned")
+    expect(indirect, IndirectSolution, "indirect", "the result of solve_indirect")
     direct = indirect.direct if direct is None else expect(direct, Phases, "direct", "Solution.phases")
     if direct is None:
         raise ProblemError("the indirect solution was not seeded by a direct one: give direct=")

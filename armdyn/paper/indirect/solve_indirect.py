@@ -3,7 +3,7 @@
 The canonical system of `canonical` is solved as a boundary value problem with free final time, seeded by the
 direct method's states and multipliers. With a weight on effort that is all. For minimum time the weight is let
 fall, each solution seeding the next, until the saturated torque shows the arcs, whose durations multiple
-shooting then finds exactly. An answer satisfies Pontryagin's conditions: it is a local optimum of whatever
+shooting then finds exactly. A solution satisfies Pontryagin's conditions: it is a local optimum of any
 basin it was started in, not proven to be the best one.
 """
 
@@ -48,7 +48,7 @@ class _Question:
     Attributes:
         problem: the motion.
         options: how.
-        stop: asked as the solvers go on.
+        stop: polled by the solvers.
     """
 
     problem: MinimumTimeProblem
@@ -67,7 +67,7 @@ class _Question:
 
     @property
     def fastest(self) -> bool:
-        """Minimum time is asked for, by a law that leads there."""
+        """Minimum time is requested, by a law that leads there."""
         return self.problem.effort_weight == 0 and self.options.law.minimises
 
     @property
@@ -127,20 +127,20 @@ def solve_indirect(
             and velocity are looked at afterwards only.
         seed: a solution of this problem by the direct method, or of one with another weight; None: a few
             guesses are solved by the direct method first.
-        options: by default, what suits arms of one to three joints.
+        options: by default for arms of one to three joints.
 
     Returns:
-        An `IndirectSolution`; look at `success`. Without it, the message says what failed, and where.
+        An `IndirectSolution`; look at `success`. Without it, the message has the failure and its place.
 
     Raises:
-        ProblemError: an argument is something else, minimum time is asked for without torque limits, the problem has
+        ProblemError: an argument is something else, minimum time is requested without torque limits, the problem has
             path constraints, or the seed is of another arm.
     """
     started = time.perf_counter()
     expect_problem(problem)
     options = IndirectOptions() if options is None else expect(options, IndirectOptions, "options")
     if seed is not None:
-        expect(seed, Solution, "seed", "what solve_minimum_time returned")
+        expect(seed, Solution, "seed", "the result of solve_minimum_time")
     with stopping(options.time_limit) as stop:
         question = _Question(problem, options, stop)
         _refuse(question, seed)
@@ -149,10 +149,10 @@ def solve_indirect(
 
 
 def _refuse(question: _Question, seed: Solution | None) -> None:
-    """Raise a ProblemError where this method has no answer."""
+    """Raise a ProblemError where this method does not apply."""
     problem = question.problem
     if question.fastest and not question.options.bounded:
-        raise ProblemError("minimum time needs torque limits: bounded=False asks for effort_weight > 0")
+        raise ProblemError("minimum time needs torque limits: bounded=False needs effort_weight > 0")
     if seed is not None and seed.problem.robot.nv != problem.robot.nv:
         raise ProblemError(f"the seed moves {seed.problem.robot.nv} joints, the problem {problem.robot.nv}")
     if problem.path_constraint_names:
@@ -160,7 +160,7 @@ def _refuse(question: _Question, seed: Solution | None) -> None:
 
 
 def _best(question: _Question, seeds: list[_Seed]) -> IndirectSolution:
-    """The best answer that the seeds lead to; without one, the best failure."""
+    """The best solution from the seeds; without one, the best failure."""
     best: IndirectSolution | None = None
     given_up: list[str] = []
     for k, seed in enumerate(seeds):
@@ -210,7 +210,7 @@ def _time_energy(question: _Question, seed: _Seed) -> IndirectSolution:
 
 
 def _minimum_time(question: _Question, seed: _Seed) -> IndirectSolution:
-    """Continuation w → 0, then shooting; a seed of minimum time has that way behind it."""
+    """Continuation w → 0, then shooting; a seed of minimum time needs no continuation."""
     problem, options, numbers = question.problem, question.options, question.numbers
     unit = question.unit
     weight, last, reached = seed.weight, seed.extremal, np.inf

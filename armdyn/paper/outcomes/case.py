@@ -17,7 +17,7 @@ from armdyn.paper.printed.loop import ERROR_RATES, GAINS, PAPER_RULE, Derivative
 
 Reading = Literal["tip", "mM"]
 """Where the payload M is: "tip", a point mass at the tip, which is the physics; "mM", the last link's m becomes
-m + M while l_c and I stay, which is what the paper's PID times match."""
+m + M while l_c and I stay, as the paper's PID times say."""
 
 Variant = Literal["lagrangian", "printed"]
 """Equations of motion: "lagrangian", the arm's; "printed", equation (7) by the letter, RRR only."""

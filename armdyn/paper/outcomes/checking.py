@@ -1,4 +1,4 @@
-"""Outcomes read from a stranger's JSON: every field's type is checked before anyone computes with it."""
+"""Outcomes read from untrusted JSON: every field's type is checked first."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,7 +17,7 @@ def is_number(value: object) -> bool:
 
 
 def is_number_or_none(value: object) -> bool:
-    """A number, or what stands for one that is not finite."""
+    """A number, or the text of one that is not finite."""
     return value is None or is_number(value)
 
 

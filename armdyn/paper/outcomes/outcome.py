@@ -1,4 +1,4 @@
-"""Outcome of a case."""
+"""Outcome of a case of the paper."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -15,14 +15,14 @@ class Outcome:
     """Result of a case.
 
     Attributes:
-        case: what was asked.
+        case: the problem or loop.
         time: t_f, or the time of arrival [s]; None if there is none.
         trajectory: the motion; None if there is none.
         success: certified or landed (open loop), arrived (closed loop).
         status: one word.
-        message: the same for people.
-        facts: numbers beside: see `run_case`.
-        summary: what result.json says of it.
+        message: the status in words.
+        facts: further numbers: see `run_case`.
+        summary: the content of its result.json.
     """
 
     case: Case

@@ -18,10 +18,10 @@ from armdyn.paper.outcomes.case import Case
 from armdyn.paper.outcomes.outcome import Fact, Outcome
 
 SOLVE_LIMIT, INDIRECT_LIMIT = 120.0, 20.0
-"""Wall time of a direct and of an indirect solve [s]: several times what the slowest case takes."""
+"""Wall time limits of a direct and of an indirect solve [s]: several times the slowest case's time."""
 ALIKE = 2.0
-"""Payloads that differ by a smaller factor have so like optima that one leads to the other, and few guesses are enough
-beside."""
+"""Factor between payloads below which their optima are so alike that one leads to the other, and few further guesses
+are enough."""
 
 
 def run_case(
@@ -33,7 +33,7 @@ def run_case(
     """Solve or simulate a case.
 
     Args:
-        case: what.
+        case: the problem or loop.
         progress: called with a line of text on the current step.
         workers: processes of the search for minimum time; None: one per core.
         near: of the same case with another payload: where the search begins. It has few other guesses if that is
@@ -43,7 +43,7 @@ def run_case(
         An outcome. Its facts are, for every open-loop case, `certified`, `goal_error` [rad], `objective` J,
         `solve_time` [s]; for minimum time also `switch_times_jN` [s] of joint N, `local_optima` [s],
         `hamiltonian_spread`, `switching_violation`, `limit_violation`, `why_not_certified`; with the indirect
-        method beside, for R and RR, `indirect_time_s`, None if it failed, `indirect_hamiltonian_spread`,
+        method, for R and RR, `indirect_time_s`, None if it failed, `indirect_hamiltonian_spread`,
         `indirect_message`, and `indirect_X_difference` for the X of `optimal.Comparison`; for a PID loop
         `settled`, `max_real_eigenvalue` [1/s], `overshoot` [rad], `arrival_rule`, `goal_error` at the end
         [rad].

@@ -1,6 +1,6 @@
 """Outcomes on disk: a JSON and an npz file each, whole or not there.
 
-They are read only if their inputs are the same, and they are what was written: the JSON file has a digest of both.
+They are read only if inputs and content match the digests in the JSON file.
 """
 
 import hashlib
@@ -22,7 +22,7 @@ _FORMAT = "armdyn-outcome-2"
 _HEAD = ("format", "fingerprint", "case", "trajectory")
 
 MAX_BYTES = 2**22
-"""A JSON file larger than this is no outcome's [bytes]; theirs have some ten thousand."""
+"""Largest JSON file of an outcome that is read [bytes]; usual ones have some ten thousand."""
 
 
 def fingerprint(case: Case) -> str:
@@ -45,7 +45,7 @@ def save_outcome(folder: Path, outcome: Outcome) -> Path:
 
     Args:
         folder: made if it is not there.
-        outcome: what is kept.
+        outcome: the outcome.
 
     Returns:
         The JSON file.
@@ -102,7 +102,7 @@ def load_outcome(folder: Path, case: Case) -> Outcome | None:
 
 
 def _digest(content: Mapping[str, object], motion: Trajectory | None) -> str:
-    """A hash of what a JSON file says beside it, and of the motion."""
+    """A hash of a JSON file's other content, and of the motion."""
     digest = hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode())
     if motion is not None:
         for array in (motion.t, motion.q, motion.v, motion.tau):

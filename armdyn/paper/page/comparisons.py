@@ -1,4 +1,4 @@
-"""The comparison that matters in each of Tables 3 to 7; the rest is folded away below it."""
+"""The main comparison of each of Tables 3 to 7; the other columns are folded away below it."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,7 +33,7 @@ def comparison(number: int, rows: Iterable[Row]) -> Html:
     if not rows:
         return join([heading, element("p", "Not computed.")])
     stand = standings(rows)
-    told = element("p", typeset(" ".join([_counted(stand), *_found(number, rows)])))
+    words = element("p", typeset(" ".join([_counted(stand), *_found(number, rows)])))
     if number == 7:
         halves = [[row for row in rows if (row.kind == "pid") == closed] for closed in (False, True)]
         shown = [paper_grid(half, stand) for half in halves if half]
@@ -42,14 +42,14 @@ def comparison(number: int, rows: Iterable[Row]) -> Html:
         shown = [_columns(rows, stand)]
         folded = [paper_grid(rows, stand), reasons(rows, stand)]
     summary = element("summary", f"All {len(rows)} comparisons, by reading, with their reasons")
-    return join([heading, told, *shown, element("details", summary, *folded)])
+    return join([heading, words, *shown, element("details", summary, *folded)])
 
 
 def _counted(stand: Mapping[Number, Verdict]) -> str:
     counts = Counter(stand.values())
     again, close, missing = (counts[verdict] for verdict in VERDICTS)
     if not stand:
-        return "The paper has no number for what was computed."
+        return "The paper has no number for the computed cases."
     parts = [f"{again or 'None'} of {len(stand)} published numbers {_come(again)} out again"]
     if close:
         parts.append(f"{close} {_come(close)} within {100 * CLOSE:g} % of a reading")
@@ -73,27 +73,27 @@ def _found(number: int, rows: Sequence[Row]) -> list[str]:
         ]
     if number == 7:
         return ["The integrals run up to t_f or the arrival of the motions of Tables 4 to 6."]
-    told = []
+    words = []
     fastest = column(rows, kind="minimum_time", reading="tip")
     if fastest:
         low, high = ratios(fastest)
         span = f"{low:.2f}" if len(fastest) == 1 else f"{low:.2f} to {high:.2f}"
-        told.append(f"The published t_f is {span} times the minimum time under ±3 N m.")
+        words.append(f"The published t_f is {span} times the minimum time under ±3 N m.")
     for reading, name in (("tip", "at the tip"), ("mM", "read as m → m + M")):
-        asked = [row for row in rows if (row.kind, row.reading, row.variant) == ("pid", reading, "lagrangian")]
-        asked = [row for row in asked if not row.setup]
+        compared = [row for row in rows if (row.kind, row.reading, row.variant) == ("pid", reading, "lagrangian")]
+        compared = [row for row in compared if not row.setup]
         pairs = column(rows, kind="pid", reading=reading, variant="lagrangian")
-        if asked and not pairs:
-            told.append(f"With the payload {name} no PID loop arrives within {DURATION:g} s.")
+        if compared and not pairs:
+            words.append(f"With the payload {name} no PID loop arrives within {DURATION:g} s.")
         elif pairs:
-            of = f" of {len(asked)}" if len(pairs) < len(asked) else ""
+            of = f" of {len(compared)}" if len(pairs) < len(compared) else ""
             over = f"rms over {len(pairs)}{of} payloads"
-            told.append(f"With the payload {name} the PID times differ by {rms(pairs):.3f} s {over}.")
-    return told
+            words.append(f"With the payload {name} the PID times differ by {rms(pairs):.3f} s {over}.")
+    return words
 
 
 def _columns(rows: Sequence[Row], stand: Mapping[Number, Verdict]) -> Html:
-    """Published columns, each with ours that it is to be held against."""
+    """Published columns, each with ours to compare."""
     wanted: Sequence[tuple[str, ...]] = _FORMULAS if rows[0].table == 3 else _TIMES
     names = {spec[:-1]: spec[-1] for spec in wanted}
     rows = [row for row in rows if not row.setup and _spec(row) in names and (row.table != 3 or row.reading == "tip")]
@@ -135,9 +135,9 @@ def _spec(row: Row) -> tuple[str, ...]:
 def _ours(row: Row | None) -> Html:
     if row is None:
         return element("td", "–")
-    told = "no arrival" if row.ours is None and row.kind == "pid" else number_text(row.ours)
+    words = "no arrival" if row.ours is None and row.kind == "pid" else number_text(row.ours)
     matched = "" if row.published is None or row.verdict == "not reproduced" else "matched"
-    return element("td", told, title=row.reason, class_="none" if row.ours is None else matched)
+    return element("td", words, title=row.reason, class_="none" if row.ours is None else matched)
 
 
 def _excess(row: Row) -> Html:

@@ -1,4 +1,4 @@
-"""Equations that are wrong as printed, beside what is right; docs/paper.md says which test shows each."""
+"""Equations that are wrong as printed, with their corrections; docs/paper.md names the test of each."""
 
 from armdyn.paper.page.mathematics import formula, typeset
 from armdyn.show.markup import Html, element, join, table
@@ -26,7 +26,7 @@ _EQUATIONS = (
         "(14), (15)",
         r"\tau_1^* = \pm\frac{k}{\det},\ \text{every}\ \frac{2\pi}{r}",
         r"\tau_1^* = \pm\tau_{\mathrm{max}},\ \text{every}\ \frac{\pi}{\sqrt{|r|}}",
-        "What is printed as a time and a torque has other units. A bang-bang torque is on its limit.",
+        "The printed time and torque have other units. A bang-bang torque is on its limit.",
     ),
     (
         "(16)–(21)",
@@ -45,7 +45,7 @@ _EQUATIONS = (
         "(31)",
         r"\min \int e\,\mathrm{d}t",
         r"\min \int e^2\,\mathrm{d}t",
-        "The integral of e is what holds the goal, over the integral gain: nothing is left to optimise. An index such "
+        "The integral of e is the holding torque over the integral gain: nothing is left to optimise. An index such "
         "as that of e² has a minimum.",
     ),
     (
@@ -58,7 +58,7 @@ _EQUATIONS = (
 
 
 def errata_table() -> Html:
-    """Printed, right, and what is the matter with it."""
+    """Printed equation, correction, and the error."""
     names = ("equation", "printed", "right", "why")
     head = [element("th", name, class_="first" if name == "equation" else "text") for name in names]
     body = [
@@ -70,5 +70,5 @@ def errata_table() -> Html:
         ]
         for number, printed, right, why in _EQUATIONS
     ]
-    told = "Where an equation matters to the numbers. docs/paper.md lists all errata, each with the test that shows it."
-    return join([element("p", told), table([head], body, class_="checks errata")])
+    lead = "Where an equation matters to the numbers. docs/paper.md lists all errata, each with the test that shows it."
+    return join([element("p", lead), table([head], body, class_="checks errata")])

@@ -7,7 +7,7 @@ from armdyn.show.report import write_run
 
 
 def write_example(folder: Path, outcome: Outcome) -> list[Path]:
-    """Write what `show.report.write_run` writes of a run.
+    """Write the files of `show.report.write_run` for an example.
 
     Args:
         folder: made if it is not there.

@@ -21,7 +21,7 @@ EXAMPLE_OF_FIGURE = {2: 1, 3: 4, 4: 2, 5: 5, 6: 3, 7: 6}
 """Worked example of each of the paper's figures."""
 
 MARK = "#a3195b"
-"""Colour of what the paper publishes."""
+"""Colour of the paper's numbers."""
 
 _MARK_STYLE = (0, (6, 2, 1, 2))
 _READINGS = {"tip": "payload at the tip", "mM": "m → m + M"}
@@ -33,7 +33,7 @@ class PaperFigure:
 
     Attributes:
         number: the paper's.
-        outcomes: what is drawn, solid first.
+        outcomes: the drawn outcomes, solid first.
         published: the paper's t_f or time of arrival [s]; None for a payload that its tables do not have.
     """
 
@@ -132,7 +132,7 @@ class Picture:
     """One of Figures 2 to 7, drawn.
 
     Attributes:
-        figure: what is in it.
+        figure: its content.
         svg: as a text.
         files: as which it is on disk.
     """

@@ -25,9 +25,9 @@ def headline(rows: Sequence[Row]) -> str:
 
 
 def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
-    """The counts, and how far ours are to be trusted."""
+    """The counts, and the accuracy of our numbers."""
     counts = Counter(standings(rows).values())
-    paper = element("p", element("cite", PAPER), ": every example, table and figure, published beside computed.")
+    paper = element("p", element("cite", PAPER), ": every example, table and figure, published against computed.")
     if not counts:
         return join([paper, element("p", "Nothing was computed.")])
     again, close, missing = (counts[verdict] for verdict in VERDICTS)
@@ -36,12 +36,12 @@ def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
         _count(close, f"within {100 * CLOSE:g} % of a reading", "near"),
         _count(missing, "out of no reading", "bad"),
     ]
-    asked = f"Of {sum(counts.values())} numbers in the paper’s Tables 3 to 7, computed from Table 1’s arms:"
-    return element("div", paper, element("p", asked), element("ul", *big, class_="counts"), _trust(outcomes))
+    score = f"Of {sum(counts.values())} numbers in the paper’s Tables 3 to 7, computed from Table 1’s arms:"
+    return element("div", paper, element("p", score), element("ul", *big, class_="counts"), _trust(outcomes))
 
 
-def _count(n: int, told: str, kind: str) -> Html:
-    return element("li", element("b", str(n)), f" {'comes' if n == 1 else 'come'} {told}", class_=kind)
+def _count(n: int, words: str, kind: str) -> Html:
+    return element("li", element("b", str(n)), f" {'comes' if n == 1 else 'come'} {words}", class_=kind)
 
 
 def _trust(outcomes: Sequence[Outcome]) -> Html:
@@ -52,16 +52,16 @@ def _trust(outcomes: Sequence[Outcome]) -> Html:
         for one in optima
         if isinstance(indirect := one.facts.get("indirect_time_s"), float) and one.time is not None
     ]
-    told = "Ours were fitted to none of them."
+    words = "Ours were fitted to none of them."
     if optima:
-        told += (
+        words += (
             f" {certified} of {len(optima)} optima are certified: replayed through an independent integrator to the "
             "goal, with Pontryagin’s conditions checked."
         )
     if both:
-        told += f" {len(both)} of them were solved by a second method, too, which differs by at most "
-        return element("p", told, scientific(max(both)), " s.")
-    return element("p", told)
+        words += f" {len(both)} of them were solved by a second method, too, which differs by at most "
+        return element("p", words, scientific(max(both)), " s.")
+    return element("p", words)
 
 
 def evidence(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
@@ -84,19 +84,19 @@ def _card(title: str, *content: str, link: str, kind: str = "bad") -> Html:
 
 
 def _minima(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
-    told = []
+    words = []
     for arm in PLANAR_ARMS:
         pairs = column(rows, arm=arm, kind="minimum_time", reading="tip")
         if pairs and ratios(pairs)[0] > 1:
             low, high = ratios(pairs)
             span = f"{low:.2f}" if len(pairs) == 1 else f"{low:.2f} to {high:.2f}"
-            told.append(f"{span} times ({arm.upper()})")
-    if not told:
+            words.append(f"{span} times ({arm.upper()})")
+    if not words:
         return None
     return _card(
         "The published minimum times are no minimum",
         "With the same arms, payloads and ±3 N m there are faster motions. The published t_f are "
-        f"{', '.join(told)} as long as ours.",
+        f"{', '.join(words)} as long as ours.",
         "R’s minimum is exact. Those of RR and RRR are the best found: a better one would widen the gap.",
         link="tables",
     )
@@ -147,11 +147,11 @@ def _payload(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     most = {arm: largest_payload(arm, "tip") for arm in PLANAR_ARMS}
     if min(most.values()) >= LARGEST_PAYLOAD:
         return None
-    told = ", ".join(f"{mass:.3f} kg ({arm.upper()})" for arm, mass in most.items())
+    words = ", ".join(f"{mass:.3f} kg ({arm.upper()})" for arm, mass in most.items())
     few = sum(mass < LARGEST_PAYLOAD for mass in most.values())
     return _card(
         f"“Up to {LARGEST_PAYLOAD:g} kg” is more than {few} of the {len(most)} arms can hold",
-        f"With ±3 N m the goal can be held with {told} at the tip, and no more.",
+        f"With ±3 N m the goal can be held with {words} at the tip, and no more.",
         "A motion from rest to rest there may exist all the same; the arm cannot stay.",
         link="feasibility",
     )
@@ -163,7 +163,7 @@ def _again(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html | None:
     if not near:
         return None
     return _card(
-        "What does come out again",
+        "Reproduced numbers",
         f"The PID times of the one-link arm: {len(near)} of {len(pairs)} within {ARRIVAL_TOLERANCE:g} s (rms "
         f"{rms(near):.3f} s), with − k_D θ̇ and the payload read as m → m + M. No other column does.",
         link="table4",

@@ -51,11 +51,11 @@ def write_page(
     payload: float = PAYLOAD,
     pictures: Sequence[Picture] | None = None,
 ) -> list[Path]:
-    """Write index.html, which holds it all, and Figures 2 to 7 as files.
+    """Write index.html, which is self-contained, and Figures 2 to 7 as files.
 
     Args:
         folder: made if it is not there; figures go to its subfolder `figures`.
-        outcomes: of any cases; what was not computed is left out or said to be missing.
+        outcomes: of any cases; missing ones are left out or marked.
         rows: of Tables 3 to 7.
         payload: M of the figures, the replays and the statements [kg].
         pictures: the figures, in any order; None: they are drawn.
@@ -108,15 +108,15 @@ def _what_was_done(payload: float) -> Html:
     items = (
         "Examples 1 to 3 are solved twice. As stated: minimum time under ±3 N m, by a global search, collocation, "
         "exact switching times, and a replay through an independent integrator with Pontryagin's conditions checked. "
-        "And as the optimum of ∫ (1 + ½ τᵀτ) dt without a torque limit, which is what the paper's printed laws (19) "
-        "to (21) belong to. Both are the best that a search found, and exact for R's minimum time: no method proves "
+        "And as the optimum of ∫ (1 + ½ τᵀτ) dt without a torque limit, to which the paper's printed laws (19) "
+        "to (21) belong. Both are the best that a search found, and exact for R's minimum time: no method proves "
         "the global optimum of the others.",
         "Examples 4 to 6 are the PID loops (28) to (30) with the gains (32) to (34) over 10 s. The paper's + k_D θ̇ is "
         "unstable as printed; − k_D θ̇ is used. The arrival is the last time that joint 1's error enters 0.005 rad, "
-        "unless the run was asked for another rule.",
+        "unless the run has another rule.",
         "The payload is read in two ways. At the tip (tip): a point mass at the end of the last link, which is the "
-        "physics. m → m + M (mM): the last link's mass grows while its centre of mass and inertia stay, which is what "
-        "the paper's PID times match, although its text says that they change.",
+        "physics. m → m + M (mM): the last link's mass grows while its centre of mass and inertia stay: the "
+        "paper's PID times match this reading, although its text says that they change.",
         "Equation (7) is wrong as printed: its D is not symmetric and energy is not conserved. The RRR arm is computed "
         "by its mechanics, and its PID loop also by (7) as printed, as a labelled variant.",
     )
@@ -126,7 +126,7 @@ def _what_was_done(payload: float) -> Html:
 
 def _glanced(payload: float) -> Html:
     grams = f"M = {1000 * payload:g} g. "
-    return element("p", grams, element("span", "The paper’s numbers", class_="said"), " beside ours.")
+    return element("p", grams, element("span", "The paper’s numbers", class_="said"), " next to ours.")
 
 
 def _verdicts() -> Html:
@@ -155,7 +155,7 @@ def _picture(picture: Picture) -> Html:
 
 
 def _stage(payload: float) -> Html:
-    told = (
+    text = (
         f"The motions of the figures, M = {1000 * payload:g} g at the tip, played from the same numbers. Drag to turn, "
         "space to pause."
     )
@@ -163,7 +163,7 @@ def _stage(payload: float) -> Html:
         "div", "The replay starts when it is in view; it needs scripts and WebGL.", id="stage", class_="stage"
     )
     note = element("p", "Replays cannot be printed.", class_="paper-only")
-    return join([element("p", told, class_="screen"), element("div", id="tabs", class_="tabs"), stage, note])
+    return join([element("p", text, class_="screen"), element("div", id="tabs", class_="tabs"), stage, note])
 
 
 def _statements(outcomes: Sequence[Outcome], payload: float) -> Html:
@@ -175,8 +175,8 @@ def _statements(outcomes: Sequence[Outcome], payload: float) -> Html:
             (join([f"{item.item} {item.topic.lower()} ", tag(item.verdict)]) for item in items), between=" &nbsp; "
         )
         checks = sum(len(item.checks) for item in items)
-        told = element("summary", f"The {checks} claims, each with what was computed")
-        parts += [heading, element("p", summary), element("details", told, statement_table(items))]
+        text = element("summary", f"The {checks} claims, each with our result")
+        parts += [heading, element("p", summary), element("details", text, statement_table(items))]
     return join(parts)
 
 

@@ -47,12 +47,12 @@ def score(rows: Sequence[Row]) -> Html:
             for verdict in VERDICTS
             if counts[verdict]
         )
-        told = f"{counts['reproduced']} of {total} numbers come out again"
-        told += f", {counts['close']} nearly" if counts["close"] else ""
+        words = f"{counts['reproduced']} of {total} numbers come out again"
+        words += f", {counts['close']} nearly" if counts["close"] else ""
         apart = ", ".join(f"{compared[verdict]} {verdict}" for verdict in VERDICTS if compared[verdict])
         small = element("small", f"{len(own)} comparisons: {apart}")
         link = element("a", f"Table {number}", href=f"#table{number}")
-        items.append(element("li", element("b", link), title, element("div", *bar, class_="bar"), told, small))
+        items.append(element("li", element("b", link), title, element("div", *bar, class_="bar"), words, small))
     return element("ul", *items, class_="score")
 
 
@@ -224,17 +224,17 @@ def two_methods(outcomes: Iterable[Outcome]) -> Html:
     if not body:
         return element("p", "No case of this run was solved by both methods.")
     head = [element("th", typeset(name), class_="first" if i == 0 else "") for i, name in enumerate(names)]
-    told = f"{len(body)} cases were solved by both; their durations differ by at most "
+    words = f"{len(body)} cases were solved by both; their durations differ by at most "
     return join(
         [
-            element("p", told, scientific(max(differences)), " s."),
+            element("p", words, scientific(max(differences)), " s."),
             element("details", element("summary", "All of them"), table([head], body)),
         ]
     )
 
 
 def statement_table(items: Sequence[Statement]) -> Html:
-    """A section's statements: claim, what was found, verdict."""
+    """A section's statements: claim, finding, verdict."""
     head = [element("th", name, class_="text") for name in ("", "the paper's claim", "verdict", "computed")]
     body = []
     for item in items:

@@ -2,7 +2,7 @@
 
 (5) and (6) are right. (7) is not: it puts l_c = L/2 in place of Table 1's centres of mass nearly
 everywhere, its D is triangular (d21 = d31 = d32 = 0) with wrong coefficients in d11, d12, d13 and d23,
-and its C is derived from that D. Use it only to see what the paper's own numbers may have been computed
+and its C is derived from that D. Use it only to test whether the paper's own numbers were computed
 with, as the variant named "printed"; `closed_form` has the mechanics.
 """
 

@@ -12,7 +12,7 @@ DURATION = 10.0
 """Duration of Examples 4 to 6 [s]."""
 
 PAPER_RULE: ArrivalRule = "last_entry_first_joint"
-"""By which the paper's times of arrival are: it looks at joint 1 alone."""
+"""Rule of the paper's times of arrival: it uses joint 1 alone."""
 
 DerivativeSign = Literal["corrected", "printed"]
 """Sign of k_D θ̇: "corrected" is -k_D θ̇, which (27) says as ė = -θ̇; "printed" is +k_D θ̇ of (28)-(30)."""

@@ -1,1 +1,1 @@
-"""Tables 3 to 7 of the paper: published beside ours, as rows, in its layout, on disk."""
+"""Tables 3 to 7 of the paper, published against computed: as rows, in its layout, on disk."""

@@ -27,7 +27,7 @@ def table_line(row: Row) -> tuple[object, ...]:
 
 
 def paper_column(row: Row) -> str:
-    """The paper's column that a row stands beside; none in Table 7."""
+    """The paper's column to the left of a row's; none in Table 7."""
     if row.table == 3:
         return {"switch_interval_s": "2π/r", "switch_torque_nm": "k/det"}[row.quantity]
     return "" if row.table == 7 else f"Example {row.example}"

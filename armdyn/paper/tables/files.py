@@ -37,7 +37,7 @@ def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
 
 
 def write_findings(folder: Path) -> list[Path]:
-    """Write feasibility and first_approach, .csv, .md and .tex: what the paper does not have.
+    """Write feasibility and first_approach, .csv, .md and .tex, which the paper lacks.
 
     Args:
         folder: made if it is not there.
@@ -64,7 +64,7 @@ def write_findings(folder: Path) -> list[Path]:
 
 
 def write_methods(folder: Path, outcomes: Iterable[Outcome]) -> list[Path]:
-    """Write two_methods.csv: the direct and the indirect answer of every case that was solved by both.
+    """Write two_methods.csv: the direct and the indirect solution of every case that was solved by both.
 
     Args:
         folder: made if it is not there.

@@ -1,4 +1,4 @@
-"""Tables to print: Tables 3 to 7 in the paper's layout, and what the paper does not have."""
+"""Tables to print: Tables 3 to 7 in the paper's layout, and further ones."""
 
 from collections.abc import Sequence
 
@@ -82,7 +82,7 @@ def first_approach_grid() -> Grid:
         "Both from -π/2 to π/20 under ±3 N m. "
         "The linearisation takes cos θ for θ + π/2, 1.73 at the goal where it is 0.99."
     )
-    return Grid("The first approach, put right, beside the true minimum time", header, tuple(body), note)
+    return Grid("The first approach, put right, against the true minimum time", header, tuple(body), note)
 
 
 def _number(value: float | None) -> str:

@@ -1,4 +1,4 @@
-"""Tables 3 to 7 of the paper as rows: published beside ours, with a verdict and its reason."""
+"""Tables 3 to 7 of the paper as rows: published against computed, with a verdict and its reason."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -44,7 +44,7 @@ class Row:
         payload_kg: M [kg].
         reading: where the payload is.
         variant: equations of motion, in Table 3 the law's formulas.
-        quantity: what it is, with its unit.
+        quantity: its name, with its unit.
         published: None where the paper has none.
         ours: None where there is none; `reason` says why.
         verdict: see `judge`.
@@ -121,7 +121,7 @@ def _first_approach(payload: float, reading: Reading) -> list[Row]:
             ),
         ),
         "lagrangian": (
-            (np.pi / link.omega, "π/√|r|: what switches the linearised link's torque"),
+            (np.pi / link.omega, "π/√|r|: the switching period of the linearised link's torque"),
             (link.torque_limit, "the torque limit: a bang-bang torque is on it"),
         ),
     }

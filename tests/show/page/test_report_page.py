@@ -187,7 +187,7 @@ def test_costs_of_the_controllers_conditions_are_listed():
     assert "torque rate 99.95 % at least 22.9 ms, 4.4 %" in section
     assert "jerk 50 % nothing: the motion stays below its limit" in section
     assert "velocity 100 % unknown: no motion was found without it" in section
-    assert "What the controller" not in page_of(judged()[1], robot=robot)
+    assert "Costs of the controller" not in page_of(judged()[1], robot=robot)
 
 
 def test_paths_are_told_without_their_folders():
