@@ -1,11 +1,11 @@
 """Independent check of the costates: the adjoint equations integrated along the replay.
 
-ρ̇ = −∂H/∂x = −(∂f/∂x)ᵀρ, with ∂f/∂x from Pinocchio's derivatives of forward dynamics, integrated from the goal back
-to the start. Of the program only the multipliers of held limits enter: where a joint is on a limit of its velocity or
-position, the limit pulls on the costate (Bryson and Ho, Applied Optimal Control, section 3.9).
+ρ̇ = −∂H/∂x = −(∂f/∂x)ᵀρ, with ∂f/∂x from Pinocchio's derivatives of forward dynamics, integrated from the goal back to
+the start. Only the program's multipliers of active state limits enter: on a limit of velocity or position, the
+multiplier acts on the costate (Bryson and Ho, Applied Optimal Control, section 3.9).
 
-Backwards a difference grows as the motion itself would diverge, ten thousandfold on a heavily laden arm. Therefore the
-costates are held against that solution of the equations which is nearest to all of them: shadowing.
+Integrated backwards a difference grows as fast as the motion diverges, ten thousandfold on a heavily laden arm.
+Therefore the costates are compared with the solution of the equations that is nearest to all of them: shadowing.
 """
 
 from dataclasses import replace
@@ -24,21 +24,21 @@ from armdyn.trajectory import Trajectory
 
 
 def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: AdjointPolicy) -> float:
-    """Residual of the costates in the adjoint equations, as a change of H, relative to the 1 that time costs.
+    """Residual of the costates in the adjoint equations, as a change of H, relative to time's 1.
 
-    A difference in ρ_q counts by the joint's largest velocity, one in ρ_v by its largest acceleration.
+    A difference in ρ_q is weighted by the joint's largest velocity, one in ρ_v by its largest acceleration.
 
     Args:
-        robot: that moves.
-        replay: its motion.
+        robot: the robot.
+        replay: replay of the motion.
         phases: the arcs, with costates.
-        numbers: how finely the equations are integrated.
+        numbers: tolerances of the integration.
 
     Returns:
         The largest difference at any knot, of any joint; infinite if the replay or the integration broke off.
     """
     inner, knots, on_limit = _impulses(phases)
-    stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where limits pull
+    stops = phases.t[:-1, None] + np.diff(phases.t)[:, None] * TABLEAU.c[:-1]  # where multipliers of state limits act
     duration = phases.duration
     if abs(replay.duration - duration) > 1e-12 * duration:
         return float("inf")
@@ -56,7 +56,7 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: Adj
     if steps is None:
         return float("inf")
     place, own = np.searchsorted(t, np.minimum(phases.t, t[-1])), size.size
-    found = np.empty((*phases.costate.shape, own + 1))  # a solution, and how it answers to each costate at the goal
+    found = np.empty((*phases.costate.shape, own + 1))  # a solution, and its derivatives in the goal's costates
     found[-1] = np.column_stack([phases.costate[-1], np.diag(1 / size)])
     for k in range(phases.arc_of.size - 1, -1, -1):
         here = found[k + 1].copy()
@@ -76,14 +76,14 @@ def adjoint_error(robot: Robot, replay: Trajectory, phases: Phases, numbers: Adj
 
 
 def _impulses(phases: Phases) -> tuple[Array, Array, Flags]:
-    """Impulses of the state limits on the costates; none from a limit that no arc names.
+    """Impulses of the state limits on the costates; zero for limits that no arc has.
 
-    Impulses at the stages are what the collocation's quadrature makes of a limit that is held. A touch has its own
-    at the knot, and IPOPT's barrier some of it at the stages beside.
+    Impulses at the stages follow from the collocation's quadrature of an active limit. A touch has its impulse at the
+    knot, and by IPOPT's barrier partly at the neighbouring stages.
 
     Returns:
         At the inner stages, shape (K, stages - 1, 2 nv); at the inner knots, shape (K - 1, 2 nv); and whether any
-        stage of an interval has some, shape (K,).
+        stage of an interval has an impulse, shape (K,).
     """
     K, n = phases.q.shape[0] - 1, phases.q.shape[1]
     modes = np.array([phases.arcs[a].modes for a in phases.arc_of], dtype=object)

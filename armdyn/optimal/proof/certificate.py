@@ -1,10 +1,9 @@
 """Certificate of a motion: end error, limits, Pontryagin's conditions, and the gap to a proven lower bound.
 
-With H = 1 + w/2 τᵀτ + ρᵀf(x, τ) and free final time, an optimum has H = 0 throughout, and every
-torque on its limit is there because H falls outward: S_i = ∂H/∂τ_i is negative on the upper and
-positive on the lower limit, zero where the torque is free (Pontryagin et al. 1962; Bryson and Ho,
-Applied Optimal Control, section 3.9 for limits on the state). Such a motion is extremal: no small change of it is
-faster. A lower bound on the duration says more, of all motions, where it is near.
+With H = 1 + w/2 τᵀτ + ρᵀf(x, τ) and free final time, an optimum has H = 0 throughout, and every torque is on the limit
+towards which H falls: S_i = ∂H/∂τ_i is negative on the upper and positive on the lower limit, zero where the torque is
+free (Pontryagin et al. 1962; Bryson and Ho, Applied Optimal Control, section 3.9 for limits on the state). Such a
+motion is extremal: no small change makes it faster. A near lower bound on the duration proves more, about all motions.
 """
 
 from __future__ import annotations
@@ -26,31 +25,33 @@ from armdyn.reprs import brief, percent
 from armdyn.trajectory import Trajectory
 
 GOAL_TOLERANCE = 1e-6
-"""Of the replay at the goal [rad or m] where optimality is claimed: a hundredth of what good encoders resolve."""
+"""Largest error of the replay at the goal [rad or m] for a claim of optimality: a hundredth of good encoders'
+resolution."""
 VELOCITY_TOLERANCE = 0.02
-"""Of the replay's velocity at the goal [rad/s or m/s]: dry friction at light wrists leaves 0.01, other motions 1e-4."""
+"""Largest error of the replay's velocity at the goal [rad/s or m/s]: dry friction at light wrists leaves 0.01, else
+1e-4."""
 HAMILTONIAN_TOLERANCE = 1e-4
-"""Of |H|, against the 1 that time costs: what multipliers from collocation on these meshes resolve."""
+"""Largest |H|, relative to time's 1: the accuracy of collocation's multipliers on these meshes."""
 SWITCHING_TOLERANCE = 1e-4
-"""Of what H could still fall by if one torque went to a limit that it is not on, against the 1 that time costs."""
+"""Largest decrease of H by moving one torque to a limit that is not active, relative to time's 1."""
 ADJOINT_TOLERANCE = 1e-4
-"""Of what H feels of costates that are beside the adjoint equations: as of |H|, for the same reason. Planar arms
-come to 2e-5 at the most, where a torque limit or a touch bends the motion within an interval."""
+"""Largest residual of the adjoint equations, as a change of H: as for |H|. Planar arms reach 2e-5 at most, where a
+torque limit or a touch lies within an interval."""
 SAVING_TOLERANCE = 1e-4
-"""Of the duration, that a change of the motion saves to first order at most: a mean of |H| and of wrong signs."""
+"""Largest first-order saving by a change of the motion, as a part of the duration: a mean of |H| and of wrong signs."""
 SEGMENT_TOLERANCE = 1e-7
-"""Of the state at the end of a segment [rad or m, and per second], integrated from the motion's own sample before: a
-tenth of the goal's tolerance, and ten times what integrators of relative tolerance 1e-10 leave at 50 rad/s."""
+"""Largest error of the state at the end of a segment [rad or m, and per second], integrated from the motion's sample
+before: a tenth of the goal's tolerance, and ten times the error of integrators of tolerance 1e-10 at 50 rad/s."""
 TRANSVERSALITY_TOLERANCE = 1e-3
-"""Of the duration: what moving the goal by as much as the whole way would save at the rate of the end, along the joint
-positions that reach a goal pose. Moving it until that is zero saves some square of it."""
+"""Largest saving, as a part of the duration, by moving the goal by the whole way at the rate of the end, along the
+joint positions that reach a goal pose. The actual saving is of second order."""
 LIMIT_TOLERANCE = 1e-6
-"""Of a limit, as a part of it."""
+"""Largest excess over a limit, as a part of it."""
 GAP_TOLERANCE = 1e-3
-"""Of the duration, above a proven lower bound: less than a change of payload by a few grams makes."""
+"""Largest proven gap, as a part of the duration: less than the effect of a few grams of payload."""
 
 ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not resolved"
-"""Remark of motions that are curves: what proves them is the gap."""
+"""Remark for motions along curves, which are proven by the gap."""
 
 
 @brief
@@ -58,46 +59,45 @@ ON_CURVE = "Pontryagin's conditions are not checked: the switching times are not
 class Certificate:
     """Results of the checks of a motion. Infinite: could not be checked.
 
-    `lands` and `keeps_limits`: it is `usable`. `extremal`, or a proven `gap` of no more than `GAP_TOLERANCE`, besides:
-    it is certified, `ok`.
+    It is `usable` if `lands` and `keeps_limits` hold, and certified (`ok`) if it is also `extremal` or has a proven
+    `gap` of at most `GAP_TOLERANCE`.
 
     Attributes:
-        goal_error: largest joint position error at the goal [rad or m]: open loop the worst of two integrators of
-            different families, and what their accuracy grows to; by segments that of the replay under feedback. Of
-            candidates on the way to an answer: of `replay_torques` alone.
-        goal_velocity_error: the same for the velocities [rad/s or m/s].
+        goal_error: largest joint position error at the goal [rad or m]: open loop the larger one of two integrators of
+            different families, with their amplified accuracy; by segments that of the replay under feedback. For
+            candidates: by `replay_torques` alone.
+        goal_velocity_error: largest joint velocity error at the goal [rad/s or m/s], likewise.
         hamiltonian_spread: largest |H| at the knots; 0 at an optimum.
-        switching_violation: what H could still fall by if one torque went to a limit that it is not on, by
-            the sign of its switching function; for held velocities, the wrong sign of their multiplier
-            relative to its peak.
-        adjoint_error: how far the costates are from a solution of the adjoint equations along the replay, by an
-            integration of its own: as a change of H; see `adjoint.adjoint_error`. None: not asked for, as of the
-            candidates on the way to an answer, or there are no costates.
-        saving: bound on what a change of the motion saves to first order, as a part of the duration, by costates of
-            the motion itself: see `mesh_costates`. It takes the place of the two before where the arcs are not
-            resolved, and it is known where it is within the tolerance. None: it is not.
-        transversality: where many joint positions reach a goal pose: how fast the duration falls where the goal moves
-            along them, by the costates at the end, as a share of the duration for as much as the whole way; infinite:
-            the costates are not known. None: the goal is a point.
+        switching_violation: largest decrease of H by moving one torque to a limit that is not active, by the sign of
+            its switching function; for active state limits, the wrong sign of their multiplier relative to its peak.
+        adjoint_error: residual of the costates in the adjoint equations along the replay, by a separate integration, as
+            a change of H; see `adjoint.adjoint_error`. None: not computed, for candidates, or without costates.
+        saving: bound on the first-order saving by a change of the motion, as a part of the duration, by costates of the
+            motion itself: see `mesh_costates`. Replaces the two above where the arcs are not resolved and it is within
+            tolerance. None: unknown.
+        transversality: decrease of the duration by moving the goal by the whole way, at the rate of the end, along the
+            joint positions that reach the goal pose, as a share of the duration; infinite: no costates. None: the goal
+            is a point.
         limit_violation: largest excess of a torque, velocity or position over its limit anywhere in the
             replay, relative to the limit (position: to the range, or 1 rad or m where that is less).
-        exceeded: which limit that is, of which joint, and when; None: all are kept.
-        singular: some arc has a joint on no limit.
-        idle: joints that time does not determine for most of the motion: their costates are zero.
-        landing: the largest goal error that counts as landed [rad or m].
-        replay: "open loop": the torques alone lead to the goal, by whatever integrator. "segments": without feedback
-            the motion is too unstable for that; every segment between samples was integrated from the motion's own
-            state, and the motion was replayed under feedback (`proof.repeat`). "curve": the motion was not replayed;
-            its torques are those of inverse dynamics at the samples (`Resolver`).
-        growth: largest singular value of the derivative of the end state by the start state, open loop, with states in
-            rad or m, and per second. None, as the next: not asked for, as of candidates.
+        exceeded: largest violation, with its joint and time; None: all limits are kept.
+        singular: whether some arc has a joint without an active limit.
+        idle: joints that minimum time leaves undetermined for most of the motion: their costates are zero.
+        landing: largest goal error that counts as landed [rad or m].
+        replay: "open loop": the torques alone reach the goal, with any integrator. "segments": the motion is too
+            unstable for that; every segment between samples was integrated from the motion's own state, and the motion
+            was replayed under feedback (`proof.repeat`). "curve": the motion was not replayed; its torques are those of
+            inverse dynamics at the samples (`Resolver`).
+        growth: largest singular value of ∂(end state)/∂(start state), open loop, with states in
+            rad or m, and per second. None, also for the next: not computed, for candidates.
         segment_error: largest distance of a segment's end from the motion's next sample [rad or m, and per second].
         correction: largest torque that feedback adds [N m or N]; None: open loop.
-        correction_share: the same as a part of half the joint's torque range; None likewise.
-        lower_bound: proven, on the duration of all motions to any joint positions at the goal [s]; None: unknown.
-        gap: how far this one is above it, as a part of it.
-        remark: what there is to say besides, such as why there are no costates.
-        t: times at which the costates are known [s], shape (K,).
+        correction_share: `correction` over half the joint's torque range; None: open loop.
+        lower_bound: proven lower bound on the duration of all motions to any joint positions at the goal [s]; None:
+            unknown.
+        gap: (duration - lower_bound) / lower_bound.
+        remark: further remark, such as why there are no costates.
+        t: times of the costates [s], shape (K,).
         costate: ρ at those times, for (q, v), shape (K, 2 nv).
         switching: S = ∂H/∂τ at those times, shape (K, nv).
     """
@@ -135,13 +135,13 @@ class Certificate:
         """Whether the replay ends within a tolerance of the goal, and its torques reproduce its states.
 
         Args:
-            tolerance: of the position [rad or m]; that of the velocity is `VELOCITY_TOLERANCE`.
+            tolerance: tolerance of the position [rad or m]; the velocity's is `VELOCITY_TOLERANCE`.
         """
         return self.goal_error <= tolerance and self.goal_velocity_error <= VELOCITY_TOLERANCE and self.repeats
 
     @property
     def repeats(self) -> bool:
-        """Every segment ends within `SEGMENT_TOLERANCE` of the next sample; of candidates this is not asked."""
+        """Whether every segment ends within `SEGMENT_TOLERANCE` of the next sample; unchecked for candidates."""
         return self.segment_error is None or self.segment_error <= SEGMENT_TOLERANCE
 
     @property
@@ -161,13 +161,12 @@ class Certificate:
 
     @property
     def extremal(self) -> bool:
-        """Whether the costates are known and keep Pontryagin's conditions, and the motion ends on the goal.
+        """Whether the costates are known and satisfy Pontryagin's conditions, and the motion ends on the goal.
 
-        Where arcs are not resolved, they count as kept if `saving` is at most `SAVING_TOLERANCE`.
-        Of a goal pose that a continuum of joint positions reaches, `transversality` is asked, too. Other branches that
-        reach the pose may be faster: they are motions of their own.
-        Of a candidate the adjoint equations are not asked: see `adjoint_error`.
-        A joint whose costates are zero keeps them, too: see `idle`.
+        Without resolved arcs, the conditions count as satisfied if `saving` is at most `SAVING_TOLERANCE`. For a goal
+        pose reached by a continuum of joint positions, `transversality` is required, too; other branches that reach the
+        pose may be faster. The adjoint equations are not required of a candidate: see `adjoint_error`. A joint with
+        zero costates satisfies the conditions: see `idle`.
         """
         return self.on_goal and not self._against_pontryagin
 
@@ -178,7 +177,7 @@ class Certificate:
 
     @property
     def ok(self) -> bool:
-        """Certified: usable, and extremal or proven to be within `GAP_TOLERANCE` of the least duration of all."""
+        """Whether the motion is certified: usable, and extremal or with a gap of at most `GAP_TOLERANCE`."""
         near = self.gap is not None and self.gap_proven and self.gap <= GAP_TOLERANCE
         return self.usable and (self.extremal or near)
 
@@ -199,18 +198,18 @@ class Certificate:
             wrong += self._against_pontryagin
         elif not (wrong or self.remark):
             wrong = ("no costates: the arcs were not resolved",)
-        remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # the gap says more
+        remark = "" if self.remark == ON_CURVE and self.gap is not None else self.remark  # superseded by the gap
         return (*((remark,) if remark else ()), *wrong, *self._against_gap)
 
     def bounded(self, lower_bound: float | None, duration: float) -> Self:
         """The certificate with a lower bound on the duration of all motions.
 
         Args:
-            lower_bound: proven [s]; None: none is known.
-            duration: of this motion [s].
+            lower_bound: proven lower bound [s]; None: unknown.
+            duration: duration of this motion [s].
 
         Raises:
-            ProblemError: it is no positive number.
+            ProblemError: the lower bound is no positive number.
         """
         if lower_bound is None:
             return replace(self, lower_bound=None, gap=None)
@@ -246,7 +245,7 @@ class Certificate:
 
 
 def _beyond(*checks: tuple[str, float, float]) -> tuple[str, ...]:
-    """Texts of the values that exceed their bounds, NaN included."""
+    """Texts for the values that exceed their bounds, including NaN."""
     return tuple(text.format(value) for text, value, bound in checks if not value <= bound)
 
 
@@ -256,13 +255,13 @@ def certify(
     phases: Phases | None,
     remark: str = "",
 ) -> Certificate:
-    """Check a replayed motion, and its costates if its arcs are known; the adjoint equations are `adjoint_error`'s.
+    """Check a replayed motion, and its costates if its arcs are known, without the adjoint equations.
 
     Args:
         problem: the minimum-time problem.
-        replay: what the torques do under `replay_torques`.
-        phases: the arcs solved; None: only the replay is checked.
-        remark: why there are no arcs.
+        replay: replay of the torques by `replay_torques`.
+        phases: the solved arcs; None: only the replay is checked.
+        remark: reason for missing arcs.
     """
     goal = float(np.max(np.abs(replay.q[-1] - problem.q_goal)))
     goal_velocity = float(np.max(np.abs(replay.v[-1] - problem.v_goal)))

@@ -1,18 +1,18 @@
-"""Upper bound on the time that a change of a motion saves to first order, whatever its switching structure.
+"""Upper bound on the first-order saving of time by any change of a motion, whatever its switching structure.
 
-Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that it
-comes near (Bryson and Ho, Applied Optimal Control, section 3.9). Other torques within their limits, and another pace,
-change the duration to first order by ∫ H δσ + Σ S_i δτ_i dt, and every motion within the limits of the state has
-∫ η (change of the state) dt ≤ ∫ η (distance from the limit) dt. With a pace that changes by at most the whole,
-|δσ| ≤ 1, and torques that may go to any limit, no change saves more, as a part of the duration T, than
+Let ρ solve the adjoint equations along a motion, with multipliers η ≥ 0 of the limits of velocity and position that the
+motion nearly reaches (Bryson and Ho, Applied Optimal Control, section 3.9). Changes of the torques within their limits,
+and of the pace, change the duration to first order by ∫ H δσ + Σ S_i δτ_i dt, and every motion within the limits of the
+state has ∫ η (change of the state) dt ≤ ∫ η (distance from the limit) dt. With a pace that changes by at most the
+whole, |δσ| ≤ 1, and torques anywhere within their limits, no change saves more, as a part of the duration T, than
 
-    1/T ∫ |H| + Σ_i (by how much H falls if torque i goes to a limit) + η · (distance from the limit) dt.
+    1/T ∫ |H| + Σ_i (decrease of H as torque i goes to a limit) + η · (distance from the limit) dt.
 
-It is zero where Pontryagin's conditions hold, and for no other motion. Any ρ and η ≥ 0 give a bound; a linear program
-finds those of the least. No solver's multipliers enter: a motion by any method is judged.
+The bound is zero where Pontryagin's conditions hold, and for no other motion. Any ρ and η ≥ 0 give a bound; a linear
+program finds the least one. No solver's multipliers enter, so that motions of any method are judged.
 
-The program has costates at the ends of stretches of some thousandths of the duration; the integral is measured
-afterwards, over all intervals.
+The program has costates at the ends of stretches of some thousandths of the duration; the integral is then evaluated
+over all intervals.
 """
 
 from dataclasses import dataclass
@@ -42,10 +42,10 @@ class MeshCostates:
         t: knots [s], shape (K + 1,).
         costate: ρ = ∂(time to go)/∂(q, v) at the knots, shape (K + 1, 2 nv).
         switching: S = ∂H/∂τ there, shape (K + 1, nv).
-        held: multipliers of limits of (q, v) in the intervals, positive where the upper one holds the motion back
+        held: multipliers of limits of (q, v) in the intervals, positive where the upper one is active
             [1/rad or 1/(rad/s)], shape (K, 2 nv).
-        missed: what changes within each interval save to first order at most, as a part of the duration, shape (K,).
-        saving: bound on what a change of the motion saves to first order, as a part of the duration.
+        missed: bound on the first-order saving by changes within each interval, as a part of the duration, shape (K,).
+        saving: bound on the first-order saving by a change of the motion, as a part of the duration.
     """
 
     t: Array
@@ -62,10 +62,10 @@ def mesh_costates(
     """Costates that violate Pontryagin's conditions least; None if the adjoint equations were not integrated.
 
     Args:
-        problem: whose motion it is; time alone counts.
-        motion: that lands.
-        replay: of it, along which the adjoint equations are integrated.
-        policy: lengths of stretches, what counts as near a limit, and how finely is integrated.
+        problem: problem of the motion; its cost is time alone.
+        motion: a motion that lands.
+        replay: replay of the motion, along which the adjoint equations are integrated.
+        policy: lengths of stretches, distance of near limits, and tolerances of the integration.
     """
     system = _StationarityProgram.of(problem, motion, replay, policy)
     return None if system is None else system.solved()
@@ -76,10 +76,10 @@ class _Limit:
     """A limit of a state, along a motion.
 
     Attributes:
-        state: which, from 0 to 2 nv.
+        state: index of the state, from 0 to 2 nv.
         side: 1 for the upper limit, -1 for the lower one.
-        size: the limit; of a position the joint's way.
-        room: distance from it at the knots, as a part of its size, shape (K + 1,).
+        size: size of the limit; for a position the joint's way.
+        room: distance from the limit at the knots, as a part of its size, shape (K + 1,).
     """
 
     state: int
@@ -89,7 +89,7 @@ class _Limit:
 
     @classmethod
     def all(cls, limits: JointLimits, motion: Shooting) -> "list[_Limit]":
-        """Limits of velocity, and then of position, that are finite."""
+        """Finite limits of velocity, then of position."""
         found, n = [], motion.tau.shape[1]
         for i, x in enumerate(motion.x.T):
             for side in (1.0, -1.0):
@@ -108,11 +108,11 @@ class _Stretches:
     """A motion in stretches, for costates r = ρ size at their ends.
 
     Attributes:
-        ends: knots at which they begin and end, shape (G + 1,).
-        carried: what r at their ends makes of it at their starts, shape (G, 2 nv, 2 nv).
+        ends: knots at the ends of the stretches, shape (G + 1,).
+        carried: propagator of r from the end of each stretch to its start, shape (G, 2 nv, 2 nv).
         source_of: stretch, and limit, of each multiplier, shape (2, E).
-        source: what a unit of it adds to r at the stretch's start, shape (E, 2 nv).
-        distance: a unit of it times the distance from the limit, as a part of the duration, shape (E,).
+        source: contribution of a unit multiplier to r at the stretch's start, shape (E, 2 nv).
+        distance: unit multiplier times the distance from the limit, as a part of the duration, shape (E,).
     """
 
     ends: Index
@@ -127,15 +127,15 @@ class _StationarityProgram:
     """Pontryagin's conditions as linear inequalities for costates and multipliers.
 
     Attributes:
-        motion: whose costates they are.
-        carried: what r at the end of an interval makes of it at its start, shape (K, 2 nv, 2 nv).
-        added: what a multiplier of 1 along the interval adds to r there, a column for each state, (K, 2 nv, 2 nv).
-        rate: of the state at both ends of every interval, shape (2, K, 2 nv).
-        into: S by the velocities' costates, times the torques' ranges, at the knots, shape (K + 1, nv, nv).
-        share: of their ranges that torques are above the lower limit, shape (K, nv).
-        limits: that the motion comes near to.
-        width: of the torques' ranges, shape (nv,); 1 where there is no motor.
-        numbers: lengths of stretches, and what is near.
+        motion: the motion.
+        carried: propagator of r from the end of an interval to its start, shape (K, 2 nv, 2 nv).
+        added: contribution of a multiplier of 1 along the interval to r there, a column per state, (K, 2 nv, 2 nv).
+        rate: rates of the state at both ends of every interval, shape (2, K, 2 nv).
+        into: ∂S/∂(costates of the velocities), times the torques' ranges, at the knots, shape (K + 1, nv, nv).
+        share: height of the torques above the lower limit, over their ranges, shape (K, nv).
+        limits: limits that the motion nearly reaches.
+        width: widths of the torques' ranges, shape (nv,); 1 without a motor.
+        numbers: lengths of stretches, and distance of near limits.
     """
 
     motion: Shooting
@@ -167,7 +167,7 @@ class _StationarityProgram:
             a = forward_dynamics(robot)(x[:, :n], x[:, n:], motion.tau)
             rates.append(np.concatenate([x[:, n:], a], axis=1) / size)
         inverse = np.linalg.inv(joint_inertia(robot)(motion.x[:, :n]))
-        width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor no torque can be another
+        width = np.where(actuators.width > 0, actuators.width, 1.0)  # without a motor the torque is fixed
         return cls(
             motion=motion,
             carried=carried,
@@ -183,8 +183,8 @@ class _StationarityProgram:
     def solved(self) -> MeshCostates:
         """Solve the linear program, and integrate the adjoint equations with its multipliers.
 
-        Its unknowns are changes of the motion in boxes, its equations say how the states' follow and what limits leave,
-        and their marginals are the costates and the multipliers of the limits.
+        The unknowns are changes of the motion in boxes; the equations are the linearised dynamics and the distances
+        from limits; their marginals are the costates and the multipliers of the limits.
         """
         stretches = self._stretches()
         G, n, E = len(stretches.carried), self.width.size, len(stretches.distance)
@@ -242,9 +242,10 @@ class _StationarityProgram:
         )  # fmt: skip
 
     def _changes(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
-        """Rows of H and S, costs, and bounds of the changes of the pace and the torques that they belong to.
+        """Rows of H and S, with the costs and bounds of the changes of pace and torques.
 
-        The pace changes along every stretch, torques at its ends, as they may in the halves of the stretches there.
+        The pace changes along every stretch, the torques at its ends, within their range in the adjacent half
+        stretches.
         """
         G, n = len(stretches.carried), self.width.size
         t, ends, m = self.motion.t / self.motion.t[-1], stretches.ends, 2 * n
@@ -259,14 +260,14 @@ class _StationarityProgram:
         return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
 
     def _about_ends(self, ends: Index, share: Array) -> Array:
-        """Integral of shares of the torques' ranges, as parts of the duration, from the middles of the stretches.
+        """Integral of shares of the torques' ranges, as parts of the duration, between the middles of the stretches.
 
         Args:
-            ends: knots at which stretches begin and end, shape (G + 1,).
-            share: in the intervals, shape (K, nv).
+            ends: knots at the ends of the stretches, shape (G + 1,).
+            share: shares in the intervals, shape (K, nv).
 
         Returns:
-            Of the halves of the stretches before and after each end, shape (G + 1, nv).
+            Over the halves of the stretches before and after each end, shape (G + 1, nv).
         """
         t = self.motion.t / self.motion.t[-1]
         stretch = np.searchsorted(ends, np.arange(len(share)), side="right") - 1
@@ -278,7 +279,7 @@ class _StationarityProgram:
         return found
 
     def _measured(self, stretches: _Stretches, at_ends: Array, multipliers: Array) -> MeshCostates:
-        """Costates of all knots from those at the stretches' ends, and the violation at each interval's worse end."""
+        """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end."""
         (K, n), motion = self.share.shape, self.motion
         scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
         of_interval = np.searchsorted(stretches.ends, np.arange(K), side="right") - 1
@@ -308,13 +309,13 @@ class _StationarityProgram:
         )
 
     def _held(self, limit: _Limit) -> Array:
-        """Intervals along which a limit may act, shape (K,)."""
+        """Intervals along which a limit may be active, shape (K,)."""
         near = limit.room <= self.numbers.held
         return np.asarray(near[:-1] & near[1:])
 
 
 def _adjoint(stretches: _Stretches) -> sp.csr_matrix:
-    """Rows r_g = A_gᵀ r_{g+1} + sources, of all stretches."""
+    """Rows r_g = A_gᵀ r_{g+1} + sources of all stretches."""
     G, E, n = len(stretches.carried), len(stretches.source), stretches.carried.shape[1] // 2
     m, g, own = 2 * n, np.arange(G), np.arange(2 * n * G)
     down = m * g[:, None, None] + np.arange(m)[None, :, None] + np.zeros((1, 1, m), int)
@@ -328,9 +329,9 @@ def _adjoint(stretches: _Stretches) -> sp.csr_matrix:
 
 
 def _nearest(adjoint: sp.csr_matrix, costates: Array, multipliers: Array) -> Array:
-    """The nearest costates that solve the adjoint equations to rounding; the linear program's do to its tolerance.
+    """Project costates onto the adjoint equations; the linear program satisfies these to its tolerance only.
 
-    Integrated from one end, what these lack would grow as fast as the motion is unstable.
+    Integrated from one end, the residuals would grow as fast as the motion is unstable.
     """
     own, missing = adjoint[:, : costates.size], adjoint @ np.append(costates, multipliers)
     return np.asarray(costates - own.T @ splu((own @ own.T).tocsc()).solve(missing))

@@ -22,7 +22,7 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
     lower, upper = problem.limits.actuators.range(phases.q, phases.v)
     up, down = upper - tau, tau - lower
     fall = np.maximum(switching, 0) * down + np.maximum(-switching, 0) * up
-    if w > 0:  # H is a parabola in the torque: its bottom may be nearer than the limit
+    if w > 0:  # H is a parabola in the torque: its minimum may be nearer than the limit
         fall = np.minimum(fall, switching**2 / (2 * w))
     worst = 0.0
     for k, a in enumerate(phases.arc_of):
@@ -34,15 +34,15 @@ def pontryagin(problem: MinimumTimeProblem, phases: Phases) -> tuple[Array, Arra
 
 
 def idle_joints(problem: MinimumTimeProblem, phases: Phases, switching: Array, tolerance: float) -> tuple[str, ...]:
-    """Joints whose motion the minimum time leaves undetermined for more than half of it: no limit, zero costates.
+    """Joints that minimum time leaves undetermined for over half of the motion: no active limit, zero costates.
 
-    Zero is the one value that Pontryagin's conditions allow there: whatever the joint does, H does not feel it.
+    Zero costates are the only ones that Pontryagin's conditions allow there: H does not depend on the joint's motion.
 
     Args:
         problem: the minimum-time problem.
         phases: its arcs, with costates.
         switching: S at the knots, shape (K + 1, nv).
-        tolerance: of what H feels, against the 1 that time costs.
+        tolerance: tolerance of a change of H, relative to time's 1.
     """
     if problem.effort_weight > 0:  # every torque costs
         return ()
@@ -67,7 +67,7 @@ def _worst_multiplier(phases: Phases) -> float:
         sign = np.array([outward(mode) for mode in modes])
         fast += _velocity_impulses(phases, i)
         stages, knots = _position_multipliers(phases, i, inside)
-        met = np.zeros(K - 1)  # at the knots between intervals: in contact on either side, or touching
+        met = np.zeros(K - 1)  # at the knots between intervals: contact on either side, or a touch
         met[inside[1:]], met[inside[:-1]] = sign[1:][inside[1:]], sign[:-1][inside[:-1]]
         for a, arc in enumerate(phases.arcs[:-1]):
             for joint, mode in arc.touches:
@@ -82,7 +82,7 @@ def _worst_multiplier(phases: Phases) -> float:
 
 
 def _velocity_impulses(phases: Phases, i: int) -> list[Array]:
-    """Outward impulsive multipliers of a joint's velocity limits, at every knot between arcs where it is on a limit."""
+    """Outward impulsive multipliers of a joint's velocity limits, at every knot between arcs on a limit."""
     impulses: list[Array] = []
     for a, (here, after) in enumerate(pairwise(phases.arcs)):
         at = [mode for mode in {here.modes[i], after.modes[i]} if mode in VELOCITY]
@@ -95,8 +95,8 @@ def _velocity_impulses(phases: Phases, i: int) -> list[Array]:
 def _position_multipliers(phases: Phases, i: int, inside: Flags) -> tuple[Array, Array]:
     """A position limit's ∂t_f/∂q_i at the inner stages, shape (K, stages - 1), and inner knots, shape (K - 1,).
 
-    In contact the program holds the velocity, too, and asks nothing of q's defects. Here the limit is one
-    of position alone: multipliers of the defects stand in for the pulls on the velocities.
+    In contact the program fixes the velocity, too, so that q's defects are void. Here the limit is one of position
+    alone: multipliers of the defects replace the multipliers of the velocities.
     """
     K, s = phases.arc_of.size, TABLEAU.c.size
     stages, knots = phases.state_multiplier[:, :, 0, i].copy(), phases.knot_multiplier[:, 0, i].copy()
@@ -114,6 +114,6 @@ def _position_multipliers(phases: Phases, i: int, inside: Flags) -> tuple[Array,
 
 def _at_knots(phases: Phases) -> Array:
     """Torque at the knots, from the interval after each; at the end from the one before."""
-    # A Radau interval ends with its last stage; to its start the stages are extrapolated.
+    # A Radau interval ends with its last stage; the stages are extrapolated to its start.
     start, end = np.einsum("j,kji->ki", lagrange(TABLEAU.c, 0.0)[0], phases.tau), phases.tau[:, -1]
     return np.vstack([start, end[-1:]])

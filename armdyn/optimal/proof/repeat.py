@@ -1,8 +1,8 @@
 """Repeatability of a replay by other integrators: segment defects, open-loop growth, replay under feedback.
 
-Without feedback an error of a state grows along the motion, on a heavy arm with light wrists by 10¹⁰ and more. Then no
-two integrators agree on the end state, and a replay that lands says nothing but that the torques were computed by
-the same integrator. What everybody can repeat are the segments between samples, and a replay under feedback.
+Without feedback an error of the state grows along the motion, on a heavy arm with light wrists by 10¹⁰ and more. Two
+integrators then disagree on the end state, and a replay that lands only shows that the torques were computed by the
+same integrator. Reproducible are the segments between samples, and a replay under feedback.
 """
 
 from dataclasses import dataclass, replace
@@ -21,21 +21,21 @@ from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, Certificate
 from armdyn.trajectory import Trajectory
 
 ACCURACY = 1e-11
-"""Error [rad or m, and per second] that integrators of relative tolerance 1e-10 to 1e-12, started anew at every sample,
-leave in a state: ten times what scipy's DOP853 and Radau were seen to differ by on segments of the library's arms."""
+"""Error [rad or m, and per second] of states by integrators of relative tolerance 1e-10 to 1e-12, restarted at every
+sample: ten times the observed difference of scipy's DOP853 and Radau on segments of the library's arms."""
 OPEN_LOOP_GROWTH = 0.1 * GOAL_TOLERANCE / ACCURACY
-"""Largest growth, 1e4, of a motion that is judged by its open-loop replay: beyond, the integrators' accuracy times the
-growth is more than a tenth of what the replay is to show."""
+"""Largest growth of a motion that is checked by its open-loop replay: beyond 1e4, `ACCURACY` times the growth exceeds a
+tenth of the replay's tolerance."""
 FEEDBACK_BANDWIDTH = 40.0
-"""Of the feedback [rad/s], 6 Hz: the position loops of industrial arms have 5 to 15 Hz; the library's arms diverge open
-loop at 5 to 12 1/s."""
+"""Bandwidth of the feedback [rad/s], 6 Hz: the position loops of industrial arms have 5 to 15 Hz; the library's arms
+diverge open loop at 5 to 12 1/s."""
 FEEDBACK_TICK = 15e-3
 """Longest time for which a correction is held [s]: 0.6 over the bandwidth. At 1 over the bandwidth the sampled loop
 would become unstable, and arms' controllers run at 100 Hz and more."""
 
 _NEAR = 1e-5
-"""Largest distance of a state from the motion [rad or m, and per second] under feedback: to first order in the defects
-it is then right to 1e-10 times the dynamics' second derivatives."""
+"""Largest distance of a state from the motion [rad or m, and per second] under feedback: the first order in the defects
+is then exact to 1e-10 times the dynamics' second derivatives."""
 _LEFT = "a replay under feedback leaves the motion, and open loop it is unstable"
 
 
@@ -43,12 +43,12 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     """Check a motion by integrating its torques with an integrator of another family.
 
     Open loop up to `OPEN_LOOP_GROWTH`: the goal errors are the worse of both integrators', plus growth times
-    `ACCURACY`. Beyond: those of a replay under feedback, `under_feedback`, and the limits must be kept by it, too.
+    `ACCURACY`. Beyond: those of a replay under feedback, `under_feedback`, which must satisfy the limits, too.
 
     Args:
         problem: goal and limits.
         motion: states and torques.
-        certificate: of the replay of the same motion by `replay_torques`, or of the motion itself if it is a replay.
+        certificate: certificate of the motion's replay by `replay_torques`, or of the motion if it is a replay itself.
     """
     robot, n = problem.robot, problem.robot.nv
     segments = Segments.of(robot, motion)
@@ -82,12 +82,12 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
 
 @dataclass(frozen=True, eq=False)
 class FeedbackReplay:
-    """A replay under feedback.
+    """Replay of a motion under feedback.
 
     Attributes:
-        motion: states and torques, corrections included, at the ticks. A torque is that at the start of its tick.
-        correction: largest torque that feedback adds to each joint [N m or N], shape (nv,): from the deviations, and
-            as much as deviations by `ACCURACY` would add.
+        motion: states and torques, corrections included, at the ticks. Each torque is that at the start of its tick.
+        correction: largest torque that feedback adds to each joint [N m or N], shape (nv,), for the deviations and for
+            further ones by `ACCURACY`.
     """
 
     motion: Trajectory
@@ -98,23 +98,22 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
     """Replay a motion under computed torque, which is held from tick to tick.
 
     tau = tau_k(t) − M(q_k) (2 ω (v − v_k) + ω² (q − q_k)) within the torque limits; q_k and v_k are the motion's own
-    states at its samples, and at ticks between these where they are more than `FEEDBACK_TICK` apart; ω is
-    `FEEDBACK_BANDWIDTH`. The states are the motion's own and, to first order, what the defects of the segments make of
-    them: exact to rounding where these are small.
+    states at its samples, and at further ticks between samples more than `FEEDBACK_TICK` apart; ω is
+    `FEEDBACK_BANDWIDTH`. The states are the motion's own plus the effect of the segments' defects to first order,
+    which is exact to rounding for small defects.
 
     Args:
         robot: the arm.
-        limits: of the torques.
+        limits: limits of the torques.
         motion: states and torques.
         segments: of the motion.
 
     Returns:
-        None: it leaves the motion, because torque limits leave no room for corrections or a segment has too large a
-        defect.
+        None if the replay leaves the motion, because of saturated torques or a large defect of a segment.
     """
     try:
         ticks = ticked(robot, motion, FEEDBACK_TICK)
-    except TrajectoryError:  # between two samples the states leave what numbers can hold
+    except TrajectoryError:  # the states overflow between two samples
         return None
     if ticks is not motion:
         segments = Segments.of(robot, ticks)

@@ -1,4 +1,4 @@
-"""Derivatives of the minimum time by payload mass, limits and goal, from the multipliers; the limits' shares in it."""
+"""Derivatives of the minimum time with respect to payload mass, limits and goal; the limits' shares in the time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from armdyn.reprs import brief
 @brief
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
-    """Derivatives of t_f (with an effort weight: of the cost) at a certified optimum.
+    """Derivatives of t_f (or of the cost, with an effort weight) at a certified optimum.
 
     Attributes:
         payload_mass: ∂t_f/∂m of a point mass at the tip [s/kg].
@@ -42,10 +42,10 @@ class Sensitivities:
 
 
 def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
-    """Sensitivities of an optimum whose arcs are known.
+    """Sensitivities of an optimum with known arcs.
 
-    By the envelope theorem they are the partial derivatives of the Lagrangian: only what is held on a
-    limit, and the rates through the costates, enter.
+    By the envelope theorem they are the partial derivatives of the Lagrangian: active limits, and rates by the
+    costates.
 
     Args:
         problem: the minimum-time problem.
@@ -56,7 +56,7 @@ def sensitivities(problem: MinimumTimeProblem, phases: Phases) -> Sensitivities:
 
 
 def by_limits(phases: Phases) -> tuple[Array, Array, Array]:
-    """Derivatives of t_f by the upper and lower torque limits and the velocity limits, as of `Sensitivities`."""
+    """∂t_f/∂(upper, lower torque limits) and ∂t_f/∂(velocity limits), see `Sensitivities`."""
     n, arcs = phases.q.shape[1], phases.arcs
     upper, lower, velocity = np.zeros(n), np.zeros(n), np.zeros(n)
     for k, a in enumerate(phases.arc_of):
@@ -87,18 +87,18 @@ def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:
 
 @dataclass(frozen=True)
 class Share:
-    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising it by 1 % saves that share of 1 %.
+    """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising the limit by 1 % saves that share of 1 %.
 
-    Of a speed limit all that a cruise at it takes. Torques decide by their root: without gravity and speed limits all
-    torque limits together have one half.
+    A speed limit's share is the whole time of cruising at it. Without gravity and speed limits the shares of all torque
+    limits sum to one half, as the time is inverse to the root of torques.
 
     Attributes:
         limit: "torque limit" or "velocity limit".
-        joint: its name.
-        part: of the time.
+        joint: name of the joint.
+        part: share of the time.
 
     Raises:
-        ProblemError: no text, or no number.
+        ProblemError: a name is no text, or the share no number.
     """
 
     limit: str = checked(text)
@@ -115,14 +115,14 @@ class Share:
 
 
 def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple[Share, ...]:
-    """The limits that decide the time of an optimum whose arcs are known, most first; none where effort is paid for.
+    """Limits that decide the time of an optimum with known arcs, largest share first; none with an effort weight.
 
     Args:
         problem: the minimum-time problem.
         phases: its optimum.
-        least: smaller shares are left out.
+        least: least share.
     """
-    if problem.effort_weight > 0:  # its multipliers speak of the cost, not of the time
+    if problem.effort_weight > 0:  # multipliers are derivatives of the cost, not of the time
         return ()
     names, limits = problem.robot.joint_names, problem.limits
     upper, lower, velocity = by_limits(phases)
@@ -134,13 +134,13 @@ def deciding(problem: MinimumTimeProblem, phases: Phases, least: float) -> tuple
 
 
 def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Array:
-    """Gradient of the duration by the goal, along the joint positions that reach the pose [s/rad], shape (nv,).
+    """Gradient of the duration with respect to the goal, along the joint positions that reach the pose [s/rad], (nv,).
 
     Args:
         robot: the arm.
-        goal: where a frame is to be.
+        goal: goal pose of a frame.
         q: joint positions at the goal [rad or m], shape (nv,).
-        phases: of the motion there, with costates.
+        phases: phases of the motion to q, with costates.
     """
     free = free_directions(robot, goal, q)
     return np.asarray(-free @ (free.T @ phases.costate[-1, : robot.nv]))
@@ -149,18 +149,18 @@ def end_gradient(robot: Robot, goal: GoalPose, q: Array, phases: Phases) -> Arra
 def transversality(problem: MinimumTimeProblem, goal: GoalPose | None, q: Array, phases: Phases | None) -> float | None:
     """Transversality error of the costates at the end; see `Certificate.transversality`.
 
-    The costates at the end are how the duration answers to the goal, ∂t_f/∂q = −ρ_q(t_f). Where a continuum of joint
-    positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control,
-    section 2.8).
+    The costates at the end are the derivatives with respect to the goal, ∂t_f/∂q = −ρ_q(t_f). If a continuum of joint
+    positions reaches a pose, an optimum has ρ_q(t_f) orthogonal to it (Bryson and Ho, Applied Optimal Control, section
+    2.8).
 
     Args:
-        problem: whose motion it is.
-        goal: where a frame is to be; None: the goal is a point.
+        problem: problem of the motion.
+        goal: goal pose of a frame; None: the goal is a point.
         q: joint positions at the goal [rad or m], shape (nv,).
-        phases: of the motion there, with costates; None: they are not known.
+        phases: phases of the motion to q, with costates; None: unknown.
 
     Returns:
-        inf where it is not known, as in a region with tolerances; None: no other joint position is near.
+        inf if unknown, as in a region with tolerances; None: the joint positions are isolated.
     """
     if goal is None:
         return None

@@ -1,4 +1,4 @@
-"""The optima that are worth refining: found on coarse meshes, told apart on a finer one."""
+"""Choice of the optima to refine: found on coarse meshes, distinguished on a finer one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,13 +28,13 @@ class Found:
 
     Attributes:
         attempts: the best optima, best first; none: the search found no motion.
-        failed: if there are none, what was tried, the least bad first.
-        mesh: intervals of the one that arcs are to be read from first.
-        listed: durations of the others on coarse meshes [s].
-        slower: durations of those that were told apart better, and were not worth more [s].
-        iterations: of IPOPT.
-        remark: a sentence for a motion that is not certified: how many different optima the guesses have met, or that
-            refinement was given up; else empty.
+        failed: without any, the failed attempts, best first.
+        mesh: number of intervals of the first mesh for arc detection.
+        listed: durations of the other optima on coarse meshes [s].
+        slower: durations durations of optima that were distinguished on the finer mesh, and not refined [s].
+        iterations: iterations of IPOPT.
+        remark: sentence for a motion that is not certified: number of different optima from the guesses, or that
+            refinement was abandoned; else empty.
     """
 
     attempts: tuple[Attempt, ...]
@@ -48,7 +48,7 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class _RefinedSearch:
-    """The best coarse optima on a finer mesh, in the order that it puts them in; durations of the others."""
+    """The best coarse optima on a finer mesh, in its order; durations of the others."""
 
     attempts: list[Attempt]
     listed: list[float]
@@ -56,10 +56,10 @@ class _RefinedSearch:
 
 
 def find(task: Task) -> Found:
-    """Search from many guesses on coarse meshes, and solve the best on the mesh that arcs are read from.
+    """Search from many guesses on coarse meshes, and solve the best on the mesh for arc detection.
 
     Args:
-        task: what is to be solved.
+        task: the problem and its settings.
     """
     options, numbers = task.options, task.policy.search
     same = task.policy.same.coarse, task.policy.same.apart
@@ -72,7 +72,7 @@ def find(task: Task) -> Found:
     with task.pooled(has_stagewise(task)) as pooled:
         attempts = _searched(pooled, count, SearchSettings(task.meshes, task.coarse()), extra_jobs)
         fine, coarse = (distinct(some, *same) for some in (attempts[: len(extra_jobs)], attempts[len(extra_jobs) :]))
-        found = ranked([*fine, *coarse])  # what is on the finer mesh already hides none of the others: it costs no more
+        found = ranked([*fine, *coarse])  # the finer mesh's are kept apart: they cost no solve
         if not found:
             attempts = _without_search(task, ranked(attempts))
             found = distinct(attempts, *same)
@@ -83,7 +83,7 @@ def find(task: Task) -> Found:
     iterations += refined.iterations
     if finer := _too_coarse(task, found, refined):
         mesh, meshes, share = finer
-        # Those that meshes err on are heavy: their optima are near the way.
+        # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
         prepare_quickly(task, mesh, task.fine())
@@ -102,18 +102,17 @@ def _searched(
     extra_jobs: Sequence[Job] = (),
     known: Sequence[Attempt] = (),
 ) -> list[Attempt]:
-    """Attempts from guesses through random poses, and from changes of their optima and of known ones.
+    """Attempts from guesses through random poses, and from crossover of their optima and of known ones.
 
-    Many guesses are several lineages, each of as many as a search has by default: one alone forgets what is not among
-    its best.
+    Many guesses are split into several lineages of the default size: a single one forgets all but its best optima.
     """
     changes = round(task.policy.search.changes * count)
     attempts = search(task, count - changes, search_settings, extra_jobs)
-    if not changes or len(attempts) < len(extra_jobs) + count - changes:  # enough, or no more time
+    if not changes or len(attempts) < len(extra_jobs) + count - changes:  # early end, or time is up
         return attempts
     nearby = replace(
         search_settings, settings=search_settings.settings[:1]
-    )  # the smallest barrier keeps most of a guess
+    )  # the smallest barrier stays nearest to a guess
     lineages = max(1, round(count / task.policy.search.starts))
     ends = [changes * k // lineages for k in range(lineages + 1)]
     for k, (first, end) in enumerate(pairwise(ends)):
@@ -123,7 +122,7 @@ def _searched(
 
 
 def _extra_jobs(task: Task) -> list[Job]:
-    """Guesses that are solved on the fine mesh at once: those of the options."""
+    """Guesses that are solved on the fine mesh directly: those of the options."""
     intervals, settings = task.options.intervals, task.fine()
     jobs: list[Job] = []
     for guess in task.options.guesses:
@@ -137,10 +136,10 @@ def _on_mesh(guess: Trajectory, intervals: int, settings: SolverSettings, task: 
 
 
 def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
-    """The best coarse optima, each once, on the mesh that arcs are read from first.
+    """The best distinct coarse optima, on the first mesh for arc detection.
 
     Args:
-        task: whose `options.intervals` is that mesh.
+        task: task with that mesh as `options.intervals`.
         found: optima, best first.
     """
     options, settings = task.options, task.fine()
@@ -153,7 +152,7 @@ def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
     jobs = [partial(_finer, attempt, options.intervals, settings) for attempt in found]
     for k, (attempt, fine) in enumerate(zip(found, task.results(jobs), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
-        # Coarse durations may be far too good to be true; those on the mesh are to be beaten.
+        # Coarse durations may be spurious; those on the mesh are the ones to beat.
         candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.apart)
         worth = task.policy.search.worth * candidates[0].trajectory.duration if candidates else np.inf
         later = found[k + 1 :]
@@ -170,10 +169,10 @@ def _finer(attempt: Attempt, intervals: int, settings: SolverSettings, task: Tas
 def _too_coarse(
     task: Task, found: Sequence[Attempt], refined: _RefinedSearch
 ) -> tuple[int, tuple[int, int], int] | None:
-    """Where to search again if the finer mesh contradicts the search; None: it does not.
+    """Meshes for another search if the finer mesh contradicts the search; None: it does not.
 
     Returns:
-        The mesh to settle on, those to search on, and for how many guesses there is one then.
+        The mesh for arc detection, the search's meshes, and the number of guesses.
     """
     numbers, mesh = task.policy.search, task.options.intervals
     if not numbers.again or task.stop:
@@ -189,14 +188,14 @@ def _too_coarse(
 
 
 def _astray(task: Task, attempt: Attempt) -> bool:
-    """Whether the arm ends somewhere else when the mesh's torques are replayed."""
+    """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion = task.problem, attempt.trajectory
     missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])
     return not np.max(missed) <= task.policy.search.astray * np.max(np.ptp(motion.q, axis=0))
 
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
-    """When no guess converged: a finer mesh, the other form of the dynamics, and the other guesses' remains."""
+    """Attempts if no guess converged: a finer mesh, the other form of the dynamics, the guesses' last iterates."""
     other: DynamicsForm = "inverse" if task.scheme.dynamics == "forward" else "forward"
     straight, remains = spline(task.problem, []), failed[0].trajectory
     attempts, intervals = list(failed), task.options.intervals
@@ -211,7 +210,7 @@ def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:
 
     def rest(attempt: Attempt) -> float:
         if attempt.worst_violation is None:
-            return 0.0 if attempt.usable else np.inf  # what was not begun says nothing
+            return 0.0 if attempt.usable else np.inf  # not begun: no information
         return attempt.worst_violation.value
 
     return sorted(attempts, key=lambda attempt: (not attempt.usable, rest(attempt)))

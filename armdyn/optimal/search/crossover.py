@@ -1,7 +1,7 @@
-"""More guesses, made of the optima that guesses have led to: good optima lie near each other.
+"""Crossover and mutation of optima into further guesses: good optima lie near each other.
 
-What random poses meet once in hundreds of guesses, changes of the best optima meet once in ten. A change bends the
-motion of all joints a little, leads one joint another way, or takes the motions of some joints from another optimum.
+Optima that random poses reach once in hundreds of guesses are reached by one crossover of the best optima in ten. A
+child has a small bend added to all joints, a detour of one joint, or the motions of some joints from another optimum.
 (Leary, Global optimization on funneling landscapes, 2000; of trajectories Vasile, Minisci and Locatelli, 2011.)
 """
 
@@ -23,16 +23,16 @@ from armdyn.optimal.task.task import Task
 def crossover_guesses(
     task: Task, attempts: Sequence[Attempt], count: int, search_settings: SearchSettings, first: int = 0
 ) -> list[Attempt]:
-    """Attempts from changes of the best among others, and among themselves: round by round, from the best so far.
+    """Attempts from children of the best optima, round by round, from the best so far.
 
-    The same attempts and the same seed give the same, on however many cores.
+    The same attempts and seed give the same result on any number of cores.
 
     Args:
-        task: what is to be solved.
-        attempts: what guesses have led to.
-        count: of changes.
-        search_settings: on which they are solved in turn.
-        first: number of the first: others' changes are others.
+        task: the problem and its settings.
+        attempts: attempts of the search so far.
+        count: number of children.
+        search_settings: meshes and solver settings, used in turn.
+        first: index of the first child, which varies the random numbers.
     """
     numbers, same, born = task.policy.search, task.policy.same, list[Attempt]()
     while len(born) < count and not task.stop:
@@ -57,14 +57,14 @@ def crossover(
     number: int,
     policy: SearchPolicy,
 ) -> Guesses:
-    """A change of one of some motions, most often of one of the first, in a little more time.
+    """A child of one of some motions, most often of one of the first, slowed down a little.
 
     Args:
-        problem: whose limits of position it keeps.
+        problem: problem with the position limits that the child keeps.
         parents: motions, best first.
-        random: decides what is changed, and how far.
-        number: of the child: kinds of change take turns.
-        policy: how far changes go.
+        random: random generator.
+        number: index of the child: the kinds of change are used in turn.
+        policy: sizes of the changes.
     """
     many = len(parents.t)
     chosen, other = random.exponential(policy.favoured, 2).astype(int) % many

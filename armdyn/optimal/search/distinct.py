@@ -1,4 +1,4 @@
-"""Which of many answers are one optimum."""
+"""Clustering of solutions that are the same local optimum."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
@@ -11,11 +11,11 @@ Item = TypeVar("Item")
 
 
 def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
-    """Items in groups: each joins the first group whose first member it is like, or begins one.
+    """Group items: each joins the first group whose first member is alike, or starts a group.
 
     Args:
         items: best first.
-        alike: whether a later item is the same as a group's first.
+        alike: whether a later item equals a group's first.
     """
     groups: list[list[Item]] = []
     for item in items:
@@ -28,22 +28,22 @@ def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[
 
 
 def within(same: float) -> Callable[[float, float], bool]:
-    """Whether a number exceeds a smaller one by no more than a part of it."""
+    """Predicate: a number exceeds a smaller one by at most a part of the smaller one."""
     return lambda first, item: item <= first * (1 + same)
 
 
 def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
-    """Usable ones by duration, then the rest."""
+    """Usable attempts by duration, then the rest."""
     return sorted(attempts, key=lambda a: (not a.usable, a.trajectory.duration))
 
 
 def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) -> list[Attempt]:
-    """Usable attempts, best first; of those with about the same duration and motion only that on the finest mesh.
+    """Usable attempts, best first, one per optimum: the one on the finest mesh.
 
     Args:
         attempts: in any order.
-        same: largest relative difference of durations that are one optimum's.
-        apart: largest distance of motions that are one optimum's, at the same part of their durations [rad or m].
+        same: largest relative difference of durations within one optimum.
+        apart: largest distance of motions within one optimum, at the same part of their durations [rad or m].
     """
     groups, first = list[list[Attempt]](), 0
     for attempt in ranked(attempts):

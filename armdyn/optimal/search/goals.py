@@ -1,4 +1,4 @@
-"""Several joint positions that reach one goal: which is reached fastest."""
+"""Choice among several joint positions that reach one goal, by coarse solves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,12 +23,12 @@ from armdyn.reprs import brief
 @brief
 @dataclass(frozen=True, eq=False)
 class GoalTried:
-    """One of the joint positions that reach a goal.
+    """One of the joint positions that reach a goal, and its duration.
 
     Attributes:
-        q: [rad or m], shape (nv,).
-        duration: of the motion found there [s]; inf if none was.
-        refined: solved in full; else by one guess on a coarse mesh, or as a coarse curve.
+        q: joint positions [rad or m], shape (nv,).
+        duration: duration of the motion found there [s]; inf if none was found.
+        refined: whether it was solved in full; else from one guess on a coarse mesh, or as a coarse curve.
     """
 
     q: Array
@@ -38,10 +38,10 @@ class GoalTried:
 
 @dataclass(frozen=True, eq=False)
 class _Screened:
-    """A problem with one of the goals, and the duration of a coarse motion [s], inf: none; its curve, if it is one.
+    """A problem with one of the goals, and its coarse solution: duration [s], inf without a motion, and curve, if any.
 
     Attributes:
-        chosen: its goal is the end that a curve's program chose.
+        chosen: whether a curve's program chose its goal.
     """
 
     branch: MinimumTimeProblem
@@ -54,11 +54,11 @@ class _Screened:
         return GoalTried(np.asarray(self.branch.q_goal), self.duration)
 
     def rank(self) -> tuple[bool, float]:
-        """Sorts: those where the arm can stay first, of those the fast ones."""
+        """Sort key: goals at which the arm can stay first, then by duration."""
         return self.branch.unheld is not None, self.duration
 
     def under(self, task: Task) -> Task:
-        """The task of solving it in full, from the curve that chose its goal, too."""
+        """Task for the full solve, with the curve that chose the goal as a guess, too."""
         task = task.about(self.branch)
         if self.curve is None or not self.chosen:
             return task
@@ -67,14 +67,14 @@ class _Screened:
 
 
 def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
-    """A task for each of the most promising goals, best first; and all goals with coarse durations, these first.
+    """Tasks for the most promising goals, best first; and all goals with coarse durations, best first.
 
     A curve's program moves its end along the joint positions that reach the pose: on a coarse mesh from every goal, on
-    a fine one from the best. The best goal as it was sampled is among the tasks, too.
+    a fine one from the best. The best sampled goal is among the tasks, too.
 
     Args:
-        task: its problem has several `goals`; of its time limit this takes a third at most, and its `stop` is told
-            where the third was not enough.
+        task: its problem has several `goals`; at most a third of its time limit is used, and its `stop` records if that
+            was too short.
     """
     problem, numbers, whole = task.problem, task.policy.goals, task.stop
     sampled: list[_Screened] = []
@@ -102,7 +102,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
 
 
 def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
-    """Goals without those of which no joint is further off than so much [rad or m] from one before."""
+    """Goals that differ by more than a distance [rad or m] in some joint from all goals before them."""
     kept: list[_Screened] = []
     for one in goals:
         if all(np.max(np.abs(one.tried.q - other.tried.q)) > distinct for other in kept):
@@ -111,7 +111,7 @@ def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
 
 
 def _tried(task: Task) -> _Screened:
-    """Solve a goal coarsely from the straight way; without a duration where that did not converge or begin."""
+    """Solve a goal coarsely from the straight path; the duration is inf without convergence."""
     if not task.policy.strategy.curves_alone:
         attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])
         return _Screened(task.problem, attempt.trajectory.duration if attempt.usable else np.inf)
@@ -123,12 +123,12 @@ def _tried(task: Task) -> _Screened:
 
 
 def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
-    """The goal that a curve chooses among all that reach the pose, near one of these; that one if there is no choice.
+    """The goal that a curve chooses near a given one among all that reach the pose; the given one without a choice.
 
     Args:
-        task: its problem has the pose.
-        one: with the curve to start from.
-        intervals: of the curve's legs.
+        task: task with the goal pose.
+        one: the given goal, with an initial curve.
+        intervals: number of intervals per leg of the curve.
     """
     pose, problem, spec = task.problem.goal_pose, one.branch, CurveSpec.of(task.about(one.branch))
     if task.stop or pose is None or one.curve is None or not _chooses(problem, pose, spec):
@@ -145,7 +145,7 @@ def _with_free_end(task: Task, one: _Screened, intervals: int) -> _Screened:
 
 
 def _chooses(problem: MinimumTimeProblem, pose: GoalPose, spec: CurveSpec) -> bool:
-    """Whether a curve may end at other joint positions near its goal: at rest, and among obstacles not."""
+    """Whether a curve may end at other joint positions near its goal: at rest, and without obstacles."""
     fixed = spec.constraints.required_distances(problem) is not None or problem.continuous_torque
     at_rest = problem.from_rest_to_rest and not fixed
     return at_rest and free_directions(problem.robot, pose, np.asarray(problem.q_goal)).size > 0

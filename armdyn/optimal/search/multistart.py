@@ -13,36 +13,36 @@ from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 
 Job = Callable[[Task], Attempt]
-"""A solve; it is pickled."""
+"""A solve as a function of the task; it is pickled."""
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """Meshes and solvers that guesses are solved with in turn.
+    """Meshes and solver settings of guesses, used in turn.
 
     Attributes:
-        meshes: intervals of each; guesses take turns on them.
-        settings: of IPOPT; guesses take turns on them at the meshes' pace.
+        meshes: number of intervals of each mesh.
+        settings: IPOPT's settings; the next one after every round of the meshes.
     """
 
     meshes: Sequence[int]
     settings: Sequence[SolverSettings]
 
     def of(self, k: int) -> tuple[int, SolverSettings]:
-        """Settings for a guess."""
+        """Number of intervals and solver settings for the guess k."""
         return self.meshes[k % len(self.meshes)], self.settings[k // len(self.meshes) % len(self.settings)]
 
 
 def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: Sequence[Job] = ()) -> list[Attempt]:
-    """Attempts from guesses, in the order of the guesses; the first is the straight one.
+    """Attempts from guesses, in the order of the guesses; the first guess is the straight path.
 
-    The same seed gives the same attempts, on however many cores.
+    The same seed gives the same attempts on any number of cores.
 
     Args:
-        task: what is to be solved.
-        count: guesses; fewer are solved where they have led to few optima again and again.
-        search_settings: on which they are solved in turn.
-        extra_jobs: other solves, which come first and are begun first.
+        task: the problem and its settings.
+        count: number of guesses; fewer are solved if few optima recur.
+        search_settings: meshes and solver settings, used in turn.
+        extra_jobs: other solves, which come first.
     """
     numbers = task.policy.search
     ways = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.turn), numbers)
@@ -62,7 +62,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
             insort(solved, attempt.trajectory.duration)
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
-        # An optimum has another duration on another mesh, and counts on each: safer than to match them.
+        # An optimum's duration depends on the mesh: it counts once per mesh, which is conservative.
         asked = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
         optima = len(grouped(solved, within(task.policy.same.coarse))) if asked else 0
         if task.stop or (asked and enough(len(solved), optima)):
@@ -71,7 +71,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
 
 
 def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
-    """The jobs' attempts in their order: several go to a worker at once, as one takes hardly longer than its result."""
+    """The jobs' attempts in their order: several at once per worker, as one costs hardly more than its transfer."""
     size = 1 if task.workers == 1 else task.policy.search.bunch
     bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
     for attempts in task.results([partial(_done, bunch) for bunch in bunches]):
@@ -81,22 +81,22 @@ def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
 def _done(jobs: Sequence[Job], task: Task) -> list[Attempt]:
     attempts = [job(task) for job in jobs]
     for attempt in attempts:
-        _ = attempt.quarters  # sent along: `distinct` compares them, where all workers wait
+        _ = attempt.quarters  # computed by the worker, for `distinct`
     return attempts
 
 
 def enough(solved: int, optima: int) -> bool:
-    """Whether so many guesses have probably met all optima.
+    """Whether the guesses so far have probably found all optima.
 
     The expected number of optima is optima (solved - 1) / (solved - optima - 2), whatever their basins'
-    sizes (Boender and Rinnooy Kan, Bayesian stopping rules for multistart, 1987): stop where it is
-    nearer to those seen than to one more.
+    sizes (Boender and Rinnooy Kan, Bayesian stopping rules for multistart, 1987): stop where this number is
+    nearer to the number seen than to one more.
 
-    That takes any sizes of basins for as likely. A basin of a share p is missed by n guesses with probability (1 - p)ⁿ,
-    however often they have met the others.
+    All sizes of basins are assumed equally likely. A basin of a share p is missed by n guesses with probability (1 -
+    p)ⁿ, however often they have found the others.
 
     Args:
-        solved: guesses that converged.
-        optima: that they led to.
+        solved: number of guesses that converged.
+        optima: number of distinct optima.
     """
     return solved > optima + 2 and optima * (solved - 1) <= (optima + 0.5) * (solved - optima - 2)

@@ -1,4 +1,4 @@
-"""Goals slid along the joint positions that reach a pose, to where velocity limits let them be reached soonest."""
+"""Goals moved along the joint positions that reach a pose, to least time at the velocity limits."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,14 +15,14 @@ from armdyn.optimal.task.policy.search import GoalPolicy
 
 
 def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
-    """Goals at which velocity limits are locally best among those that reach the pose, soonest first.
+    """Goals of locally least time at the velocity limits among those that reach the pose, fastest first.
 
-    Each of the problem's goals is slid by linear programs within a trust region, brought back onto the pose after
-    each step. Empty without a goal pose, or where it is reached at isolated joint positions alone.
+    Each of the problem's goals is moved by linear programs within a trust region, and projected onto the pose after
+    each step. Empty without a goal pose, or if only isolated joint positions reach it.
 
     Args:
         problem: with or without a goal pose.
-        numbers: of the policy.
+        numbers: settings of the descent.
     """
     goal = problem.goal_pose
     if goal is None or not free_directions(problem.robot, goal, problem.goals[0]).size:
@@ -41,18 +41,18 @@ def slid_goals(problem: MinimumTimeProblem, numbers: GoalPolicy) -> list[Array]:
 def slid_chain(
     robot: Robot, goals: Sequence[GoalPose | None], positions: Sequence[Array], limits: JointLimits, numbers: GoalPolicy
 ) -> list[Array]:
-    """Joint positions moved along the self-motions of their goal poses to a local minimum of the travel time.
+    """Move joint positions along the self-motions of their goal poses to a local minimum of the travel time.
 
-    The time is the sum of the times from each position to the next at the velocity limits, each that of its slowest
+    The time is the sum of the times from each position to the next at the velocity limits, each the one of its slowest
     joint.
 
     Args:
         robot: the arm.
-        goals: pose that each of the positions reaches; None: it stays as it is. Positions of the same pose object at
-            both ends of the chain move as one.
+        goals: goal pose of each of the positions; None: the position is fixed. Positions of the same pose object at
+            both ends of the chain stay equal.
         positions: in order [rad or m], each of shape (nv,).
-        limits: of the positions and the velocities.
-        numbers: of the policy.
+        limits: limits of positions and velocities.
+        numbers: settings of the descent.
     """
     at, speed, longest = list(positions), _finite(limits.velocity), numbers.farthest
     for _ in range(numbers.slides):
@@ -72,7 +72,7 @@ def _finite(velocity: Array) -> Array:
 
 
 def _time(positions: Sequence[Array], speed: Array, numbers: GoalPolicy) -> float:
-    """Time of the slowest joint on every leg [s], plus a small part of all joints' times, which breaks ties."""
+    """Time of the slowest joint on every leg [s], plus a small part of all joints' times to break ties."""
     away = np.abs(np.diff(positions, axis=0)) / speed
     return float(np.sum(np.max(away, axis=1)) + numbers.others * np.sum(away))
 
@@ -80,7 +80,7 @@ def _time(positions: Sequence[Array], speed: Array, numbers: GoalPolicy) -> floa
 def _moved(
     robot: Robot, goals: Sequence[GoalPose | None], at: Sequence[Array], steps: Array, limits: JointLimits
 ) -> list[Array] | None:
-    """Positions after steps, shape (positions, nv), brought back onto their poses; None: one does not come back."""
+    """Positions after steps, shape (positions, nv), projected onto their poses; None: a projection failed."""
     moved = list(at)
     for k, (goal, q) in enumerate(zip(goals, at, strict=True)):
         if goal is None or not np.any(steps[k]):
@@ -103,7 +103,7 @@ def _step(
     longest: float,
     others: float,
 ) -> Array | None:
-    """Steps along free directions, shape (positions, nv), after which the legs' slowest joints need least in sum.
+    """Steps along free directions, shape (positions, nv), that minimise the sum of the legs' slowest times.
 
     None: the linear program was not solved.
     """
@@ -114,7 +114,7 @@ def _step(
         for goal, q in zip(goals, at, strict=True)
     ]
     ends = np.cumsum([0, *(each.shape[1] for each in free)])
-    # Unknowns: the steps along all directions, every joint's time on every leg, every leg's slowest.
+    # Unknowns: the steps along all directions, every joint's time on every leg, every leg's slowest time.
     own = [np.zeros((nv, ends[-1])) for _ in at]
     for k, each in enumerate(free):
         own[k][:, ends[k] : ends[k + 1]] = each

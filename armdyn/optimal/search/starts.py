@@ -1,4 +1,4 @@
-"""Guesses from which a solve may start: a `Trajectory`, as a coarse solution is, or a `Curve`."""
+"""Initial guesses of a solve: a `Trajectory`, as for a coarse solution, or a `Curve`."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -22,7 +22,7 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 SAMPLES = 51
-"""Of a guess: on the search's meshes twice as many lead to the same optima, and take twice as long."""
+"""Samples of a guess: twice as many lead to the same optima on the search's meshes, and take twice as long."""
 
 
 def via_guesses(
@@ -32,18 +32,18 @@ def via_guesses(
     wide: tuple[float, float] = (1.0, 0.0),
     policy: SearchPolicy | None = None,
 ) -> list[list[Array]]:
-    """Poses for `spline`'s guesses: first the straight way, then ways through random poses.
+    """Via poses of `spline`'s guesses: first the straight path, then paths through random poses.
 
     Args:
-        problem: what is to be solved.
+        problem: the minimum-time problem.
         seed: the same seed gives the same guesses.
-        count: how many.
-        wide: how far random poses are from the middle of the way: standard deviation, in parts of the way, and how far
-            at most beside that, any distance being as likely [rad or m].
-        policy: numbers of the search; None: those of the problem's policy.
+        count: number of guesses.
+        wide: distance of random poses from the middle of the path: standard deviation, in parts of the path's length,
+            and the bound of a further uniform offset [rad or m].
+        policy: settings of the search; None: those of the problem's policy.
 
     Returns:
-        For each guess the poses in between [rad or m], each of shape (nv,).
+        For each guess the via poses [rad or m], each of shape (nv,).
     """
     random, policy = np.random.default_rng(seed), policy or Policy.of(problem).search
     reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), policy.bow)
@@ -67,22 +67,23 @@ def via_guesses(
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
-    """The via points with one more pose on a leg."""
+    """The via points with a further pose on a leg."""
     ways = list(problem.poses[1:-1])
     return [*ways[:leg], pose, *ways[leg:]]
 
 
 def _path(problem: MinimumTimeProblem, way: list[Array], samples: int) -> Path:
-    """Samples of a smooth path from start to goal through poses, at equal parts of it."""
+    """Samples of a smooth path from start to goal through poses at equal fractions of its parameter."""
     poses = np.array([problem.q_start, *way, problem.q_goal])
     return Path(*(blend @ poses for blend in _blends(len(poses), samples)))
 
 
 @cache
 def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
-    """Weights of poses in a path's samples, slopes and curvatures, each of shape (samples, poses).
+    """Weights of poses in a path's samples, first and second derivatives, each of shape (samples, poses).
 
-    Between poses the path is of fifth degree; it has no curvature in them, at the ends no slope.
+    Between poses the path is of fifth degree, with zero second derivative at them and zero first derivative at the
+    ends.
     """
     fraction, one = np.linspace(0, 1, poses), np.eye(poses)
     slopes = np.zeros_like(one)
@@ -94,19 +95,19 @@ def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
 
 
 def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) -> Trajectory:
-    """A smooth path from start to goal through poses, timed so that the torques about fit their limits.
+    """A smooth path from start to goal through poses, timed so that the torques roughly fit their limits.
 
     Args:
-        problem: its start, goal and limits.
-        via: poses in between [rad or m], each of shape (nv,), at equal fractions of the time; none: the
+        problem: problem with start, goal and limits.
+        via: via poses [rad or m], each of shape (nv,), at equal fractions of the time; none: the
             problem's own.
-        haste: the guess takes so many times the duration at which its torques fit.
+        haste: duration of the guess over that at which its torques fit.
     """
     return splines(problem, [via], haste).motion(0, problem.robot.joint_names)
 
 
 def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: float = 1.0) -> Guesses:
-    """`spline` through the poses of each way."""
+    """`spline` through the poses of each path."""
     paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in ways]
     q, dq, ddq = (np.stack([getattr(path, part) for path in paths]) for part in ("q", "dq", "ddq"))
     # Torque along a path is static + inertial / T² + friction.
@@ -115,7 +116,7 @@ def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: flo
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
     durations = _fitting_durations(problem, paths, dq, inertial)
     for k, via in enumerate(ways):
-        if len(via) != 1:  # through one random pose nothing swings
+        if len(via) != 1:  # no swing through a single random pose
             durations[k] = max(durations[k], swinging_time(problem, static[k], inertial[k]))
     T = durations[:, None, None]
     v = dq / T
@@ -128,11 +129,11 @@ def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: flo
 
 
 def straight_curve(task: Task, intervals: int) -> Curve:
-    """The straight way as a curve.
+    """The straight path as a curve.
 
     Args:
-        task: what is to be solved.
-        intervals: of every leg.
+        task: the problem and its settings.
+        intervals: number of intervals of every leg.
     """
     problem, numbers = task.problem, task.policy.curves
     basis = Basis(graded(intervals, numbers.shortest))
@@ -147,7 +148,7 @@ def straight_curve(task: Task, intervals: int) -> Curve:
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:
-    """By `pin.rnea`: where optima lie close together its last bits decide which of them a guess leads to."""
+    """Torques by `pin.rnea`: near-equal optima depend on their last bits."""
     robot, model = problem.robot, problem.robot.model
     data, at, n = model.createData(), configurations(model), robot.nv
     rows = zip(*(part.reshape(-1, n) for part in (q, v, a)), strict=True)
@@ -156,16 +157,16 @@ def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array
 
 
 def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: Array, inertial: Array) -> Array:
-    """Times [s] in which paths' inertial torques reach, and their speeds and conditions keep, their limits.
+    """Times [s] in which paths' inertial torques reach their limits, within limits of speed and path constraints.
 
-    Torque along a path is I/T² + F/T, inertial and viscous, but for gravity, which a dynamic motion may
-    outrun, and dry friction: only what scales is asked to fit.
+    Torque along a path is I/T² + F/T, inertial and viscous, without gravity, which a dynamic motion may overcome, and
+    dry friction: only scalable parts are fitted.
     """
     viscous = np.maximum(np.sign(inertial) * np.asarray(problem.robot.friction.damping) * dq, 0)
     limits = problem.limits
     bound = np.where(inertial > 0, limits.actuators.upper, -limits.actuators.lower)
     bound = np.maximum(bound, 2e-3 * limits.actuators.scale)
-    bound[..., limits.passive] = np.inf  # which no torque can make keep to the path
+    bound[..., limits.passive] = np.inf  # without a motor: no torque keeps these on the path
     half = viscous / (2 * bound)
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound), axis=(1, 2))
     by_speed = np.max(np.abs(dq) / limits.velocity, axis=(1, 2))
@@ -178,7 +179,7 @@ def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: A
 
 
 def _stopping_time(problem: MinimumTimeProblem) -> float:
-    """Time [s] that torques of half their ranges need for the change of velocity, each joint alone at the start."""
+    """Time [s] in which torques of half their ranges change the velocity, each joint alone, at the start."""
     robot, motors = problem.robot, ~problem.limits.passive
     inertia = np.diag(pin.crba(robot.model, robot.model.createData(), robot.configuration(problem.poses[0])))
     change = np.abs(np.asarray(problem.v_goal) - np.asarray(problem.v_start))

@@ -1,4 +1,4 @@
-"""Guesses for joints without a motor: ways to and fro, in the time that gravity takes for them."""
+"""Guesses for joints without a motor: swing-up paths, timed by gravity."""
 
 from collections.abc import Sequence
 
@@ -8,26 +8,25 @@ from armdyn.arrays import Array
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 
 _ALIKE = 0.1
-"""Cosine between what gravity does along a path and what would be needed, below which it has nothing to do with it."""
+"""Cosine between gravity's and the required torques along a path, below which gravity does not drive the motion."""
 
 
 def swing_up_guesses(
     problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], unlike: float
 ) -> list[list[Array]]:
-    """Ways on which joints without a motor swing further and further, until the last swing brings them to the goal.
+    """Paths on which joints without a motor swing further and further, until the last swing reaches the goal.
 
-    Weak motors cannot do it in fewer swings, and guesses that go straight to the goal lead to no motion then.
+    Weak motors need that many swings, and guesses straight to the goal then lead to no motion.
 
     Args:
-        problem: what is to be solved.
-        random: what varies the ways' amplitudes, and the poses of the joints with a motor.
-        count: how many ways.
-        swing_up_guesses: numbers of swings, by turns.
-        unlike: how far a way is from an even one: standard deviation of the logarithm of a swing, and of other poses
-            [rad or m].
+        problem: the minimum-time problem.
+        random: random generator of amplitudes, and of the poses of joints with a motor.
+        count: number of paths.
+        swing_up_guesses: numbers of swings, used in turn.
+        unlike: spread of the paths: standard deviation of the logarithm of a swing, and of other poses [rad or m].
 
     Returns:
-        For each the poses in between [rad or m], each of shape (nv,); empty if no such joint is to move.
+        For each path the via poses [rad or m], each of shape (nv,); empty if no such joint moves.
     """
     start, away = np.asarray(problem.q_start), np.asarray(problem.q_goal) - np.asarray(problem.q_start)
     passive, limits = problem.limits.passive, problem.limits
@@ -46,12 +45,12 @@ def swing_up_guesses(
 
 
 def swinging_time(problem: MinimumTimeProblem, static: Array, inertial: Array) -> float:
-    """The duration [s] in which gravity comes nearest to swinging joints without a motor along a path; 0: none.
+    """Duration [s] in which gravity comes nearest to driving joints without a motor along a path; 0: none.
 
-    What a motor would have to give at such a joint is static + inertial / T²: least squares for 1 / T².
+    The required torque of such a joint is static + inertial / T²: least squares for 1 / T².
 
     Args:
-        problem: its limits.
+        problem: problem with the limits.
         static: torques that hold the arm along the path [N m or N], shape (samples, nv).
         inertial: torques that move it along the path in one second, likewise.
     """
