@@ -131,7 +131,7 @@ def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(m
     problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
     optima, found = time_energy(Task.of(problem))
     assert not optima and found.failed[0].status is ad.Status.INFEASIBLE
-    assert "what converged on a coarse mesh does not on" in found.failed[0].message
+    assert "the coarse optimum did not converge on" in found.failed[0].message
     assert "Restoration Failed" in found.failed[0].message
     solution = ad.solve_minimum_time(problem)
     assert solution.usable and not solution.arcs and solution.intervals > 0

@@ -15,7 +15,7 @@ from armdyn.trajectory.interpolation import cubic_accelerations
 
 @dataclass(frozen=True, eq=False)
 class Checked:
-    """A curve at the samples of its mesh, and by how much it exceeds its limits.
+    """A curve at the samples of its mesh, and its excesses over limits.
 
     Attributes:
         t: times [s], shape (samples,).
@@ -24,8 +24,8 @@ class Checked:
         a: accelerations [rad/s² or m/s²], likewise.
         tau: torques by inverse dynamics [N m or N], likewise.
         upper: excess over the upper torque limits around each place, as parts of half the ranges, shape (places, nv);
-            negative: so much is spare. Tops of parabolas through three samples count.
-        lower: likewise.
+            negative: slack. The maximum of the parabola through three samples counts.
+        lower: excess over the lower torque limits, likewise.
         other: largest excess over limits of velocity, position and acceleration, as a part of them.
     """
 
@@ -44,17 +44,17 @@ class Checked:
         return float(max(np.max(self.upper), np.max(self.lower)))
 
     def kept(self, spare: float, tolerance: float) -> bool:
-        """Whether torques leave a part of half their ranges free, and other limits are kept within a part of them."""
+        """Whether torques keep a reserve, as a part of half their ranges, and other limits hold within a tolerance."""
         return self.torque <= -spare and self.other <= tolerance
 
 
 def check(program: StepProgram, points: Array, duration: float, torque: StateFunction) -> Checked:
-    """Look at a curve's samples.
+    """Check a curve at its samples.
 
     Args:
-        program: its mesh, and the limits.
+        program: program with the mesh and the limits.
         points: control points of the curve.
-        duration: [s].
+        duration: duration of the curve [s].
         torque: inverse dynamics, friction included.
     """
     mesh, limits = program.mesh, program.limits
@@ -82,7 +82,7 @@ def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
         t: times of the samples [s], shape (samples,).
         q: positions [rad or m], shape (samples, nv).
         v: velocities [rad/s or m/s], likewise.
-        limits: [rad/s² or m/s²], shape (nv,), inf: none.
+        limits: limits of acceleration [rad/s² or m/s²], shape (nv,); inf: none.
     """
     if np.all(np.isinf(limits)):
         return -1.0
@@ -92,13 +92,13 @@ def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
 def between_samples(seen: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
     """Largest excess of a torque between samples, as a part of half its range.
 
-    The motion that is handed out is a cubic from sample to sample. Its accelerations are linear, so that they are
-    looked at where each cubic begins and ends; torques differ from the curve's by the inertia times their difference.
+    The returned motion is cubic between samples. Its accelerations are linear, so that both ends of each cubic are
+    checked; torques differ from the curve's by the inertia times the difference of accelerations.
 
     Args:
         seen: a curve at its samples.
-        limits: of the torques.
-        inertia: of positions, shape (samples, nv): M(q) [kg m², kg m or kg], shape (samples, nv, nv).
+        limits: torque limits.
+        inertia: maps positions, shape (samples, nv), to M(q) [kg m², kg m or kg], shape (samples, nv, nv).
     """
     accelerations = np.concatenate(cubic_accelerations(seen.t, seen.q, seen.v))
     q, v, a, tau, M = (

@@ -1,4 +1,4 @@
-"""Distances of a live motion from obstacles and from the arm itself: asked for in programs, proven of a curve."""
+"""Distances of a live motion from obstacles and the arm itself: rows of programs, and proofs along curves."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,13 +16,13 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(eq=False)
 class Distances:
-    """Pairs of bodies that keep a clearance.
+    """Clearance constraint of a live motion.
 
     Attributes:
-        problem: its obstacles.
-        constraint: with the places at which curves have missed a distance.
-        policy: of clearance rows.
-        report: of the last motion that was checked.
+        problem: problem with the obstacles.
+        constraint: clearance constraint, with the places at which curves violated it.
+        policy: settings of the clearance rows.
+        report: report on the last checked motion.
     """
 
     problem: MinimumTimeProblem
@@ -32,7 +32,7 @@ class Distances:
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, policy: SequentialPolicy) -> Self | None:
-        """Distances that a problem asks for; None: none."""
+        """Distances that a problem requires; None: no distances."""
         constraint = KeepsClear.from_problem(problem)
         return None if constraint is None else cls(problem, constraint, policy)
 
@@ -41,7 +41,7 @@ class Distances:
         return clearance_rows(self.constraint.required_distances(self.problem), curve, self.policy)
 
     def kept(self, motion: Trajectory) -> bool:
-        """Whether a motion provably keeps all distances; if not, the constraint is tightened for the next step."""
+        """Whether a motion provably satisfies all distances; if not, the constraint is tightened for the next step."""
         self.report = self.constraint.check(self.problem, motion, np.empty(0))
         self.constraint = self.constraint.tightened(self.problem, self.report)
         return not self.report.reasons

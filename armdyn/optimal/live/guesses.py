@@ -1,4 +1,4 @@
-"""First curves of a live motion: what is left of the last one, led to the new goal, and a direct one."""
+"""Initial curves of a live motion: the rest of the last one, bent to the new goal, and a direct one."""
 
 import numpy as np
 
@@ -8,21 +8,21 @@ from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends
 
 _SHORTEST = 1e-3
-"""Duration of a guess at the least [s]."""
+"""Least duration of a guess [s]."""
 _WITHIN = 0.7
-"""Part of the torques that a guess may use for its accelerations, by the inertia at its start."""
+"""Part of the torques that a guess uses for its accelerations, by the inertia at its start."""
 
 
 def direct(mesh: Places, ends: Ends, limits: JointLimits, inertia: Array) -> tuple[Array, float]:
-    """Cubic polynomials from the start state to rest, as long as the slowest joint takes alone.
+    """Cubic polynomials from the start state to rest, in the time of the slowest joint alone.
 
-    A joint alone is taken for a double integrator: full acceleration, its velocity limit, full deceleration.
+    Each joint is a double integrator: full acceleration, velocity limit, full deceleration.
 
     Args:
-        mesh: of the curve.
+        mesh: mesh of the curve.
         ends: start state and goal.
-        limits: of velocities and torques.
-        inertia: of each joint at the start [kg m² or kg], shape (nv,).
+        limits: limits of velocities and torques.
+        inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
 
     Returns:
         Control points and duration.
@@ -40,13 +40,14 @@ def direct(mesh: Places, ends: Ends, limits: JointLimits, inertia: Array) -> tup
 
 
 def rest_of(mesh: Places, positions: Array, ends: Ends, duration: float) -> tuple[Array, float]:
-    """The rest of a motion, led to another goal.
+    """The rest of a motion, bent to another goal.
 
     Args:
-        mesh: of the curve.
-        positions: of the motion at the parts `mesh.basis.places` of the time left [rad or m], shape (basis.size, nv).
+        mesh: mesh of the curve.
+        positions: positions of the motion at the parts `mesh.basis.places` of the remaining time [rad or m], shape
+            (basis.size, nv).
         ends: start state and goal.
-        duration: time left [s].
+        duration: remaining time [s].
 
     Returns:
         Control points and duration.
@@ -57,5 +58,5 @@ def rest_of(mesh: Places, positions: Array, ends: Ends, duration: float) -> tupl
 
 
 def _blend(r: Array) -> Array:
-    """From 0 to 1, level at both ends."""
+    """Smooth step from 0 to 1, with zero slope at both ends."""
     return 3 * r**2 - 2 * r**3

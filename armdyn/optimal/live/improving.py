@@ -1,4 +1,4 @@
-"""A curve made shorter, step by step, until it keeps its limits everywhere and gets no shorter."""
+"""Improvement of a curve by quadratic programs, until it satisfies all limits and becomes no shorter."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,19 +19,19 @@ from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.trajectory import Trajectory
 
 Guess = tuple[Array, float, TorqueMargin]
-"""Control points [rad or m], shape (basis.size, nv), duration [s], and margins of the torques, at first."""
+"""Initial control points [rad or m], shape (basis.size, nv), duration [s], and torque margins."""
 
 
 @dataclass(frozen=True, eq=False)
 class LimitedArm:
-    """An arm with its limits.
+    """An arm with its limits and the program of a step.
 
     Attributes:
         robot: the arm.
-        program: of a step, with the limits.
+        program: program of a step, with the limits.
         torque: inverse dynamics.
-        inertia: of positions; see `joint_inertia`.
-        torques: at the places of a curve, linearised.
+        inertia: inertia as a function of positions; see `joint_inertia`.
+        torques: linearised torques at the places of a curve.
     """
 
     robot: Robot
@@ -50,7 +50,7 @@ class LimitedArm:
         return Trajectory(seen.t, seen.q, seen.v, seen.tau, names, self.robot.marked(name), model)
 
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
-        """Whether a curve keeps all limits and distances."""
+        """Whether a curve satisfies all limits and distances."""
         kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
         kept = kept and between_samples(seen, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
         return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
@@ -58,13 +58,14 @@ class LimitedArm:
 
 @dataclass(frozen=True, eq=False)
 class Improved:
-    """A curve that keeps its limits.
+    """A curve within its limits.
 
     Attributes:
-        duration: [s].
-        seen: its samples.
-        margins: of the torques with which it was found.
-        settled: whether the last step, free to be long, changed its duration by less than is worth another one.
+        duration: duration of the curve [s].
+        seen: the curve at its samples.
+        margins: torque margins of the last step.
+        settled: whether the last step, without a short trust region, changed the duration by less than
+            `LivePolicy.enough`.
     """
 
     duration: float
@@ -75,13 +76,13 @@ class Improved:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """The last curve of some steps, whether it keeps its limits or not.
+    """The last curve of some steps, within its limits or not.
 
     Attributes:
         points: control points [rad or m], shape (basis.size, nv).
-        duration: [s].
-        margins: of the torques, for the next step.
-        steps: that led to it.
+        duration: duration of the curve [s].
+        margins: torque margins for the next step.
+        steps: number of steps so far.
     """
 
     points: Array
@@ -97,22 +98,22 @@ def improve(
     distances: Distances | None,
     until: float,
 ) -> tuple[Improved | None, Draft]:
-    """The fastest motion found that keeps its limits, and the last curve.
+    """Improve guesses; return the fastest motion found within its limits, and the last curve.
 
-    Every step is a quadratic program. After it the limits are checked at fine samples, and what a torque exceeds its
-    limit by around a place is taken off the limit there: curve and margins converge together. Where steps had rather
-    exceed torques than last longer the price of torques rises.
+    Every step is a quadratic program. Then the limits are checked at fine samples, and the excess of a torque around a
+    place becomes a margin of its limit there: curve and margins converge together. If steps prefer an excess of torque
+    to a longer motion, the price of torques rises.
 
     Args:
-        arm: with its limits.
+        arm: the arm with its limits.
         ends: start state and goal.
-        guesses: curves to begin with; the best by the merit is taken.
-        distances: to be kept; None: none.
-        until: no step is begun that would end after this time, by `time.perf_counter` [s].
+        guesses: initial curves, of which the one of least merit is used.
+        distances: required distances; None: no distances.
+        until: deadline of the last step's end, by `time.perf_counter` [s].
     """
     program, policy = arm.program, arm.program.policy
     best, k, over, began = None, 0, 0, time.perf_counter()
-    # Of the longest guess: the rest of a last motion that ends here takes no time, and its price would be none.
+    # By the longest guess: the price would be zero for the rest of a motion that ends here.
     pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
     starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
     here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))
@@ -140,7 +141,7 @@ def improve(
 
 
 def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
-    """A curve from the start state to the goal, linearised."""
+    """Linearise a curve from the start state to the goal."""
     program = arm.program
     points = program.with_ends(points, duration, ends)
     rows = None if distances is None else distances.rows(program.curve(points, duration))
@@ -155,7 +156,7 @@ def _taken(
     how: tuple[TorqueMargin, Pace, bool],
     distances: Distances | None,
 ) -> tuple[Iterate, float]:
-    """The next curve, or the same one if the step makes the merit worse; and the next step's size.
+    """The next curve, or the same one if the step increases the merit; and the next step's size.
 
     Nocedal and Wright, Numerical Optimization, 2006, algorithm 4.1.
     """
@@ -178,7 +179,7 @@ def _taken(
 def _slowed(
     arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargin, distances: Distances | None
 ) -> Improved | None:
-    """Slow a motion from rest down along its path until it keeps its limits; None if no pace does."""
+    """Slow a motion from rest down along its path until it is within its limits; None if no pace is."""
     program = arm.program
     factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
     factor = max(factor, 1 + seen.other) * (1 + program.policy.slack)
@@ -193,10 +194,10 @@ def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen:
 
     Args:
         program: of the steps.
-        margins: so far.
-        here: the curve, with torques at the places.
-        seen: its samples.
-        near: the curve hardly changes any more: no margin falls.
+        margins: margins so far.
+        here: the linearised curve, with torques at the places.
+        seen: the curve at its samples.
+        near: whether the curve hardly changes, so that no margin is reduced.
     """
     policy, kept = program.policy, 1.0 if near else program.policy.forget
 

@@ -1,4 +1,4 @@
-"""Layout of live motions: one B-spline, the places where torques are limited, those where they are checked."""
+"""Mesh of live motions: one B-spline, places with torque limits, samples for the checks."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,16 @@ from armdyn.locks import cached_property
 from armdyn.optimal.flat.basis import Basis
 
 _PER_INTERVAL = 2
-"""Places of an interval at which torques are limited: its begin and its middle."""
+"""Number of places of an interval at which torques are limited: its start and its middle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Places of a curve and the B-splines there.
+    """Places of a curve and its B-splines there.
 
     Attributes:
-        basis: of the curve.
-        looks: checked places of every interval, besides its end; a multiple of 4.
+        basis: spline basis of the curve.
+        looks: number of samples per interval, without its end; a multiple of 4.
     """
 
     basis: Basis
@@ -26,7 +26,7 @@ class Places:
 
     @cached_property
     def places(self) -> Array:
-        """Breaks and the middles between them, where torques are limited, as parts of the duration, shape (places,)."""
+        """Breaks and their middles, at which torques are limited, as parts of the duration, shape (places,)."""
         breaks = self.basis.breaks
         inner = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(_PER_INTERVAL) / _PER_INTERVAL
         return np.append(inner.ravel(), 1.0)
@@ -39,13 +39,13 @@ class Places:
 
     @cached_property
     def fine(self) -> Array:
-        """Places where limits are checked, shape (intervals, looks + 1): breaks are in two intervals."""
+        """Samples of each interval, shape (intervals, looks + 1): a break is in two intervals."""
         breaks = self.basis.breaks
         return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.looks + 1)
 
     @cached_property
     def samples(self) -> Array:
-        """The same places, each once, shape (samples,)."""
+        """Samples, each once, shape (samples,)."""
         return np.append(self.fine[:, :-1].ravel(), 1.0)
 
     @cached_property
@@ -66,7 +66,7 @@ class Places:
         return np.asarray(values[index])
 
     def once(self, values: Array) -> Array:
-        """The reverse of `per_interval`; of a break the larger of its two values."""
+        """Reverse `per_interval`; for a break the larger of its two values."""
         out = np.concatenate([values[:, :-1].reshape(-1, values.shape[-1]), values[-1:, -1]])
         out[self.looks : -1 : self.looks] = np.maximum(out[self.looks : -1 : self.looks], values[:-1, -1])
         return out

@@ -1,7 +1,7 @@
-"""The quadratic program of one step: unknowns are the control points and the duration, torques are linearised.
+"""Quadratic program of one step: the unknowns are the control points and the duration; torques are linearised.
 
-The start state is kept exactly: the first control point is its position, the second one lies on the line of its
-velocity, at a distance that grows with the duration. The last two control points are the goal.
+The start state is satisfied exactly: the first control point is its position, the second one is offset along its
+velocity, in proportion to the duration. The last two control points are the goal.
 """
 
 from dataclasses import dataclass, replace
@@ -23,9 +23,9 @@ from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.task.policy.live import LivePolicy
 
 _IN_FLIGHT = 1e-5
-"""Part of the velocity limits that is kept: programs are solved to a tenth of it."""
+"""Reserve of the velocity limits, as a part of them: programs are solved to a tenth of it."""
 _OPEN = 1e-9
-"""Room that a control point at, or beyond, a position limit has in its direction [rad or m]."""
+"""Freedom of a control point at, or beyond, a position limit in that direction [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class Ends:
 
     Attributes:
         q: positions at the start [rad or m], shape (nv,).
-        v: velocities there [rad/s or m/s], shape (nv,).
-        goal: positions at the end, where the arm rests.
+        v: velocities at the start [rad/s or m/s], shape (nv,).
+        goal: positions at the goal, at rest [rad or m], shape (nv,).
     """
 
     q: Array
@@ -45,16 +45,16 @@ class Ends:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A curve, linearised.
+    """A linearised curve.
 
     Attributes:
-        x: unknowns of the layout; the torques among them are 0, and count for nothing.
+        x: unknowns of the layout; the torques among them are 0 and unused.
         points: control points [rad or m], shape (basis.size, nv).
-        duration: [s].
-        cost: duration, and what squared accelerations cost [s].
-        torques: at the places, by the unknowns.
+        duration: duration [s].
+        cost: duration plus the weighted squared accelerations [s].
+        torques: torques at the places, linear in the unknowns.
         rates: control points of velocities, and of accelerations if these are limited.
-        near: distances; None: none are asked for.
+        near: linearised distances; None: no distances are required.
     """
 
     x: Array
@@ -68,11 +68,11 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Pace:
-    """Step size, and the price of exceeding torque limits.
+    """Size of a step, and the price of excess torques.
 
     Attributes:
-        reach: part of the greatest step.
-        price: of a torque beyond its limit by half its range [s].
+        reach: size as a part of the greatest step.
+        price: price of a torque beyond its limit by half its range [s].
     """
 
     reach: float
@@ -86,7 +86,7 @@ class ProgramStep:
     Attributes:
         points: change of the control points [rad or m], shape (basis.size, nv).
         longer: change of the duration [s].
-        promised: merit by the linearised rows [s].
+        promised: predicted merit [s].
         part: size of the step as a part of the greatest one.
     """
 
@@ -97,13 +97,13 @@ class ProgramStep:
 
 
 class StepProgram:
-    """Quadratic programs of one structure; the payload does not matter to it.
+    """Quadratic programs of one structure, independent of the payload.
 
     Attributes:
-        mesh: of the curve.
-        limits: of torques, velocities and positions.
-        acceleration: limits [rad/s² or m/s²], shape (nv,), inf: none.
-        layout: of the unknowns.
+        mesh: mesh of the curve.
+        limits: limits of torques, velocities and positions.
+        acceleration: acceleration limits [rad/s² or m/s²], shape (nv,), inf: none.
+        layout: layout of the unknowns.
     """
 
     def __init__(self, mesh: Places, limits: JointLimits, acceleration: Array, policy: LivePolicy):
@@ -129,7 +129,7 @@ class StepProgram:
         return DerivativeRows.of([self.mesh.basis], self.layout, order, finite(limit))
 
     def with_ends(self, points: Array, duration: float, ends: Ends) -> Array:
-        """Control points within position limits whose curve begins in the start state and ends at rest at the goal."""
+        """Control points within position limits of a curve from the start state to rest at the goal."""
         out = np.clip(points, self.limits.position_lower, self.limits.position_upper)
         out[0], out[1] = ends.q, ends.q + self._lead(ends) * duration
         out[-2:] = ends.goal
@@ -145,16 +145,16 @@ class StepProgram:
         """Linearise a curve.
 
         Args:
-            points: control points, as `with_ends` makes them.
-            duration: [s].
-            ends: of the curve.
-            torques: at the places of the mesh.
-            clear: distances that are asked for; None: none.
+            points: control points from `with_ends`.
+            duration: duration [s].
+            ends: start state and goal.
+            torques: linearisation of the torques at the places of the mesh.
+            clear: required distances; None: no distances.
         """
         x = np.zeros(self.layout.size)
         x[self._points], x[self._last] = points, duration
         rates, lead = [], np.zeros(x.size)
-        lead[self._points[1]] = self._lead(ends)  # with the duration the second control point moves, too
+        lead[self._points[1]] = self._lead(ends)  # the second control point moves with the duration
         for rows, bound in zip(self._rows, self._bounds, strict=False):
             most = np.tile(bound, rows.duration.size // bound.size)
             sides = rows.at(x, (-most, most))
@@ -165,7 +165,7 @@ class StepProgram:
         return Iterate(x, points, duration, cost, torques.at(x, lead), tuple(rates), near)
 
     def merit(self, at: Iterate, margins: TorqueMargin, price: float) -> float:
-        """Cost plus the priced violations [s]; price: of a torque [s]."""
+        """Cost plus the priced violations [s]; price: price of a torque [s]."""
         policy = self.policy
         torque = np.maximum(np.max(np.maximum(*self.violations(at, margins)), axis=1), 0)
         rates = sum(price * sides.missed for price, sides in self._priced(at))
@@ -178,13 +178,13 @@ class StepProgram:
         return at.torques.tau - upper, lower - at.torques.tau
 
     def step(self, at: Iterate, margins: TorqueMargin, ends: Ends, pace: Pace) -> ProgramStep | None:
-        """The step of a quadratic program; None: it was not solved.
+        """Solve the quadratic program of a step; None: not solved.
 
         Args:
-            at: where it is linearised.
-            margins: of the torques.
-            ends: of the curve.
-            pace: greatest step, and price of torques.
+            at: the linearised curve.
+            margins: torque margins.
+            ends: start state and goal.
+            pace: size of the step, and price of torques.
         """
         policy, T, reach, x = self.policy, at.duration, pace.reach, at.x
         over, under = self.violations(at, margins)
@@ -216,7 +216,7 @@ class StepProgram:
         return ProgramStep(points, longer, at.cost + found.cost, part)
 
     def _step_bounds(self, at: Iterate, reach: float) -> tuple[Array, Array]:
-        """Bounds of a step: its reach, and the position limits of control points."""
+        """Bounds of a step: trust region, and position limits of the control points."""
         policy, limits, own, last = self.policy, self.limits, self._points, self._last
         high = np.full(at.x.size, reach * policy.trust)
         low = -high
@@ -230,10 +230,10 @@ class StepProgram:
         return np.asarray(ends.v / self.mesh.basis.factors(1)[0])
 
     def _torque_limits(self, at: Iterate, margins: TorqueMargin) -> tuple[Array, Array]:
-        """Least and largest torques at the places, in the states of the iterate, as parts of half the ranges."""
+        """Torque limits at the places, in the states of the iterate, as parts of half the ranges."""
         lower, upper = self.limits.actuators.range(at.torques.q, at.torques.v)
         return lower / self.half + margins.lower, upper / self.half - margins.upper
 
     def _priced(self, at: Iterate) -> list[tuple[float, Sides]]:
-        """Rows of each derivative's control points, with the price of exceeding their limits [s]."""
+        """Rows of each derivative's control points, with the price of their excess [s]."""
         return [(self.policy.rate * at.duration ** (k + 1), sides) for k, sides in enumerate(at.rates)]

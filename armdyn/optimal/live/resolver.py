@@ -1,4 +1,4 @@
-"""`Resolver`: motions from a moving state to a goal that changes, within milliseconds."""
+"""`Resolver`: motions from a moving state to a changing goal, within milliseconds."""
 
 from __future__ import annotations
 
@@ -47,33 +47,32 @@ _WORDS = {
 }
 """Messages."""
 _THERE = 1e-9
-"""Distance from the goal [rad or m, and per second] at which an arm is there: rounding of samples."""
-_NOTHING = "no motion to the goal in time, and no stop that was tried keeps all limits"
+"""Distance from the goal [rad or m, and per second] within which an arm is at the goal: rounding of samples."""
+_NOTHING = "no motion to the goal in time, and no stop that was tried satisfies all limits"
 _REMARK = "a live motion: neither a lower bound nor Pontryagin's conditions are checked"
 
 
 @brief
 @dataclass(eq=False)
 class Resolver:
-    """Fast motions from a moving state to rest at a goal, each begun from the last one.
+    """Fast motions from a moving state to rest at a goal, each starting from the last one.
 
-    Memory and the last motion are kept from call to call; nothing is built anew for another goal. All attributes may be
-    set at any time: another payload (`resolver.robot = robot.with_payload(…)`), other limits or obstacles hold from the
-    next call on. Limits of jerk, of torque rates and of frames are not kept: `solve_minimum_time` keeps them. For one
-    thread.
+    Memory and the last motion are kept between calls; another goal needs no rebuild. All attributes may be set at any
+    time: another payload (`resolver.robot = robot.with_payload(…)`), other limits or obstacles hold from the next call
+    on. Limits of jerk, of torque rates and of frames are ignored: use `solve_minimum_time` for these. For one thread.
 
     Attributes:
-        robot: the arm; every joint has a motor.
-        effort_limit: [N m or N], as of `MinimumTimeProblem`, like all that follow.
-        velocity_limit: [rad/s or m/s].
-        position_limit: (lower, upper) [rad or m].
+        robot: the arm; every joint must have a motor.
+        effort_limit: torque limits [N m or N], see `MinimumTimeProblem`, also for all that follow.
+        velocity_limit: velocity limits [rad/s or m/s].
+        position_limit: position limits (lower, upper) [rad or m].
         reserve: part of the torque limits that is kept for feedback [-].
         velocity_reserve: part of the velocity limits, likewise [-].
-        acceleration_limit: [rad/s² or m/s²].
-        obstacles: to be kept clear of. No way round them is searched: where the straight one touches something,
-            `begin_with` a motion of `solve_minimum_time`.
-        self_collision: whether links keep clear of each other, too.
-        clearance: [m].
+        acceleration_limit: acceleration limits [rad/s² or m/s²].
+        obstacles: bodies that the arm must not touch. No path round them is planned: if the straight one collides, call
+            `begin_with` with a motion of `solve_minimum_time`.
+        self_collision: whether pairs of links keep the clearance, too.
+        clearance: least distance of bodies [m].
         allowed_contacts: pairs of names that may touch.
     """
 
@@ -97,13 +96,13 @@ class Resolver:
         expect_robot(self.robot)
 
     def begin_with(self, solution: Solution) -> None:
-        """Take a motion as the last one: the arm is about to follow it.
+        """Set the last motion: the arm is about to follow it.
 
         Args:
-            solution: of `solve_minimum_time`, say.
+            solution: a solution, such as from `solve_minimum_time`.
 
         Raises:
-            ProblemError: it is no usable solution, or one of another robot.
+            ProblemError: the solution is not usable, or of another robot.
         """
         motion = expect(solution, Solution, "solution").trajectory
         if not solution.usable or motion.model_hash != self.robot.model_hash:
@@ -116,27 +115,27 @@ class Resolver:
     def solve(
         self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose, deadline: float | None = None
     ) -> Solution:
-        """The fastest motion found from a state to rest at a goal.
+        """Find a fast motion from a state to rest at a goal.
 
-        A motion that is handed out keeps all limits at its samples and between them. One to the goal ends exactly
-        there. Torques are those of inverse dynamics at the samples. No bound is proven: `lower_bound` is None.
+        A returned motion satisfies all limits at its samples and between them. A motion to the goal ends exactly there.
+        Torques are those of inverse dynamics at the samples. No bound is proven: `lower_bound` is None.
 
         Args:
-            q: joint positions from which it begins [rad or m], shape (nv,): where the arm is when the answer comes.
-            v: joint velocities there [rad/s or m/s], shape (nv,).
-            goal: joint positions [rad or m], shape (nv,), the name of a pose, or where a frame is to be.
-            deadline: time in which the answer is wanted [s]; None: no limit. A step takes some milliseconds; none is
-                begun that is expected to end later.
+            q: joint positions at the start of the motion [rad or m], shape (nv,): those at the time of the answer.
+            v: joint velocities at the start [rad/s or m/s], shape (nv,).
+            goal: joint positions [rad or m], shape (nv,), the name of a pose, or the pose of a frame.
+            deadline: time limit of the answer [s]; None: no limit. A step takes some milliseconds; none is begun that
+                would likely end later.
 
         Returns:
             A `Solution`, `usable` if it reaches the goal. Its `status` is "solved"; or "time_limit" or
-            "iteration_limit" where it may not be the shortest. Where no motion to the goal was found that keeps all
-            limits, it is "followed", the rest of the last motion, if the state is on it; or "stopped", the arm brakes
-            or stays at rest; or "failed": no stop that was tried keeps all limits, and there is no motion.
+            "iteration_limit" if it may not be the shortest. If no motion to the goal within all limits was found,
+            "followed", the rest of the last motion, if the state is on it; or "stopped", the arm brakes or stays at
+            rest; or "failed": no stop that was tried satisfies all limits, and there is no motion.
 
         Raises:
             ProblemError: the state is outside the limits, or rests at the goal; or see `MinimumTimeProblem`.
-            ContactError: the state or the goal touches something.
+            ContactError: the state or the goal is in contact.
         """
         began = time.perf_counter()
         until = np.inf if deadline is None else began + number(deadline, "deadline", unit="s", sign="positive")
@@ -148,7 +147,7 @@ class Resolver:
         if (rest := self._on_the_way(arm, ends, distances)) is not None:
             return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
         found, draft = self._improved(arm, ends, inertia, distances, until)
-        self._draft = draft if found is None else None  # the next call goes on from there
+        self._draft = draft if found is None else None  # the next call continues from it
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
             status, motion = Status.SOLVED if found.settled else late, arm.motion(found.seen, "live")
@@ -163,7 +162,7 @@ class Resolver:
         return _solution(problem, (status, motion), distances, draft.steps, time.perf_counter() - began)
 
     def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
-        """The problem, checked."""
+        """The checked problem."""
         end: dict[str, Any] = {"goal_pose": goal} if isinstance(goal, GoalPose) else {"q_goal": goal}
         kept: dict[str, Any] = {own.name: getattr(self, own.name) for own in fields(self) if own.init}
         problem = MinimumTimeProblem(**kept, q_start=q, v_start=v, **end)
@@ -171,7 +170,7 @@ class Resolver:
         return problem
 
     def _prepared(self, problem: MinimumTimeProblem) -> LimitedArm:
-        """The arm with its program: rebuilt only where limits or the robot have changed."""
+        """The arm with its program: rebuilt only if limits or the robot have changed."""
         known, acceleration = self._arm, np.full(self.robot.nv, np.inf)
         if problem.acceleration_limit is not None:
             acceleration = np.asarray(problem.acceleration_limit)
@@ -190,7 +189,7 @@ class Resolver:
         return known
 
     def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
-        """Rest of the last motion if it goes to the goal, or a rest if the arm is there; None otherwise."""
+        """Rest of the last motion if it leads to the goal, or a rest if the arm is at the goal; else None."""
         if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
             return at_rest(arm, ends.goal, distances)
         last = self._last
@@ -232,7 +231,7 @@ def _solution(
     steps: int,
     seconds: float,
 ) -> Solution:
-    """The solution of a motion that keeps all limits."""
+    """The solution from a motion within all limits."""
     status, motion = outcome
     exceeded = worst_violation(problem.limits, motion, problem.robot.joint_names, dense=2)
     beside = np.abs(problem.goal_error_of(motion))

@@ -1,4 +1,4 @@
-"""Motions where none to the goal is found: the rest of the last one that was handed out, a stop, or rest."""
+"""Fallbacks without a motion to the goal: the rest of the last returned motion, a stop, or rest."""
 
 from dataclasses import dataclass, replace
 
@@ -18,13 +18,13 @@ from armdyn.optimal.task.policy.live import LivePolicy
 from armdyn.trajectory import Trajectory
 
 _SECONDS = 0.1
-"""By which velocities are compared with positions where the time of a state on a motion is looked for [s]."""
+"""Time that weighs velocities against positions in the search for a state on a motion [s]."""
 _LEAST = 1e-6
-"""Rest of a motion that is none [s]."""
+"""Remaining time of a motion below which the motion counts as finished [s]."""
 _NEWTON = 4
-"""Steps by which that time is found from the nearest sample: the last one is below a nanosecond."""
+"""Number of refinements of that time from the nearest sample: the last one is below a nanosecond."""
 _REST = 0.1
-"""Duration of the motion that is handed out where an arm stays at rest [s]."""
+"""Duration of the motion that is returned for an arm that stays at rest [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class LastMotion:
 
     Attributes:
         motion: from its start to rest.
-        margins: of the torques with which it was found; None: not known.
-        places: at which they hold, as parts of the duration.
-        settled: whether it is the shortest that is found.
+        margins: torque margins of its last step; None: unknown.
+        places: places of the margins, as parts of the duration.
+        settled: whether the motion converged to its least duration.
     """
 
     motion: Trajectory
@@ -59,12 +59,12 @@ class LastMotion:
         return t
 
     def rest(self, q: Array, v: Array, policy: LivePolicy) -> Trajectory | None:
-        """The rest of the motion from a state on, which begins at t = 0; None: the state is not on it.
+        """The rest of the motion from a state on, from t = 0; None: the state is not on the motion.
 
         Args:
             q: positions [rad or m], shape (nv,).
             v: velocities [rad/s or m/s], shape (nv,).
-            policy: says how far beside it a state may be.
+            policy: tolerances of a state on the motion.
         """
         t = self.passed(q, v)
         at, end = self.motion(t), float(self.motion.t[-1])
@@ -90,14 +90,14 @@ class LastMotion:
 def fallback(
     arm: LimitedArm, ends: Ends, inertia: Array, last: LastMotion | None, distances: Distances | None
 ) -> tuple[Status, Trajectory] | None:
-    """A motion to rest that keeps all limits, and its status; None if none of those tried does.
+    """A motion to rest within all limits, and its status; None if none of those tried is within them.
 
     Args:
-        arm: with its limits.
-        ends: whose start state it begins in.
-        inertia: of each joint at the start [kg m² or kg], shape (nv,).
-        last: motion that was handed out.
-        distances: to be kept; None: none.
+        arm: the arm with its limits.
+        ends: start state and goal.
+        inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
+        last: last returned motion.
+        distances: required distances; None: no distances.
     """
     rest = None if last is None else rest_of_last(arm, ends, last, distances)
     if rest is not None:
@@ -107,7 +107,7 @@ def fallback(
 
 
 def rest_of_last(arm: LimitedArm, ends: Ends, last: LastMotion, distances: Distances | None) -> Trajectory | None:
-    """The rest of the last motion from the start state on; None: that is not on it, or a limit is no longer kept."""
+    """The rest of the last motion from the start state on; None: the state is not on it, or a limit is violated now."""
     rest = last.rest(ends.q, ends.v, arm.program.policy)
     fits = rest is not None and rest.model_hash == arm.robot.model_hash and _kept(arm, rest, distances)
     return rest if fits else None
@@ -121,10 +121,10 @@ def at_rest(arm: LimitedArm, q: Array, distances: Distances | None) -> Trajector
 
 
 def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | None) -> Trajectory | None:
-    """The shortest stop that was tried and keeps all limits, along the straight line of the velocity.
+    """The shortest of the tried stops within all limits, along the straight line of the velocity.
 
-    Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor from half of
-    what the weakest joint takes by its inertia.
+    Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor, from half of
+    the time of the weakest joint by its inertia.
     """
     program, policy = arm.program, arm.program.policy
     duration = float(np.max(np.abs(ends.v) * inertia / program.half)) / 2
@@ -139,12 +139,12 @@ def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | N
 
 
 def _holds(arm: LimitedArm, q: Array) -> bool:
-    """Whether the motors hold the arm at rest there."""
+    """Whether the motors hold the arm at rest at q."""
     return bool(np.all(arm.program.limits.actuators.allows(arm.robot.holding_torque(q), q, np.zeros_like(q))))
 
 
 def _kept(arm: LimitedArm, motion: Trajectory, distances: Distances | None) -> bool:
-    """Whether a motion keeps limits of torque, velocity, position and acceleration, and distances."""
+    """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
     faster = acceleration_excess(motion.t, motion.q, motion.v, arm.program.acceleration)
     kept = max(limit_violation(arm.program.limits, motion), faster) <= LIMIT_TOLERANCE
     return kept and (distances is None or distances.kept(motion))

@@ -1,4 +1,4 @@
-"""Minimum time: the optima of a search refined to arcs and certified, side by side."""
+"""Minimum time: the optima of a search, refined to arcs and certified, in parallel."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -24,7 +24,7 @@ _GIVEN_UP = "refinement was given up: its budget of integrator steps and mesh it
 
 
 def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima with arcs, sorted by their durations on the mesh, and the search that found them.
+    """Optima with arcs, by duration on the mesh, and the search's statistics.
 
     Args:
         task: without a weight on effort, and without path constraints.
@@ -38,21 +38,21 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
-    """Read arcs of optima on the first mesh; refine the best on finer ones until one reaches the goal or is certified.
+    """Detect arcs of optima on the first mesh; refine the best on finer ones until one lands or is certified.
 
     Args:
-        task: whose `options.intervals` is the first mesh.
+        task: task with the first mesh as `options.intervals`.
         found: the optima, best first.
 
     Returns:
-        As many of them, in their order, as are worth it, and whether the work that they may take is spent.
+        The optima that are worth it, in order, and whether the budget is spent.
     """
     attempts, numbers, options = found.attempts, task.policy.refinement, task.options
     if _reads_arcs(task):
         prepare_switching(task)
-    # With an answer in hand a slower optimum is worth one mesh, not all of them.
+    # Once there is an answer, slower optima are refined on one mesh only.
     few, many = options.intervals, options.max_intervals
-    # One after the other they share what meshes are resolved to: most of the work where limits of velocity act.
+    # In sequence they share resolved motions: most of the work with active velocity limits.
     alone = bool(np.any(np.isfinite(task.problem.limits.velocity)))
     meshes = task.policy.motion_mesh
     shared = ResolvedMotions(meshes) if alone else None
@@ -89,12 +89,12 @@ class _Reached:
 
     Attributes:
         guess: the last attempt that converged.
-        resolved: motions that meshes were resolved to.
-        mesh: intervals of the last; None: no mesh of this problem has been tried.
-        best: of the meshes so far; None: none has converged.
-        iterations: of all.
-        resisted: what the last mesh says if it did not converge, and what it violates most.
-        left: integrator steps that its arcs may still take.
+        resolved: resolved motions of the problem.
+        mesh: number of intervals of the last mesh; None: no mesh of the problem was tried.
+        best: best optimum so far; None: no mesh has converged.
+        iterations: iterations over all meshes.
+        resisted: message and worst violation of the last mesh, if it did not converge.
+        left: integrator steps left for its arcs.
     """
 
     guess: Attempt
@@ -119,7 +119,7 @@ def _first(task: Task, step: _Reached) -> _Reached:
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Refine on one more mesh."""
+    """Refine on a further mesh."""
     attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
     iterations = step.iterations + attempt.iterations
     if not attempt.usable:
@@ -142,17 +142,17 @@ def _up(task: Task, finest: int, step: _Reached) -> _Reached:
 
 
 def _reads_arcs(task: Task) -> bool:
-    """Whether arcs are to be read from attempts: the option is set, and torques are constant in every interval."""
+    """Whether to detect arcs of attempts: the option is set, and torques are constant in the intervals."""
     return task.options.arcs and task.scheme.control == "constant"
 
 
 def _read(task: Task, attempt: Attempt, step: _Reached) -> tuple[Optimum, float]:
-    """Extremal that a mesh's solution leads to within a budget of integrator steps, and the rest of the budget."""
+    """The extremal near a mesh's solution within a budget of integrator steps, and the rest of the budget."""
     motion = attempt.trajectory
     if _reads_arcs(task):
         budget = Budget(task.stop, step.left)
         return replace(resolve(task, attempt, budget, step.resolved), iterations=0), budget.left
-    certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not asked for")
+    certificate = certify(task.problem, replay_of(task, motion), None, "arcs were not requested")
     return Optimum(motion, certificate, motion.duration, attempt.intervals), step.left
 
 
@@ -169,7 +169,7 @@ def _enough(task: Task, step: _Reached) -> bool:
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:
-    """The best optimum of the meshes, or the last attempt where none converged."""
+    """The best optimum of the meshes, or the last attempt if none converged."""
     problem, best = task.problem, step.best
     if best is None:
         motion, (message, violation) = step.guess.trajectory, step.resisted

@@ -1,8 +1,7 @@
 """Minimum time with path constraints: obstacles, via points, limits of acceleration, speed and torque rate.
 
-The answer is the mesh's, replayed: arcs between obstacles, and with them the certificate, are not resolved.
-What the mesh asks for only at its points is checked everywhere on the replay, and asked for more strictly
-where it does not hold there.
+The answer is the mesh's motion, replayed: arcs between obstacles, and their certificate, are not resolved. The mesh
+satisfies a constraint only at its points; the replay is checked everywhere, and an excess tightens the constraint.
 """
 
 from collections.abc import Sequence
@@ -23,7 +22,7 @@ from armdyn.trajectory import Trajectory
 
 
 def constrained(task: Task) -> tuple[list[Optimum], Found]:
-    """Refine the mesh's optima until they keep the path constraints and none left could be faster.
+    """Refine the mesh's optima until they satisfy the path constraints and none left could be faster.
 
     Args:
         task: a problem with path constraints.
@@ -42,10 +41,10 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def without_obstacles(task: Task) -> Task | None:
-    """The task without obstacles and self-collision; None if it has none."""
+    """The task without obstacles and self-collision; None if there are none."""
     if not task.problem.crowded:
         return None
-    task.progress("the way without obstacles")
+    task.progress("the motion without obstacles")
     return task.about(task.problem.without_obstacles())
 
 
@@ -53,8 +52,8 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
     """Optima of the task without obstacles, with reports on all constraints of the task.
 
     Args:
-        task: with obstacles.
-        optima: of `without_obstacles`.
+        task: task with obstacles.
+        optima: optima of the task `without_obstacles`.
     """
     constraints = TightenedConstraints.of(task)
     return [
@@ -64,7 +63,7 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """Specification of the next mesh: number of intervals, tightened constraints, duration to settle on."""
+    """Specification of the next mesh: number of intervals, tightened constraints, previous duration for convergence."""
 
     intervals: int
     constraints: TightenedConstraints
@@ -72,11 +71,11 @@ class _Mesh:
 
 
 def settled(task: Task, attempt: Attempt) -> Optimum:
-    """Solve a mesh again, with a corrected aim and tightened constraints, until its replay keeps all of them.
+    """Solve a mesh again, with terminal correction and tightened constraints, until its replay satisfies all of them.
 
     Args:
         task: a problem with path constraints.
-        attempt: a usable solution to start from.
+        attempt: a usable solution as the initial guess.
     """
     numbers, iterations = task.policy.path_constraints, 0
     again = replace(task.fine(), barrier=task.policy.program.again_barrier)
@@ -113,12 +112,12 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
     constraints = mesh.constraints if found.reports is None else mesh.constraints.tightened(problem, found.reports)
     if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
         return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing))
-    # Else it is no motion of the arm, and no aim mends that.
+    # Else the mesh's solution is no motion of the arm, which no correction repairs.
     return None if finer is None else replace(mesh, intervals=finer, constraints=constraints.on_finer_mesh())
 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
-    """Two flags: a constraint violated by more than a little slowing down mends, and a goal missed."""
+    """Two flags: a constraint is violated beyond slowing down a little; the goal is missed."""
     missed = optimum.reports is not None and not _mended(task, optimum.reports)
     return missed, optimum.certificate.goal_error > task.policy.path_constraints.near
 
@@ -128,12 +127,12 @@ def _mended(task: Task, reports: ConstraintReports) -> bool:
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
-    """Sort key: first the optima that keep the constraints, then those that reach the goal, then by duration."""
+    """Sort key: first the optima that satisfy the constraints, then those that reach the goal, then by duration."""
     return (*_faults(task, optimum), optimum.trajectory.duration)
 
 
 def _replayed(task: Task, attempt: Attempt) -> Trajectory:
-    """The replay, sampled so densely that interpolation between samples is exact enough for the checks."""
+    """The replay, sampled densely enough for interpolation in the checks."""
     return replay_of(task, dense(attempt.trajectory, task.policy.refinement.slow_samples))
 
 

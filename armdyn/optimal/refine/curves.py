@@ -1,4 +1,4 @@
-"""Motions that velocity limits shape, and all of larger arms: curves, settled, followed and replayed."""
+"""Curves, for speed-limited motions and larger arms: refined, followed by feedback, replayed."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -44,14 +44,14 @@ from armdyn.parallel import in_processes
 from armdyn.reprs import percent
 
 _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
-"""Of the derivatives of the positions, by their order."""
+"""Limits of the positions' derivatives, by order."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], Found]:
-    """The fastest curves, replayed in turn until one reaches the goal and keeps the path constraints.
+    """The fastest curves, replayed in turn until one reaches the goal and satisfies the path constraints.
 
     Args:
-        task: any problem.
+        task: the problem and its settings.
     """
     numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
     starts = task.policy.search.guesses(task.options, numbers.starts)
@@ -60,7 +60,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
-    if not found:  # or the time was up between planning and the first curve
+    if not found:  # or the time was up before the first curve
         return [], Found((), failed=(_no_way(task),))
     failed = () if planned else (_no_way(task),)
     found.sort(
@@ -83,11 +83,11 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
 
 
 def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
-    """Number of distinct optima met by the guesses, in words; empty where a bound says how good the best is.
+    """Number of distinct optima met by the guesses, in words; empty if a bound judges the best.
 
     Args:
         task: the problem.
-        found: curves that the guesses led to, the best first.
+        found: refined curves of the guesses, best first.
     """
     most = task.policy.curves.hopeless
     durations = [one.curve.duration for one in found if one.excess <= most and not one.reports.reasons]
@@ -100,9 +100,9 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
     """Number of distinct optima met by some guesses, in words.
 
     Args:
-        durations: of the motions that guesses led to [s].
-        guesses: of which some may have led to none.
-        same: durations that differ by no more than this part are one optimum's.
+        durations: durations of the guesses' motions [s].
+        guesses: number of guesses, including failed ones.
+        same: largest relative difference of durations within one optimum.
     """
     optima = grouped(sorted(durations), within(same))
     several = f"{len(optima)} different optima were" if len(optima) > 1 else "one optimum was"
@@ -111,11 +111,11 @@ def optima_met(durations: Sequence[float], guesses: int, same: float) -> str:
 
 
 def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
-    """The fastest curve that keeps all distances and regions, or none, and whether a way was planned.
+    """The fastest curve that satisfies all distances and regions, if any, and whether a path was planned.
 
-    Where the straight line touches nothing the fastest curve without obstacles may do so, too.
+    If the straight line is collision-free, so may be the fastest curve without obstacles.
     """
-    task.progress("ways round the obstacles" if task.problem.crowded else "the way through the regions")
+    task.progress("paths round the obstacles" if task.problem.crowded else "the path through the regions")
     planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
     first = list(islice(planned, 1))
     straight = bool(first) and task.problem.crowded and all(len(leg) == 2 for leg in first[0])
@@ -124,8 +124,8 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
 
 
 def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
-    """The fastest curve without obstacles, if it happens to keep all clearances."""
-    task.progress("the way without obstacles")
+    """The fastest curve without obstacles, if it keeps all clearances."""
+    task.progress("the motion without obstacles")
     free = task.about(task.problem.without_obstacles())
     best, constraints = refine_roughly(free, _guesses(free, 1)[0]), TightenedConstraints.of(task)
     if best is None:
@@ -136,17 +136,17 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
 
 
 def _trouble(task: Task, refined: RefinedCurve) -> bool:
-    """Whether another guess may lead to a better curve: this one did not converge, or had to be slowed down."""
+    """Whether another guess may lead to a better curve: this one did not converge, or was slowed down."""
     slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.hopeless
     return not refined.solved.converged or refined.excess > most or slowed > most
 
 
 def _guesses(task: Task, count: int) -> list[Curve]:
-    """Initial guesses: the straight way, the options' guesses, then ways through random poses.
+    """Initial guesses: the straight path, the options' guesses, then paths through random poses.
 
     Args:
-        task: any problem.
-        count: guesses besides the options'.
+        task: the problem and its settings.
+        count: number of guesses besides the options'.
     """
     problem, numbers, options = task.problem, task.policy.curves, task.options
     guesses = [straight_curve(task, numbers.intervals)]
@@ -161,11 +161,11 @@ def _guesses(task: Task, count: int) -> list[Curve]:
 
 
 def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedCurve]:
-    """The curves that guesses lead to; rough ones where they are refined further later."""
+    """The guesses' refined curves; rough ones if they are refined again later."""
     if len(guesses) < 2:
         return [refine_curve(task, guess, rough) for guess in guesses]
     task.progress(f"{len(guesses)} guesses")
-    prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # workers know what was built before
+    prepare_curve(task, guesses[0], CurveSpec(TightenedConstraints.of(task)))  # built before the fork, for all workers
     found = []
     jobs = [partial(refine_curve, task, guess, rough) for guess in guesses]
     for one in in_processes(jobs, task.workers):
@@ -177,7 +177,7 @@ def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedC
 
 
 def _enough(task: Task, refined: RefinedCurve) -> bool:
-    """Whether other guesses cannot improve the curve: a proven bound is near."""
+    """Whether a near lower bound makes further guesses useless."""
     if not constraints_mended(task, refined.reports) or _trouble(task, refined):
         return False
     bound = task.lower_bound()
@@ -189,8 +189,8 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
     share, duration = task.options.calm, fastest.curve.duration
     if not _calms(task) or task.stop or not fastest.solved.converged:
         return _landed(task, settled(task, fastest))
-    task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that are given for calm joints")
-    calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # beside the bound's process
+    task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that may be spent on calm joints")
+    calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # parallel to the bound
     bound = task.lower_bound()
     if bound is not None and duration <= (1 + GAP_TOLERANCE) * bound < (1 + share) * duration:
         share, calm = (1 + GAP_TOLERANCE) * bound / duration - 1, None
@@ -198,13 +198,13 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
 
 
 def _calms(task: Task) -> bool:
-    """Whether the options allow extra time for calm joints."""
+    """Whether the options allow time for calm joints."""
     problem = task.problem
     return task.options.calm > 0 and not (problem.pays_effort or problem.crowded or problem.regional)
 
 
 def _no_way(task: Task) -> Attempt:
-    """No way round the obstacles was found."""
+    """Attempt without a collision-free path."""
     motion, intervals = spline(task.problem, []), task.policy.curves.intervals
     if task.stop:
         return Attempt.unbegun(task.stop, motion, intervals)
@@ -212,7 +212,7 @@ def _no_way(task: Task) -> Attempt:
 
 
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:
-    """A curve whose torques exceed their limits at any pace."""
+    """Attempt of a curve whose torques exceed their limits at any pace."""
     problem, result = task.problem, refined.solved.result
     motion = refined.curve.trajectory(problem.robot)
     hold, limits = problem.holding_torque(), problem.limits
@@ -220,17 +220,17 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
     message, j = result.message, int(np.argmax(over))
     if result.status is Status.SOLVED:
         beyond = f"exceed their limits by {percent(refined.excess)} between its points"
-        message = f"a curve of {motion.duration:.4g} s is the best; its torques, or how fast they change, {beyond}"
+        message = f"a curve of {motion.duration:.4g} s is the best; its torques, or their rates, {beyond}"
     if over[j] > 0:
         name, most = problem.robot.joint_names[j], abs(hold[j]) - over[j]
-        message += f"; joint {name!r} takes {abs(hold[j]):.3g} to be held at the goal, of {most:.3g} N m or N"
+        message += f"; joint {name!r} needs {abs(hold[j]):.3g} of {most:.3g} N m or N to be held at the goal"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
     worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
     return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
 
 
 def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
-    """The limits that decide a curve's duration, by the multipliers of its program, most first."""
+    """The limits that decide a curve's duration, by its program's multipliers, largest share first."""
     problem, solved, shape = task.problem, refined.solved, refined.solved.shape
     if problem.pays_effort or not solved.converged:
         return ()
@@ -259,7 +259,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
 
 
 def _heating(task: Task, refined: RefinedCurve) -> dict[str, Array]:
-    """Elasticities of the duration by continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
+    """Elasticities of the duration in the continuous torques L, shape (nv,), from the rows ∫ (τ/L)² dt - T ≤ …."""
     solved, found, end = refined.solved, dict[str, Array](), 0
     place, legs = CurveInterval(task.dynamics, task.scheme.compile), solved.shape.intervals
     rms_limits = (each for each in refined.spec.constraints.path_constraints if isinstance(each, RmsTorque))
@@ -279,10 +279,10 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     """Replay a curve's motion."""
     problem, curve = task.problem, refined.curve
     task.progress(f"replaying a motion of {curve.duration:.6f} s")
-    if can_be_slowed(problem):  # velocities leave room for the replay's error
+    if can_be_slowed(problem):  # velocities have a reserve for the replay's error
         fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
         curve = curve.slower(max((1 + task.policy.curves.off) * fastest, 1.0))
-    # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` judges by another integrator.
+    # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` uses another integrator.
     replay = follow(task, sampled(task, curve))
     # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
     for more in (1.0, task.policy.curves.slower_again) if can_be_slowed(problem) else ():

@@ -1,4 +1,4 @@
-"""Refine arcs, and offset their goal, until their replay reaches the original goal."""
+"""Terminal correction of arcs: offset their goal until the replay reaches the original goal."""
 
 from dataclasses import replace
 
@@ -22,11 +22,11 @@ from armdyn.trajectory import Trajectory
 
 
 def land(task: Task, phases: Phases) -> Optimum:
-    """Solve arcs until their replay is on the goal, and certify it.
+    """Solve arcs with an offset goal until their replay is on the goal; certify the replay.
 
     Args:
         task: the problem and its settings.
-        phases: a solution of its arcs.
+        phases: solved arcs.
     """
     phases, replay, resisted = _finer(task, phases)
     if not resisted:
@@ -35,11 +35,11 @@ def land(task: Task, phases: Phases) -> Optimum:
 
 
 def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
-    """An extremal with the error of its adjoint equations in its certificate, computed where it is not yet there.
+    """Add the adjoint equations' error to an extremal's certificate, unless it is known.
 
     Args:
         task: the problem and its settings.
-        optimum: landed.
+        optimum: a landed optimum.
     """
     known = optimum.certificate.adjoint_error is not None
     if optimum.phases is None or known or not optimum.certificate.extremal:
@@ -49,13 +49,13 @@ def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
 
 
 def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
-    """Offset an extremal's goal until the replay of its sampled torques reaches the original; certify it.
+    """Offset an extremal's goal until the replay of its sampled torques reaches the original goal; certify the replay.
 
     Args:
         task: the problem and its settings.
-        extremal: of it.
-        intervals: of the mesh that it was read from.
-        stop: asked before it is integrated in finer steps.
+        extremal: the extremal.
+        intervals: number of intervals of the mesh with its arcs.
+        stop: stopping condition, polled before finer integration.
     """
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     samples, least = 1, np.inf
@@ -76,14 +76,14 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) ->
                 or Segments.of(problem.robot, replay).largest <= SEGMENT_TOLERANCE / 2
             ):
                 break
-            samples = 2 * replay.t.size  # so fast that the replay's integrator is wrong in some
+            samples = 2 * replay.t.size  # too fast for the replay's integrator in some samples
             continue
         aim = aim.corrected(problem, replay)
     return Optimum.of(problem, replay, intervals, phases)
 
 
 def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
-    """Solve on finer meshes while the Hamiltonian strays; the replay, and the reason of a failure."""
+    """Solve on finer meshes while |H| is too large; the replay, and the reason of a failure."""
     numbers = task.policy.refinement
     finest = max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs))
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
@@ -111,6 +111,6 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_of(task, tried.torques)
         if replayed.t[-1] != tried.torques.t[-1]:
-            return best, replay, "the replay left what numbers can hold"
+            return best, replay, "the replay diverged"
         best, replay = tried, replayed
     return best, replay, ""

@@ -1,8 +1,8 @@
-"""Mesh refinement until the motion, not only its switches, is that of the optimum.
+"""Mesh refinement until the motion, not only its switching times, is the optimum's.
 
-`switch_mesh` finds brief switches. Here intervals are divided wherever torques constant in them cannot do what the
-optimum does: about jumps of a torque that is off its limits, along limits of velocity and position, from which a
-constant torque strays, and where collocation is not exact enough.
+`switch_mesh` locates brief switches. Here intervals are divided wherever piecewise constant torques cannot follow the
+optimum: at jumps of a torque off its limits, along limits of velocity and position, which a constant torque leaves, and
+where the collocation's error is large.
 """
 
 from collections.abc import Iterator
@@ -33,11 +33,11 @@ from armdyn.trajectory import Trajectory
 
 
 class ResolvedMotions:
-    """Results of resolved meshes of one problem; a solution near one already resolved is not resolved again.
+    """Cache of resolved meshes of one problem: similar solutions are resolved once.
 
     Attributes:
-        left: intervals times iterations that may still be solved: the same on every machine.
-        best: duration of the fastest certified motion of the problem [s]; infinite: none is known.
+        left: intervals times iterations left in the budget, the same on every machine.
+        best: duration of the fastest certified motion of the problem [s]; infinite: no such motion.
     """
 
     def __init__(self, numbers: MotionMeshPolicy) -> None:
@@ -46,28 +46,28 @@ class ResolvedMotions:
 
     @property
     def spent(self) -> bool:
-        """Whether no work is left except for divided meshes."""
+        """Whether the budget is spent, but for divided meshes."""
         return self.left < self._numbers.spare
 
     def spend(self, steps: float) -> None:
-        """Subtract integrator steps of structures from the work left."""
+        """Subtract integrator steps of structures from the budget."""
         self.left -= self._numbers.step * steps
 
     def beats(self, mesh: Attempt) -> bool:
-        """Whether the best certified motion is so much faster than a mesh's that the mesh need not be resolved."""
+        """Whether the best certified motion is so much faster than a mesh's motion that the mesh is skipped."""
         return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
 
     def usable_by(self, duration: float, tolerance: float) -> bool:
-        """Whether a motion that takes no longer is usable; tolerance: of its distance from the goal [rad or m]."""
+        """Whether a motion of at most this duration is usable; tolerance: of its goal error [rad or m]."""
         known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
         return any(one.usable(tolerance) for one in known)
 
     def add(self, first: Attempt, optimum: Optimum | None) -> None:
-        """Record the result of the solution on the first mesh; None if it had none."""
+        """Record the result of a solution on the first mesh; None: no result."""
         self._known.append((first, optimum))
 
     def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
-        """Result recorded for the same solution on the first mesh; None if there is none."""
+        """Recorded result of the same solution on the first mesh; None: not recorded."""
         for known, optimum in self._known:
             if len(distinct([known, first], same.resolved, same.apart)) == 1:
                 return (optimum,)
@@ -76,12 +76,12 @@ class ResolvedMotions:
 
 @dataclass(frozen=True)
 class _Margins:
-    """By how much a mesh's motion keeps within its limits, for what it does between its knots and for feedback.
+    """Margins by which a mesh's motion stays within its limits, for excesses between knots and for feedback.
 
     Attributes:
-        velocity: as a part of a limit of velocity.
-        position: as a part of a joint's range.
-        torque: as a part of a torque limit.
+        velocity: margin of velocities, as a part of the limits.
+        position: margin of positions, as a part of the joints' ranges.
+        torque: margin of torques, as a part of the limits.
     """
 
     velocity: float = 0.0
@@ -90,19 +90,19 @@ class _Margins:
 
 
 class _Meshes:
-    """Solutions on meshes, a little within limits of velocity.
+    """Solver of meshes with small margins of the velocity limits.
 
     Attributes:
         task: the problem and its settings.
-        resolved: whose work they are a part of.
-        tie: number of the tie that the last one took.
+        resolved: cache of resolved motions, with the budget.
+        tie: index of the tie of the last solution.
     """
 
     def __init__(self, task: Task, resolved: ResolvedMotions) -> None:
         self.task, self.resolved, self.tie = task, resolved, 0
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
-        """Rough solutions of one optimum on finer and finer meshes."""
+        """Rough solutions of one optimum on successively finer meshes."""
         numbers, within = self.task.policy.motion_mesh, self._within(_Margins())
         rough = replace(
             self.task.sharp(),
@@ -130,33 +130,33 @@ class _Meshes:
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
-        """Solve on the mesh of a rough solution; the rough one if that does not converge, or no work is left."""
+        """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
         if not self.worth(rough.mesh) or self.task.stop:
             return rough
         found = self._once(self._within(_Margins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
         return found if found.usable else rough
 
     def divided(self, attempt: Attempt, rough: Flags, margins: _Margins) -> Attempt | None:
-        """Solve on a mesh with some intervals, flags of shape (K,), divided; None if that fails, or no work is left."""
+        """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
         worth = np.any(rough) and knots.size <= numbers.most_again and self.worth(knots)
         return self.again(attempt, knots, margins) if worth else None
 
     def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
-        """Solve on other knots, within the limits by margins; None if that fails."""
+        """Solve on other knots, with margins of the limits; None without convergence."""
         if self.task.stop:
             return None
         found = self._solved(self._within(margins), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None
 
     def worth(self, knots: Array, spare: int = 0) -> bool:
-        """Whether the work left is more than enough for a mesh."""
+        """Whether the budget left is more than a mesh needs."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
     @property
     def _sharp(self) -> SolverSettings:
-        """Settings from a rough solution, or near a sharp one."""
+        """Settings from a rough solution, or for a start near a sharp one."""
         numbers = self.task.policy.motion_mesh
         return replace(
             self.task.sharp(),
@@ -168,7 +168,7 @@ class _Meshes:
         )
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
-        """A solution on a mesh; where joints are idle for long, so that none converges, with a larger tie."""
+        """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
         numbers, self.tie = self.task.policy.motion_mesh, tie
         found = self._once(task, guess, knots, settings, tie)
         if found.usable or self.task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
@@ -190,7 +190,7 @@ class _Meshes:
         fast = self.task.policy.motion_mesh.inside + margins.velocity
         weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, margins.torque, 0.0)
         whole, ends = limits.position_upper - limits.position_lower, problem.poses[[0, -1]]
-        room = margins.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as of `excesses`
+        room = margins.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as in `excesses`
         lower = np.minimum(limits.position_lower + room, np.min(ends, axis=0))
         upper = np.maximum(limits.position_upper - room, np.max(ends, axis=0))
         within = problem.variant(
@@ -202,7 +202,7 @@ class _Meshes:
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
-    """The attempt's knots, and more; where they would be too many, with a larger error of collocation."""
+    """The attempt's knots and further ones; with a larger collocation error if these would be too many."""
     more = _divided(task, attempt, numbers)
     return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.rough))
 
@@ -214,7 +214,7 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     level = (middle.tau - limits.actuators.center) / limits.actuators.scale
     off = np.abs(level) < 1 - task.policy.arcs.near
     jumps = np.pad(np.any(np.abs(np.diff(level, axis=0)) > numbers.jump, axis=1), 1)
-    parts = np.where(jumps[:-1] | jumps[1:], numbers.parts, 1.0)  # a switch on a knot may belong on either side
+    parts = np.where(jumps[:-1] | jumps[1:], numbers.parts, 1.0)  # a switch at a knot may be on either side
     brief = np.zeros(level.shape, bool)
     brief[1:-1] = off[1:-1] & (level[:-2] * level[2:] < 2 * task.policy.arcs.near - 1)
     alone = np.any(brief, axis=1) & (off.sum(axis=1) == 1)
@@ -228,13 +228,13 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     bow = np.maximum(bow, np.where(close, bows[1] / numbers.beyond, 0.0)).max(axis=1)
     shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
-    gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # of the fifth order; not known where a motion diverges
+    gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [_in_parts(knots, counts)]
     beside = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
-        share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # of the interval, before the switch
+        share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # part of the interval before the switch
         place = np.clip(share, numbers.margin, 1 - numbers.margin) + beside
         more.append(knots[k] + lengths[k] * place)
     found = np.unique(np.concatenate([knots, *more]))
@@ -243,23 +243,23 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
 
 
 def _in_parts(knots: Array, counts: Index) -> Array:
-    """Knots of a mesh after each interval is divided into `counts` equal parts."""
+    """Knots of a mesh with each interval divided into `counts` equal parts."""
     own = np.repeat(np.arange(counts.size), counts)
     part = np.arange(own.size) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
 def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions | None = None) -> Optimum | None:
-    """The motion of a resolved mesh, landed by multiple shooting, with what a change of it could save to first order.
+    """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
         task: the problem and its settings.
-        attempt: a solution near it.
-        remark: why its arcs are not known.
-        resolved: motions of the problem that are known; more are added.
+        attempt: a solution near the motion.
+        remark: reason for missing arcs.
+        resolved: cache of the problem's resolved motions, extended here.
 
     Returns:
-        None: no mesh converges, its motion does not land, or a certified one is much faster.
+        None if no mesh converges, the motion does not land, or a certified one is much faster.
     """
     resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
     meshes = _Meshes(task, resolved)
@@ -281,12 +281,12 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
 
 @dataclass(frozen=True, eq=False)
 class _Judged:
-    """The motion of a mesh, landed.
+    """Landed motion of a mesh, with the data for its refinement.
 
     Attributes:
         optimum: the motion, with its certificate.
-        saving: what a change of it saves at most, as a part of the duration; infinite: it is not known.
-        rough: intervals to be divided where it is nearly certified, shape (K,).
+        saving: bound on the first-order saving, as a part of the duration; infinite: unknown.
+        rough: intervals to divide if the motion is nearly certified, shape (K,).
     """
 
     optimum: Optimum
@@ -295,13 +295,13 @@ class _Judged:
 
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
-    """Best motion of a mesh, divided again and again until it is certified; None if none reaches the goal."""
+    """Best motion of a mesh, divided repeatedly until certified; None if none reaches the goal."""
     task, best, numbers = meshes.task, _judged(meshes.task, mesh, remark), meshes.task.policy.motion_mesh
     if best is None:
         return None
     for k in range(numbers.again):
         velocity, position = _excess(task, best.optimum)
-        margins = _Margins(velocity if k else 0.0, position)  # shorter intervals exceed limits by less
+        margins = _Margins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.rough, margins)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
@@ -314,9 +314,9 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
 
 
 def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: str) -> Optimum:
-    """Solve on the same mesh, further within the limits, until the motion is usable; the motion before if none is.
+    """Solve on the same mesh with larger margins until the motion is usable; the motion before if none is.
 
-    A motion that grows can only be repeated under feedback, and torques on their limits leave it none.
+    An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
     """
     task, margins, last, near = meshes.task, _Margins(), optimum, meshes.task.options.replay_tolerance
     if meshes.resolved.usable_by(optimum.cost, near):
@@ -336,7 +336,7 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: st
 
 
 def _excess(task: Task, optimum: Optimum) -> tuple[float, float]:
-    """Excess over limits of velocity and of position, as parts of these; of position 0 within its tolerance."""
+    """Excess over limits of velocity and of position, as parts of these; 0 for positions within tolerance."""
     _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
     return velocity, position if position > LIMIT_TOLERANCE else 0.0
 
@@ -349,7 +349,7 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
     shot = motion.trajectory(problem.robot.joint_names)
     replay = replay_of(task, shot)
     found = Optimum.of(problem, replay, len(motion.tau), None, remark)
-    if not found.certificate.on_goal:  # it grows by more than rounding bears: `proof.repeat` judges it by its segments
+    if not found.certificate.on_goal:  # unstable beyond rounding: `proof.repeat` checks its segments
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau), None, remark)
     costates = mesh_costates(problem, motion, replay, task.policy)
     rough = _rough(task, motion, replay, costates)
@@ -366,12 +366,12 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
             costate=costates.costate,
             switching=costates.switching,
         )
-    certificate = repeated(problem, found.trajectory, certificate)  # where nothing repeats it another optimum is sought
+    certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
     return _Judged(replace(found, certificate=certificate), saving, rough)
 
 
 def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
-    """Intervals to divide where a motion is nearly certified: those with most of its saving, or beyond a limit."""
+    """Intervals to divide of a nearly certified motion: those with most of the saving, or beyond a limit."""
     numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
     beyond = excesses(task.problem.limits, replay)
     if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:

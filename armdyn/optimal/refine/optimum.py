@@ -1,4 +1,4 @@
-"""An optimum refined."""
+"""Refined and replayed optimum."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -20,17 +20,17 @@ class Optimum:
     """A motion with its replay, certificate and cost.
 
     Attributes:
-        trajectory: replayed torques: states and torques fit each other to the integrator's tolerance.
-        certificate: of it.
-        cost: what it is judged by [s].
-        intervals: of the mesh that it was read from.
-        phases: its arcs; None: they could not be resolved, and the certificate says why.
-        iterations: of IPOPT.
-        worst_violation: of the mesh's solution, if that did not converge.
-        reports: the path constraints, if there are any.
-        via_times: when it passes the via points [s].
-        decides: how much of the time each limit decides, most first, where there are no arcs that say so.
-        calm: time that was given for calm joints [s].
+        trajectory: replay: states and torques are consistent to the integrator's tolerance.
+        certificate: certificate of the motion.
+        cost: objective J [s].
+        intervals: number of intervals of its mesh.
+        phases: solved arcs; None: not resolved, with the reason in the certificate.
+        iterations: iterations of IPOPT.
+        worst_violation: worst violation of the mesh's solution, if it did not converge.
+        reports: reports on the path constraints, if there are any.
+        via_times: times of the via points [s].
+        decides: share of the time that each limit decides, largest first; for motions without arcs.
+        calm: time spent on calm joints [s].
     """
 
     trajectory: Trajectory
@@ -55,14 +55,14 @@ class Optimum:
         remark: str = "",
         **more: Any,
     ) -> Self:
-        """A replay with its certificate and its cost J.
+        """Make an optimum from a replay, with its certificate and its cost J.
 
         Args:
-            problem: that it solves.
-            replay: whose states are what its torques lead to.
-            intervals: of the mesh that it was read from.
-            phases: its arcs; None: they are not known.
-            remark: why not.
+            problem: the minimum-time problem.
+            replay: replay: its states follow from its torques.
+            intervals: number of intervals of its mesh.
+            phases: solved arcs; None: not resolved.
+            remark: reason for missing arcs.
             more: other attributes.
         """
         motion = replace(replay, name="minimum time")
@@ -71,12 +71,12 @@ class Optimum:
 
     @property
     def error(self) -> float:
-        """The worst error: distance from the goal [rad or m], or excess over a limit as a part of it."""
+        """Largest error: goal error [rad or m], or excess over a limit as a part of it."""
         return max(self.certificate.goal_error, self.certificate.limit_violation)
 
     @property
     def within_limits(self) -> bool:
-        """Whether its replay keeps all limits of torque, velocity and position."""
+        """Whether the replay satisfies all limits of torque, velocity and position."""
         return self.certificate.keeps_limits
 
     @property
@@ -85,11 +85,11 @@ class Optimum:
         return self.reports.reasons if self.reports else ()
 
     def landed(self, tolerance: float) -> bool:
-        """Whether its replay ends within a tolerance of the goal [rad or m], as of `Certificate.ends_within`."""
+        """Whether the replay ends within a tolerance of the goal [rad or m], see `Certificate.ends_within`."""
         return self.certificate.ends_within(tolerance)
 
     def usable(self, tolerance: float) -> bool:
-        """Whether its replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""
+        """Whether the replay ends within a tolerance of the goal [rad or m], within all limits and path constraints."""
         return self.landed(tolerance) and self.within_limits and not self.missed
 
 
@@ -97,7 +97,7 @@ def trajectory_cost(motion: Trajectory, weight: ArrayLike) -> float:
     """J = ∫ (1 + ½ Σ wᵢ τᵢ²) dt [s], exact for linear and held torques.
 
     Args:
-        motion: of which times and torques count.
+        motion: motion with times and torques.
         weight: w [1/(N m)²], one number or one per joint.
     """
     a, b = motion.tau[:-1], motion.tau_end

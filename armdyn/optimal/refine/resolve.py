@@ -1,4 +1,4 @@
-"""From a mesh's solution to its arcs: the structure whose switching functions agree with its modes."""
+"""From a mesh's solution to its arcs: the switching structure whose switching functions agree with its modes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -43,28 +43,28 @@ def resolve(
     Args:
         task: the problem and its settings.
         attempt: a collocation solution with constant torques between its knots.
-        budget: of the integrator's steps that may be spent; None: as many as it takes.
-        resolved: motions that meshes of the problem were resolved to; more are added. None: none.
+        budget: budget of integrator steps; None: unlimited.
+        resolved: cache of the problem's resolved motions, extended here; None: no cache.
     """
     known = list[Optimum]()
     for found in _optima(task, attempt, Budget(task.stop) if budget is None else budget, resolved):
         known += found
         if certified := [one for one in found if one.certificate.ok]:
             return min(certified, key=partial(rank, task))
-    # Arcs that are not certified are worth having only if their motion is the better one.
+    # Uncertified arcs are kept only if their motion is the better one.
     return min(known, key=partial(rank, task))
 
 
 def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions | None) -> Iterator[list[Optimum]]:
     """Motions near a mesh's solution, in turn: extremals, the resolved mesh's motion, the mesh's own motion.
 
-    Extremals of a structure that has not settled come with those that it settles to: one of them may be certified, too,
-    and be faster by what the certificate does not see.
+    Extremals of an unsettled structure are yielded with those of the structures it settles to: an earlier one may also
+    be certified, and faster within the certificate's tolerance.
     """
     if task.stop:
         yield [_of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")]
         return
-    fast = _at_speed(task, attempt.trajectory)  # there structures rarely settle, and the mesh's motion does sooner
+    fast = _at_speed(task, attempt.trajectory)  # structures rarely settle there; the mesh's motion converges sooner
     begun = budget.left
     numbers = task.policy.refinement
     found = _by_switching(task, attempt, budget, numbers.sharp_at_speed if fast else numbers.sharp)
@@ -73,7 +73,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
         found = found.again(budget)
         extremals += _landed(task, found, attempt, budget)
     yield extremals
-    # Else a finer mesh may show a structure yet.
+    # Else a finer mesh may still show a structure.
     last = budget.left <= numbers.glance or 2 * attempt.intervals > task.options.max_intervals
     if fast and resolved is not None:
         resolved.spend(begun - budget.left)
@@ -86,21 +86,21 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
         found = found.again(budget)
         yield _landed(task, found, attempt, budget)
     if motion is not None and motion.within_limits:
-        budget.spend(budget.left)  # what a resolved motion lacks no other mesh has
+        budget.spend(budget.left)  # no other mesh is better than a resolved motion
         return
     yield [own := _of_mesh(task, found.mesh, found.why)]
-    if found.mesh is not attempt and rank(task, own)[0]:  # equal intervals may land where located switches do not
+    if found.mesh is not attempt and rank(task, own)[0]:  # equal intervals may land although located switches do not
         yield [_of_mesh(task, attempt, found.why)]
 
 
 def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
-    """Motion of a mesh's solution, corrected to reach the goal where that is possible."""
+    """Motion of a mesh's solution, corrected to reach the goal if possible."""
     return Optimum.of(task.problem, replay_on_goal(task, mesh), mesh.intervals, None, remark)
 
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:
-    """The best extremals, corrected to reach the goal, until one keeps its limits."""
-    rest = budget if found.settled else Budget(task.stop, 0)  # what is no extremal, finer steps do not make one
+    """The best extremals, corrected to reach the goal, until one is within its limits."""
+    rest = budget if found.settled else Budget(task.stop, 0)  # finer steps turn nothing into an extremal
     landed: list[Optimum] = []
     for extremal in found.extremals[: task.policy.refinement.landed_of]:
         landed.append(land_extremal(task, extremal, attempt.intervals, rest))
@@ -110,7 +110,7 @@ def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) ->
 
 
 def _at_speed(task: Task, motion: Trajectory) -> bool:
-    """Whether a motion reaches a velocity limit, which extremals know nothing of."""
+    """Whether a motion reaches a velocity limit, which the switching structures do not model."""
     near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
     return bool(np.any(np.abs(motion.v) >= near))
 
@@ -119,8 +119,8 @@ def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
     """Sort key: first the optima that reach the goal within their limits, by duration; then the others, by error.
 
     Args:
-        task: what is solved.
-        optimum: replayed.
+        task: the problem and its settings.
+        optimum: a replayed optimum.
     """
     factor = least_slowing(task, optimum)
     good = optimum.certificate.goal_error <= GOAL_TOLERANCE and factor <= task.policy.refinement.slower
@@ -128,9 +128,9 @@ def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
 
 
 def _arcs_of(task: Task, attempt: Attempt) -> list[Arc]:
-    """Read arcs off a mesh's torques and states."""
+    """Detect arcs from a mesh's torques and states."""
     policy, equal = task.policy, attempt.knots is None
-    # The torques of a fine mesh need not be on their limits where time hardly tells.
+    # A fine mesh's torques may be off their limits where the duration hardly depends on them.
     switch = max(policy.arcs.switch, attempt.intervals // policy.refinement.blur) if equal else policy.arcs.switch
     brief, near = (0.0, policy.arcs) if equal else (policy.arcs.brief, policy.arcs.at_switches)
     return detect(task.problem, attempt.trajectory, attempt.mesh, switch, near, brief)
@@ -141,12 +141,12 @@ class _Resolved:
     """Results of the switching structures tried for a mesh's solution.
 
     Attributes:
-        shooting: their shooting problem.
-        tried: what each has led to, with its sort key, best first.
+        shooting: shooting problem of the structures.
+        tried: result of each structure, with its sort key, best first.
         first: structures of equal intervals.
         sharp: structures of a mesh refined at its switches.
-        mesh: that mesh's solution, where it was needed; else the one on equal intervals.
-        reached: where a budget ended the last one; None: it came to an end.
+        mesh: solution on the refined mesh if needed, else on equal intervals.
+        reached: state of the last structure when its budget ended; None: it finished.
     """
 
     shooting: ShootingProblem
@@ -158,30 +158,30 @@ class _Resolved:
 
     @property
     def settled(self) -> bool:
-        """Whether the best is an extremal that leaves no joint idle."""
+        """Whether the best result is an extremal without idle joints."""
         return bool(self.tried) and not self.tried[0][0][0]
 
     @property
     def idle(self) -> bool:
-        """Whether the best leaves a joint idle."""
+        """Whether the best result has an idle joint."""
         best = self.tried[0][1].extremal if self.tried else None
         return best is not None and leaves_idle(best, SWITCHING_TOLERANCE)
 
     @property
     def extremals(self) -> tuple[Extremal, ...]:
-        """Motions within their limits, extremals first, each by duration; none: nothing lands, or a joint is idle."""
+        """Motions within their limits, extremals first, each by duration; empty: nothing lands, or a joint is idle."""
         found = tuple(one.extremal for _, one in self.tried if one.extremal is not None)
         return () if found and leaves_idle(found[0], SWITCHING_TOLERANCE) else found
 
     @property
     def why(self) -> str:
-        """Violated condition of the best structure, in words; "": none."""
+        """Violated condition of the best structure, in words; empty without any."""
         if not self.tried:
             return "no structure was read"
         return _IDLE if self.idle else self.tried[0][1].why
 
     def with_tried(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
-        """Add the result of a structure, within a part of a budget."""
+        """Add the result of a structure, found within a part of a budget."""
         granted = min(budget.left, most)
         own = Budget(budget, granted)
         refined = refine_extremal(replace(self.shooting, budget=own), structure, own)
@@ -190,7 +190,7 @@ class _Resolved:
         return replace(self, tried=sorted(tried, key=lambda one: one[0]), reached=refined.reached)
 
     def again(self, budget: Budget) -> "_Resolved":
-        """Try the first structures with the budget that is left, then continue the last other one where it ended."""
+        """Retry the first structures with the rest of the budget, then continue the last other one."""
         found, reached = self, self.reached if self.sharp else None
         for structure in [*self.first, *([] if reached is None else [reached])]:
             if not (found.settled or budget):
@@ -199,15 +199,15 @@ class _Resolved:
 
 
 def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: int) -> _Resolved:
-    """The extremal that a structure leads to when it is corrected, or the nearest motions.
+    """The extremal of a corrected structure, or the nearest motions.
 
     Structures of equal intervals come first, then those of a mesh refined at its switches.
 
     Args:
         task: the problem and its settings.
         attempt: a solution on equal intervals.
-        budget: of all structures.
-        sharp_budget: of one of a refined mesh; 0: none is tried.
+        budget: budget of all structures.
+        sharp_budget: budget of one structure of a refined mesh; 0: no such structure is tried.
     """
     numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory)
     found = _Resolved(shooting, [], list(_structures(task, shooting, attempt)), [], attempt)
@@ -225,7 +225,7 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: in
 
 
 def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterator[SwitchingStructure]:
-    """Read switching structures off a mesh's arcs."""
+    """Switching structures from a mesh's arcs."""
     return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
 
 
@@ -236,6 +236,6 @@ def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, fl
     if leaves_idle(refined.extremal, SWITCHING_TOLERANCE):
         return True, refined.extremal.structure.duration
     wrong = refined.wrong
-    if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be mended are not in it
+    if wrong <= SWITCHING_TOLERANCE:  # contacts that could not be corrected are not included
         wrong = pontryagin(shooting.problem, phases_of(refined.extremal))[2]
     return wrong > SWITCHING_TOLERANCE, refined.extremal.structure.duration

@@ -1,4 +1,4 @@
-"""A motion that exceeds a limit, along the same path at the highest pace that keeps all of them."""
+"""Slow a motion down along its path to the highest pace within all limits."""
 
 from dataclasses import replace
 
@@ -17,15 +17,15 @@ from armdyn.trajectory import Trajectory
 
 
 def slowed(task: Task, optimum: Optimum) -> Optimum:
-    """Slow an optimum down by the smallest factor with which its replay keeps all limits and constraints.
+    """Slow an optimum down by the smallest factor for which its replay satisfies all limits and constraints.
 
-    Every strategy ends here. The optimum itself, arcs and all, comes back where it exceeds nothing, does not land,
-    cannot be slowed down (`can_be_slowed`), or where no slower motion keeps what it exceeds: limits of positions,
+    Every strategy ends with this step. The optimum is returned unchanged, with its arcs, if it exceeds no limit, does
+    not land, cannot be slowed down (`can_be_slowed`), or violates what no slower motion satisfies: position limits,
     clearances, via points.
 
     Args:
         task: the problem and its settings.
-        optimum: replayed and certified.
+        optimum: a replayed and certified optimum.
     """
     numbers, factor = task.policy.refinement, least_slowing(task, optimum)
     if factor == 1 or not (np.isfinite(factor) and can_be_slowed(task.problem)):
@@ -46,7 +46,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
 
 
 def least_slowing(task: Task, optimum: Optimum) -> float:
-    """Factor on the duration with which the motion would keep all limits; 1 if it does, inf if none is known."""
+    """Factor on the duration for which the motion satisfies all limits; 1 if it does already, inf if unknown."""
     limits, motion = task.problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
         return np.inf

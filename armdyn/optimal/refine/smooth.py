@@ -1,7 +1,7 @@
-"""Time-energy optima by the direct method, which the indirect one starts from, too.
+"""Time-energy optima by the direct method, which also starts the indirect one.
 
-With a weight on effort the torque is continuous where no limit of a state is met, so that there are few arcs to
-find, but there are several local optima, and J = ∫ (1 + w/2 τᵀτ) dt tells them apart, not the duration.
+With a weight on effort the torque is continuous off the state limits, so that there are few arcs. There are several
+local optima, compared by J = ∫ (1 + w/2 τᵀτ) dt, not by duration.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,14 +29,14 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _LAST = 1e3
-"""Times its J is what a lead promises that is taken up after all others."""
+"""Multiple of its J that a lead promises if it is to be taken up after all others."""
 
 
 def time_energy(task: Task) -> tuple[list[Optimum], Found]:
-    """Optima sorted by their costs, replayed until one reaches the goal, and the search that found them.
+    """Optima by cost, replayed until one reaches the goal, and the search's statistics.
 
     Args:
-        task: with a weight on effort. Guesses of its options are looked at before what its search finds.
+        task: task with a weight on effort. The guesses of its options come before the search's.
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
     given = [_Lead(0.0, guess) for guess in options.guesses]
@@ -59,8 +59,8 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
 def _landed(task: Task, phases: Phases) -> Optimum:
     """Replay an optimum, and check its costates by the adjoint equations along the replay.
 
-    Torques of the replay are lines between samples. Where motions diverge fast that is another motion soon: finer
-    intervals and more samples bring it near.
+    The replay's torques are linear between samples. In strongly unstable motions this interpolation error matters:
+    finer intervals and more samples reduce it.
     """
     optimum = with_adjoint_check(task, land(task, phases))
     if (optimum.certificate.adjoint_error or 0.0) > ADJOINT_TOLERANCE and not task.stop:
@@ -73,16 +73,16 @@ def _landed(task: Task, phases: Phases) -> Optimum:
 
 
 def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...], tuple[Attempt, ...]]:
-    """Different local optima from many guesses.
+    """Distinct local optima from many guesses.
 
     Args:
-        task: with a weight on effort.
-        starts: guesses of the search, the first of them straight.
-        most: so many optima at most.
+        task: task with a weight on effort.
+        starts: number of guesses of the search, the first of them straight.
+        most: largest number of optima.
 
     Returns:
-        Optima, the one of least J first, with costates from the multipliers; and what they were found among, which
-        says, if there are none, where those that converged on a coarse mesh have failed.
+        Optima by J, with costates from the multipliers; and the attempts, which tell, without optima, where those that
+        converged on a coarse mesh failed.
     """
     problem, attempts = task.problem, _searched(task, starts)
     found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most] if not task.stop]
@@ -104,7 +104,7 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
 
 
 def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
-    """Reports of attempts that led to no optimum, the most informative first."""
+    """Reports of attempts without an optimum, the most informative first."""
     reported = [*resisted, *attempts]
     if task.stop:
         reported.insert(0, replace(reported[0], status=task.stop.status, message=task.stop.word))
@@ -114,14 +114,14 @@ def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt
 def _failed(task: Task, phases: Unresolved) -> Attempt:
     """A coarse optimum that did not converge on the fine mesh, as an attempt there."""
     intervals = task.policy.smooth.fine
-    message = f"what converged on a coarse mesh does not on {intervals} intervals ({phases.message})"
+    message = f"the coarse optimum did not converge on {intervals} intervals ({phases.message})"
     return Attempt(phases.status, message, phases.last.torques, intervals, phases.iterations, None)
 
 
 def _no_optimum(phases: Phases, stray: float) -> Attempt:
-    """Report of an attempt that converged, but on no mesh becomes an optimum."""
+    """Report of an attempt that converged, but to no optimum on any mesh."""
     size = phases.arc_of.size
-    message = f"what converged on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
+    message = f"the solution on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
     return Attempt(Status.FAILED, message, phases.torques, size, phases.iterations, None)
 
 
@@ -129,8 +129,8 @@ def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
     """The optimum near a guess by Radau IIA of high order, with its multipliers.
 
     Args:
-        task: with a weight on effort.
-        guess: the motion to start from.
+        task: task with a weight on effort.
+        guess: the initial guess.
     """
     modes = tuple(Mode.PASSIVE if idle else Mode.FREE for idle in task.problem.limits.passive)
     arc = Arc(guess.duration, modes)
@@ -142,8 +142,8 @@ class _Lead:
     """An attempt that may lead to an optimum.
 
     Attributes:
-        promise: J [s], as low as it may yet be; 0: nothing is known of it.
-        motion: of a coarse mesh or of a similar problem, or solved by the high order.
+        promise: lower estimate of its J [s]; 0: unknown.
+        motion: solution on a coarse mesh, of a similar problem, or of high order.
     """
 
     promise: float
@@ -151,12 +151,12 @@ class _Lead:
 
 
 class _Settling:
-    """Best-first refinement of leads: the most promising one is solved again until none promises more.
+    """Best-first refinement of leads: the one of least promise is solved again until none promises less J.
 
-    Coarse meshes promise more than there is, and only what promises most is worth a finer one.
+    Coarse meshes underestimate J, and only the best promise is worth a finer mesh.
 
     Attributes:
-        failed: leads that have come to nothing.
+        failed: leads that failed.
     """
 
     def __init__(self, task: Task, leads: Sequence[_Lead]):
@@ -171,9 +171,9 @@ class _Settling:
         return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
 
     def optima(self) -> Iterator[Phases]:
-        """Optima whose mesh and structure are good enough to be replayed, that of least J first.
+        """Optima whose mesh and structure are good enough for a replay, by J.
 
-        Where there are none, the two best of those on whose meshes nothing improves, or the best under way.
+        Without any, the two best of those whose meshes cannot be improved, or the best so far.
         """
         numbers = self._task.policy.smooth
         for _ in range(numbers.steps + len(self._waiting)):
@@ -195,7 +195,7 @@ class _Settling:
         return sorted(optima, key=lambda phases: cost(self._task.problem, phases))
 
     def _resolve(self, motion: Trajectory, promise: float) -> None:
-        """Solve a lead on the mesh of high order, unless it leads to a known optimum."""
+        """Solve a lead on the mesh of high order, unless it is near a known optimum."""
         found, problem, numbers = resolved_near(self._task, motion), self._task.problem, self._task.policy.smooth
         if isinstance(found, Unresolved):
             self.failed.append(_failed(self._task, found))
@@ -208,7 +208,7 @@ class _Settling:
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
     def _improve(self, best: Phases, stray: float) -> None:
-        """Try another structure, or a finer mesh; give the attempt up where neither converges."""
+        """Try another structure, or a finer mesh; give the lead up if neither converges."""
         numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
         better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
         if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
@@ -222,7 +222,7 @@ class _Settling:
 
 
 def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
-    """Solve the structure that the multipliers imply; None: there is none, or it is no better."""
+    """Solve the structure that the multipliers imply; None: no such structure, or not better."""
     arcs = task.policy.arcs
     required = (
         without_vanished(phases, arcs) or with_overlooked(task.problem, phases, arcs) or without_idle_touches(phases)
@@ -234,7 +234,7 @@ def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
 
 
 def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: float) -> Phases | Unresolved:
-    """Arcs on a mesh, from a solution that is near; an artefact says nothing of where to look."""
+    """Solve arcs on a mesh from a near solution; an artefact's density is not used."""
     numbers = task.policy.smooth
     density = near.density if stray < numbers.artefact else None
     size = max(size, 3 * len(arcs))
@@ -254,7 +254,7 @@ def cost(problem: MinimumTimeProblem, phases: Phases) -> float:
 
 
 def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
-    """Motions of usable attempts, no two the same, by J."""
+    """Motions of usable attempts, distinct, by J."""
     problem, same = task.problem, task.policy.same.coarse_cost
     paid = [(trajectory_cost(a.trajectory, problem.effort_weight), a.trajectory) for a in attempts if a.usable]
     paid.sort(key=lambda one: one[0])

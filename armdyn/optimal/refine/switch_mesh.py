@@ -1,9 +1,9 @@
 """Mesh refinement at the switches: knots close in on the times at which torques leave their limits.
 
-On a mesh of equal intervals a torque that switches within an interval is somewhere between its limits there, and the
-state is off by the square of the interval's length. The mean torque says where in the interval it switches: knots are
-put about that time, a tenth of the interval apart, and the program is solved again from its solution. Where a singular
-arc or a contact begins or ends, the torque beside the interval is continued into it by a line.
+On a mesh of equal intervals a torque that switches within an interval has a mean value between its limits there, and
+the state's error is quadratic in the interval's length. The mean gives the switching time: knots are inserted around
+it, a tenth of the interval apart, and the program is solved again from its solution. At the ends of a singular arc or a
+contact the torque next to the interval is extrapolated linearly into it.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,10 +22,10 @@ from armdyn.trajectory import Trajectory
 
 
 def at_switches(task: Task, attempt: Attempt) -> Attempt:
-    """Solve an optimum on meshes refined at its switches; the attempt itself where none converges.
+    """Solve an optimum on meshes refined at its switches; the attempt itself if none converges.
 
     Args:
-        task: its problem; torques are constant in the intervals.
+        task: task with torques constant in the intervals.
         attempt: a solution on equal intervals.
     """
     numbers = task.policy.switch_mesh
@@ -49,15 +49,15 @@ def on_finer_meshes(
     solve: Callable[[Trajectory, Array], Attempt],
     finer: Callable[[Attempt], Array],
 ) -> Iterator[Attempt]:
-    """Solutions of one optimum on finer and finer meshes, until one is not usable or none is finer.
+    """Solutions of one optimum on successively finer meshes, until one is not usable or no mesh is finer.
 
     Args:
-        task: of the solutions; once it is to stop, the last one does not count.
+        task: the problem and its settings; after a stop the last solution is dropped.
         attempt: a solution near the first.
         knots: of the first mesh as parts of the duration, shape (N + 1,).
-        numbers: how many meshes, how many knots, and what is another optimum.
-        solve: from a guess and knots to a solution.
-        finer: from a solution to its knots, and more.
+        numbers: numbers of meshes and knots, and the tolerance for another optimum.
+        solve: maps a guess and knots to a solution.
+        finer: maps a solution to its knots and further ones.
     """
     near = attempt
     for _ in range(numbers.rounds):
@@ -73,7 +73,7 @@ def on_finer_meshes(
 
 
 def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
-    """The attempt's knots, and more about the switches, as parts of the duration."""
+    """The attempt's knots and further ones around the switches, as parts of the duration."""
     limits, knots = task.problem.limits, attempt.mesh
     lengths = np.diff(knots)
     middle = attempt.trajectory(attempt.trajectory.duration * (knots[:-1] + knots[1:]) / 2)
@@ -93,7 +93,7 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
 
 
 def _beyond_limits(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
-    """Times at which a position limit is exceeded between the points that keep it, as parts of the duration."""
+    """Times at which a position limit is exceeded between the mesh's points, as parts of the duration."""
     limits, knots, motion = task.problem.limits, attempt.mesh, attempt.trajectory
     lengths = np.diff(knots)
     points = (knots[:-1, None] + lengths[:, None] * np.array([0.25, 0.75]))[lengths > numbers.least].ravel()
@@ -104,13 +104,13 @@ def _beyond_limits(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> A
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Intervals in a row on which a joint's torque is on no limit.
+    """Consecutive intervals on which a joint's torque is on no limit.
 
     Attributes:
-        knots: of them, as parts of the duration, shape (k + 1,).
+        knots: knots as parts of the duration, shape (k + 1,).
         level: torques from -1 at the lower to 1 at the upper limit, shape (k,).
-        before: limit that the torque is on before, -1 or 1; 0: the motion starts there.
-        after: the same afterwards; 0: the motion ends there.
+        before: active torque limit before, -1 or 1; 0: the motion starts there.
+        after: active torque limit after, -1 or 1; 0: the motion ends there.
     """
 
     knots: Array
@@ -125,17 +125,17 @@ class _Stretch:
         return cls(knots[run[0] : run[-1] + 2], level[run], float(before), float(after))
 
     def switches(self) -> list[float]:
-        """Times at which full torques of the same mean switch."""
+        """Switching times of bang-bang torques with the same mean."""
         before = self.before or -self.after or 1.0
         after, lengths = self.after or -before, np.diff(self.knots)
-        away = (before - self.level) / (2 * before) * lengths  # of the time, on the other limit
+        away = (before - self.level) / (2 * before) * lengths  # time on the other limit
         if before != after:
             return [float(self.knots[-1] - np.sum(away))]
         centre = np.sum(away * (self.knots[:-1] + self.knots[1:]) / 2) / np.sum(away)
         return [float(centre + side * np.sum(away) / 2) for side in (-1, 1)]
 
     def ends(self) -> list[float]:
-        """Times at which the torque leaves its limit and comes to the next one."""
+        """Times at which the torque leaves its limit and reaches the next one."""
         begin = _left(self.level, np.diff(self.knots), self.before)
         end = _left(self.level[::-1], np.diff(self.knots)[::-1], self.after)
         return [

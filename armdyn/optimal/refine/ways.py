@@ -1,4 +1,4 @@
-"""Curves among obstacles: planned ways, the fastest of them on a coarse mesh, refined on a fine one."""
+"""Curves among obstacles: planned paths, compared on a coarse mesh, the fastest refined on a fine one."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, PlannerOptions, plan_paths
 
 Way = list[Array]
-"""For each leg a path, shape (n, nv) [rad or m]."""
+"""Path of each leg, shape (n, nv) [rad or m]."""
 
 _TURN = np.pi
-"""Bounds of a joint without limits, beyond its given poses [rad or m]: half a turn either way."""
+"""Range of a joint without limits around its given poses [rad or m]: half a turn in both directions."""
 _LINE = 17
-"""Joint positions of a line in a region: of one of 0.3 m 19 mm apart."""
+"""Number of joint positions of a line in a region: 19 mm apart for a line of 0.3 m."""
 _FASTEST = 3.2
-"""Velocity limit [rad/s or m/s] above which all are scaled down, lest collision checks be more than 0.064 rad apart."""
+"""Velocity limit [rad/s or m/s] above which all are scaled down, to keep collision checks within 0.064 rad."""
 NO_WAY = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
 
 
@@ -47,15 +47,15 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
     """Plan a collision-free path from start to goal, through the via points if there are any.
 
     Args:
-        problem: its poses, limits and obstacles.
+        problem: the problem with poses, limits and obstacles.
         seed: the same seed gives the same path.
 
     Returns:
-        Joint positions [rad or m], shape (n, nv), to be joined by straight segments. The path is checked at poses
-        0.02 s apart at the velocity limits; `solve_minimum_time` proves its motions clear at all times.
+        Joint positions [rad or m], shape (n, nv), of a path of straight segments. The path is checked at poses
+        0.02 s apart at the velocity limits; `solve_minimum_time` proves its motions collision-free at all times.
 
     Raises:
-        ProblemError: the problem is none, or no path was found.
+        ProblemError: the argument is no problem, or no path was found.
     """
     numbers = Policy.of(expect_problem(problem)).search
     ways = list(ways_through(problem, numbers, whole(seed, "seed", least=0), Stop()))
@@ -66,7 +66,7 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
 
 
 def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[Way]:
-    """Ways through all poses of a problem, each planned when it is asked for; none: no path was found."""
+    """Paths through all poses of a problem, planned lazily; empty: no path was found."""
     lines = [_line(problem, leg) for leg in range(len(problem.poses) - 1)]
     if not problem.crowded:
         yield lines
@@ -76,7 +76,7 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
     upper = np.minimum(limits.position_upper, np.max(poses, axis=0) + _TURN)
     speed = _speed(problem, policy)
     ends = np.min([model.distances_of(model.touching, q) for q in poses], axis=0)
-    least = np.minimum(ends - problem.clearance, 0.0)  # as of the other pairs, the curve mends the clearance
+    least = np.minimum(ends - problem.clearance, 0.0)  # as for other pairs, the curve restores the clearance
     space = JointSpace(model, lower, upper, speed * min(1.0, _FASTEST / float(np.max(speed))), least)
     legs = [
         plan_paths(space, line[0], line[-1], seed, stop=stop.__bool__) if len(line) == 2 else iter([line])
@@ -94,7 +94,7 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
 
 
 def _line(problem: MinimumTimeProblem, leg: int) -> Array:
-    """Straight line in joint space along a leg, shape (n, nv), brought into the regions that a frame keeps to on it."""
+    """Straight line in joint space along a leg, shape (n, nv), moved into the leg's frame regions."""
     first, last = problem.poses[leg : leg + 2]
     every = (one for one in problem.path_constraints if isinstance(one, FrameRegion))
     regions = [one.region for one in every if one.leg in (None, leg)]
@@ -109,22 +109,22 @@ def _line(problem: MinimumTimeProblem, leg: int) -> Array:
 
 
 def _seconds(way: Way, speed: Array) -> float:
-    """Time that a way takes at joint speeds, shape (nv,) [rad/s or m/s]."""
+    """Time of a path at joint speeds, shape (nv,) [rad/s or m/s]."""
     return float(sum(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)) for path in way))
 
 
 def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
-    """Velocity limits [rad/s or m/s], shape (nv,); of a joint without one its share of a brisk motion."""
+    """Velocity limits [rad/s or m/s], shape (nv,); `SearchPolicy.brisk` for a joint without a limit."""
     limits = problem.limits.velocity
     return np.where(np.isfinite(limits), limits, policy.brisk)
 
 
 def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
-    """The fastest curve along planned ways and the options' guesses, refined; empty if there is none.
+    """The fastest curve along planned paths and the options' guesses, refined; empty if there is none.
 
     Args:
-        task: a problem with distances to be kept.
-        planned: ways, as `ways_through` gives them: as many are asked for as are tried.
+        task: task with distance constraints.
+        planned: paths of `ways_through`, planned only as far as they are tried.
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
     spec = CurveSpec(TightenedConstraints.of(task))
@@ -135,7 +135,7 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
             break
         solved = solve_in_steps(task, guess, spec, SequenceSettings(numbers.trust, numbers.coarse_enough, beaten))
         iterations += solved.result.iterations
-        task.progress(f"a way of {solved.curve.duration:.4f} s")
+        task.progress(f"a path of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
             best = solved
     if best is None:
@@ -147,7 +147,7 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
 
 
 def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
-    """Curves along the first way and the shortest of the others, then the options' guesses."""
+    """Curves along the first path and the shortest of the others, then the options' guesses."""
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
     yield from (_guess(task, way) for way in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
@@ -159,7 +159,7 @@ def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
 
 
 def _guess(task: Task, way: Way) -> Curve:
-    """A curve along a way, so slow that torques are about within their limits where these shape the motion."""
+    """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem, task.policy.search)
     times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
     durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.regional else 0.0)
@@ -171,7 +171,7 @@ def _guess(task: Task, way: Way) -> Curve:
 
 
 def _ramp_times(problem: MinimumTimeProblem) -> Array:
-    """Times in which joints alone come from rest to the ends of the legs, or from there to rest [s], shape (legs,)."""
+    """Times in which the slowest joint, alone and from rest, accelerates over each leg [s], shape (legs,)."""
     robot, data = problem.robot, problem.robot.model.createData()
     inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
     ways = np.abs(np.diff(problem.poses, axis=0))
@@ -179,9 +179,9 @@ def _ramp_times(problem: MinimumTimeProblem) -> Array:
 
 
 def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
-    """Splines of the legs, of which ways are compared on coarse ones.
+    """Splines of the legs; coarse ones for the comparison of paths.
 
-    With regions short legs have fewer intervals, and these are short only where the motion begins and ends.
+    With regions, short legs have fewer intervals, which are short only at the motion's ends.
     """
     numbers, times = task.policy.sequential, np.asarray(durations, dtype=float)
     most = numbers.intervals if fine else numbers.coarse
