@@ -101,7 +101,7 @@ def test_a_motion_whose_search_the_time_limit_ended_is_usable_and_not_called_sol
     ("posed", "when"),
     [
         (lambda: paper_problem("rrr"), "guess 1 of"),
-        (lambda: paper_problem("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), "ways round the obstacles"),
+        (lambda: paper_problem("rr", obstacles=[ad.Sphere((0.3, 0, -0.1), 0.06)]), "paths round the obstacles"),
         (ur5_pose, "goal 2 of"),
     ],
     ids=["search in processes", "planner", "screening"],
@@ -156,7 +156,7 @@ def test_interrupt_returns_what_there_is():
 
 def test_an_interrupt_between_a_planned_path_and_its_first_curve():
     def press(text):
-        if text == "the way without obstacles":
+        if text == "the motion without obstacles":
             os.kill(os.getpid(), signal.SIGINT)
 
     far = ad.Box((0.1, 0.1, 0.1), (2.0, 0, 0), name="far")

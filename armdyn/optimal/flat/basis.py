@@ -13,19 +13,19 @@ from armdyn.arrays import Array, Index
 from armdyn.locks import cached_property
 
 DEGREE = 4
-"""Of positions: accelerations are quadratic between breaks, and torques have no corners."""
+"""Degree of positions: accelerations are quadratic between breaks, and torques have no corners."""
 WINDOW = DEGREE + 1
-"""Control points that an interval of a curve depends on."""
+"""Number of control points on which an interval of a curve depends."""
 
 
 def graded(intervals: int, shortest: float, longest: float = 1.0, ends: tuple[bool, bool] = (True, True)) -> Array:
-    """Breaks from 0 to 1 whose distances grow by one factor from the ends, shape (intervals + 1,).
+    """Breaks from 0 to 1 whose distances grow geometrically from the ends, shape (intervals + 1,).
 
     Args:
-        intervals: their number.
-        shortest: length of the first and the last, as a part of the whole.
-        longest: the same of any interval; it is exceeded if the intervals are too few.
-        ends: whether they grow from the beginning, and from the end.
+        intervals: number of intervals.
+        shortest: length of the first and the last interval, as a part of the whole.
+        longest: largest length of an interval; exceeded if the intervals are too few.
+        ends: whether the lengths grow from the start, and from the end.
     """
     if not any(ends):
         return np.linspace(0, 1, intervals + 1)
@@ -46,22 +46,22 @@ def graded(intervals: int, shortest: float, longest: float = 1.0, ends: tuple[bo
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The B-splines of degree `DEGREE` on a mesh from 0 to 1, clamped: a curve begins and ends in a control point.
+    """B-splines of degree `DEGREE` on a clamped mesh from 0 to 1: a curve starts and ends at a control point.
 
     Attributes:
-        breaks: of the mesh, shape (intervals + 1,).
+        breaks: breaks of the mesh, shape (intervals + 1,).
     """
 
     breaks: Array
 
     @property
     def intervals(self) -> int:
-        """Number of the mesh's intervals."""
+        """Number of intervals."""
         return self.breaks.size - 1
 
     @property
     def size(self) -> int:
-        """Control points of a curve."""
+        """Number of control points of a curve."""
         return self.intervals + DEGREE
 
     @cached_property
@@ -84,7 +84,7 @@ class Basis:
         """Factors from differences of a derivative's control points to the control points of the next derivative.
 
         Args:
-            order: of the derivative that comes out, from 1.
+            order: order of the resulting derivative, from 1.
 
         Returns:
             Shape (size - order,).
@@ -102,7 +102,7 @@ class Basis:
         return np.take_along_axis(matrix, window, axis=1)
 
     def gauss(self, points: int) -> tuple[Array, Array]:
-        """Gauss's points in every interval and their weights, each of shape (intervals, points)."""
+        """Gauss points in every interval and their weights, each of shape (intervals, points)."""
         nodes, weights = np.polynomial.legendre.leggauss(points)
         lengths = np.diff(self.breaks)[:, None]
         return self.breaks[:-1, None] + lengths * (nodes + 1) / 2, lengths * weights / 2
@@ -111,15 +111,15 @@ class Basis:
         """Integrals over s of products of two B-splines' derivatives, shape (size, size).
 
         Args:
-            order: of the derivative.
-            points: of Gauss's rule in every interval.
+            order: order of the derivative.
+            points: number of Gauss points per interval.
         """
         s, weights = (each.ravel() for each in self.gauss(points))
         values = self.values(s, order)
         return np.asarray(values.T @ (weights[:, None] * values))
 
     def values(self, s: Array, order: int) -> Array:
-        """Derivatives of all B-splines at parts s, shape (m, size)."""
+        """Derivatives of all B-splines at s, shape (m, size)."""
         return np.asarray(BSpline(self.knots, np.eye(self.size), DEGREE)(s, order))
 
     def interval_of(self, s: Array) -> Index:
@@ -127,18 +127,18 @@ class Basis:
         return np.clip(np.searchsorted(self.breaks, s, side="right") - 1, 0, self.intervals - 1)
 
     def window(self, s: Array) -> Index:
-        """Control points that a curve depends on at parts s, shape (m, WINDOW)."""
+        """Indices of the control points on which a curve depends at s, shape (m, WINDOW)."""
         return self.interval_of(s)[:, None] + np.arange(WINDOW)
 
     def local(self, s: Array, derivatives: int = 2) -> Array:
-        """Values and derivatives of the B-splines that are not zero in the intervals of s.
+        """Values and derivatives of the nonzero B-splines at s.
 
         Args:
             s: places from 0 to 1, shape (m,).
-            derivatives: up to which order.
+            derivatives: highest order.
 
         Returns:
-            Shape (m, derivatives + 1, WINDOW), of the control points of `window`.
+            Shape (m, derivatives + 1, WINDOW), for the control points of `window`.
         """
         window, orders = self.window(s), range(derivatives + 1)
         return np.stack([np.take_along_axis(self.values(s, order), window, axis=1) for order in orders], axis=1)

@@ -1,4 +1,4 @@
-"""Distances of a curve's poses from obstacles and from the arm itself, linear in its control points."""
+"""Distances of a curve's poses from obstacles and the arm itself, linear in its control points."""
 
 from dataclasses import dataclass
 
@@ -17,13 +17,13 @@ from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Distances near one curve, linearised: `spare + jacobian @ step` is not to be negative.
+    """Linearised distances of a curve: `spare + jacobian @ step` must not be negative.
 
     Attributes:
-        spare: distances less those that are required [m], shape (rows,).
-        jacobian: by the unknowns, shape (rows, unknowns).
-        samples: of which pose each row is, shape (rows,).
-        missing: largest shortfall at every pose [m], shape (poses,); 0 where everything is kept.
+        spare: distances minus the required ones [m], shape (rows,).
+        jacobian: derivatives with respect to the unknowns, shape (rows, unknowns).
+        samples: index of each row's pose, shape (rows,).
+        missing: largest shortfall at every pose [m], shape (poses,); 0 without any.
     """
 
     spare: Array
@@ -34,14 +34,14 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class ClearanceRows:
-    """Pairs of a scene that keep distances at some poses of a curve.
+    """Distance rows of a scene's pairs at some poses of a curve.
 
     Attributes:
-        model: of the scene.
-        required: distances to be kept [m], shape (pairs,).
-        legs: of each its basis, and the poses as parts of its duration.
-        within: pairs that are no farther apart than this [m] count,
-        most: and so many at every pose at most.
+        model: collision model of the scene.
+        required: required distances [m], shape (pairs,).
+        legs: basis of each leg, and its poses as parts of its duration.
+        within: largest distance of a pair with a row [m].
+        most: largest number of rows per pose.
     """
 
     model: CollisionModel
@@ -52,7 +52,7 @@ class ClearanceRows:
 
     @cached_property
     def _weights(self) -> Array:
-        """Weights of the control points that a pose depends on, shape (poses, WINDOW)."""
+        """Weights of the control points on which a pose depends, shape (poses, WINDOW)."""
         return np.concatenate([basis.local(s, 0)[:, 0] for basis, s in self.legs])
 
     def at(self, shape: CurveLayout, x: Array) -> Linearised:
@@ -68,7 +68,7 @@ class ClearanceRows:
 
 
 def clearance_rows(required: RequiredDistances, guess: Curve, policy: SequentialPolicy) -> ClearanceRows:
-    """Rows at even places of every leg, where distances were missed before, and where pairs pass each other."""
+    """Rows at evenly spaced places of every leg, where distances were violated before, and where pairs pass closely."""
     longest = max(leg.basis.intervals for leg in guess.legs)
     fine = longest > policy.coarse
     most = policy.poses if fine else policy.coarse_poses
@@ -79,18 +79,18 @@ def clearance_rows(required: RequiredDistances, guess: Curve, policy: Sequential
         passing = _passing(required.model, leg, even, least + policy.passing) if fine else even[:0]
         near = np.concatenate([more, passing])
         beside = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
-        # Nearer places than a hundredth of a step tell the program nothing new.
+        # Places nearer than a hundredth of a step are redundant.
         all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
         legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))
     return ClearanceRows(required.model, least, tuple(legs), policy.within, policy.pairs)
 
 
 _FINER = 8
-"""Parts of two steps that are looked at for the time of least distance, twice: 1/32 of a step is enough."""
+"""Parts of two steps that are sampled for the time of least distance, twice: 1/32 of a step is accurate enough."""
 
 
 def _passing(model: CollisionModel, leg: CurveLeg, even: Array, near: Array) -> Array:
-    """Parts of a leg's duration at which pairs are nearest that come nearer than `near` [m], shape (pairs,)."""
+    """Parts of a leg's duration at the least distances of pairs that come nearer than `near` [m], shape (pairs,)."""
     distances = model.distances(leg.at(even)[0], float(np.max(near)))
     before, here, after = distances[:-2], distances[1:-1], distances[2:]
     steps, pairs = np.nonzero((here <= before) & (here <= after) & (here < near))

@@ -1,4 +1,4 @@
-"""One step of sequential convexification: a quadratic program, by the interior-point method of `_curves/`, in C++."""
+"""One step of sequential convexification: a quadratic program, solved by the interior-point method of `_curves/`."""
 
 from copy import copy
 from dataclasses import dataclass
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from armdyn.arrays import Array, Index
 
 _MOST = 60
-"""Iterations; those that end take 10 to 30."""
+"""Iteration limit; solves that converge take 10 to 30."""
 
 
 def with_values(pattern: sp.csr_matrix, values: Array) -> sp.csr_matrix:
-    """A matrix of the same pattern with other values; scipy's constructor would check the pattern again."""
+    """Matrix of the same sparsity with other values; scipy's constructor would check the pattern again."""
     out = copy(pattern)
     out.data = values
     return out
@@ -24,13 +24,13 @@ def with_values(pattern: sp.csr_matrix, values: Array) -> sp.csr_matrix:
 
 @dataclass(frozen=True, eq=False)
 class SoftRows:
-    """Inequalities that may be violated at a price: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
+    """Inequalities with priced violations: `jacobian @ step - upper <= slack[group]`, with slack >= 0.
 
     Attributes:
-        jacobian: by the unknowns: matrices below each other, of (rows, unknowns) together.
-        upper: shape (rows,), inf: no limit.
-        groups: of the slack that each row shares with others, shape (rows,).
-        price: of a unit of slack.
+        jacobian: vertically stacked matrices, together of shape (rows, unknowns).
+        upper: upper sides, shape (rows,); inf: no limit.
+        groups: index of the slack of each row, shape (rows,).
+        price: price of a unit of slack.
     """
 
     jacobian: tuple[sp.csr_matrix, ...]
@@ -40,24 +40,24 @@ class SoftRows:
 
     @classmethod
     def between(cls, jacobian: sp.csr_matrix, lower: Array, upper: Array, groups: Index, price: float) -> Self:
-        """Rows of `lower <= jacobian @ step <= upper`, the upper sides first."""
+        """Rows of `lower <= jacobian @ step <= upper`, upper sides first."""
         both = jacobian, with_values(jacobian, -jacobian.data)
         return cls(both, np.concatenate([upper, -lower]), np.tile(groups, 2), price)
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexStep:
-    """A quadratic program in the step of the unknowns.
+    """Quadratic program in a step of the unknowns.
 
     Attributes:
-        place: of each unknown in the order of elimination, -1: fixed, shape (unknowns,). Rows that touch unknowns near
+        place: place of each unknown in the order of elimination, -1: fixed, shape (unknowns,). Rows on unknowns near
             each other only, or the last ones, are cheap.
-        gradient: of the cost, shape (unknowns,).
-        curvature: of the cost, positive semidefinite, shape (unknowns, unknowns).
+        gradient: gradient of the cost, shape (unknowns,).
+        curvature: Hessian of the cost, positive semidefinite, shape (unknowns, unknowns).
         squares: rows, and the weights of their halved squares in the cost.
-        bounds: of the step, each of shape (unknowns,); where it is not fixed the lower one is below the upper one.
-        hard: inequalities without a price: their Jacobian and upper sides, as those of `SoftRows`.
-        soft: inequalities that may be violated.
+        bounds: bounds of the step, each of shape (unknowns,); lower below upper unless fixed.
+        hard: inequalities without a price: their Jacobian and upper sides, as in `SoftRows`.
+        soft: inequalities with priced violations.
     """
 
     place: NDArray[np.int32]
@@ -74,10 +74,10 @@ class QpSolution:
     """Solution of a `ConvexStep`.
 
     Attributes:
-        found: whether it was solved.
-        step: of the unknowns, shape (unknowns,).
-        cost: predicted change of the cost, prices of the slacks included.
-        multipliers: of the hard rows and then of each of the soft ones.
+        found: whether the program was solved.
+        step: step of the unknowns, shape (unknowns,).
+        cost: predicted change of the cost, including priced slacks.
+        multipliers: multipliers of the hard rows, then of the soft ones.
         bounds: multipliers of the bounds of the step, shape (unknowns,): positive at the upper one.
     """
 
@@ -89,7 +89,7 @@ class QpSolution:
 
 
 def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
-    """Solve a quadratic program; other threads go on meanwhile.
+    """Solve a quadratic program; releases Python's lock.
 
     Args:
         problem: the program.
@@ -124,7 +124,7 @@ def solve_step(problem: ConvexStep, accuracy: float) -> QpSolution:
 
 
 def compressed(*matrices: sp.csr_matrix) -> tuple[NDArray[np.int32], NDArray[np.int32], Array]:
-    """Compressed rows of matrices below each other, as the bridge takes them."""
+    """Compressed rows of vertically stacked matrices, for the C++ module."""
     sizes = np.concatenate([[0], *(np.diff(matrix.indptr) for matrix in matrices)])
     columns, values = zip(*((matrix.indices, matrix.data) for matrix in matrices), strict=True)
     return np.cumsum(sizes, dtype=np.int32), np.concatenate(columns, dtype=np.int32), np.concatenate(values)

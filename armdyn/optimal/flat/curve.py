@@ -1,4 +1,4 @@
-"""A motion as a piecewise B-spline: legs of control points, each with its duration."""
+"""Motion as a piecewise B-spline: legs of control points, each with its duration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,17 +16,17 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.trajectory import Trajectory
 
 _RAMP = 0.1
-"""Part of a straight guess's time in which it gains, and loses, its speed."""
+"""Part of a straight guess's time for its acceleration, and for its deceleration."""
 
 
 @dataclass(frozen=True, eq=False)
 class CurveLeg:
-    """A curve from one given pose to the next.
+    """Curve from one given pose to the next.
 
     Attributes:
-        basis: its B-splines.
+        basis: B-splines of the leg.
         points: control points [rad or m], shape (basis.size, nv).
-        duration: [s].
+        duration: duration [s].
     """
 
     basis: Basis
@@ -34,18 +34,18 @@ class CurveLeg:
     duration: float
 
     def at(self, s: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations at parts s of the duration, each of shape (m, nv)."""
+        """Positions, velocities and accelerations at s, parts of the duration, each of shape (m, nv)."""
         curve, T = self._curve, self.duration
         return curve(s), curve(s, 1) / T, curve(s, 2) / T**2
 
     @property
     def fastest(self) -> Array:
-        """Upper bounds of the joints' speeds, by their control points [rad/s or m/s], shape (nv,)."""
+        """Upper bounds of the joints' speeds, from their control points [rad/s or m/s], shape (nv,)."""
         controls = self.basis.factors(1)[:, None] * np.diff(self.points, axis=0)
         return np.asarray(np.max(np.abs(controls), axis=0) / self.duration)
 
     def torques(self, robot: Robot, s: Array) -> Array:
-        """Torques at parts s of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
+        """Torques at s, parts of the duration, by `rnea` and friction [N m or N], shape (m, nv)."""
         return inverse_dynamics(robot)(*self.at(s))
 
     @cached_property
@@ -55,7 +55,7 @@ class CurveLeg:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A motion from start to goal.
+    """Motion from start to goal along legs of B-splines.
 
     Attributes:
         legs: from pose to pose, at least one.
@@ -65,12 +65,12 @@ class Curve:
 
     @classmethod
     def straight(cls, problem: MinimumTimeProblem, basis: Basis, durations: ArrayLike) -> Self:
-        """Curve from pose to pose on straight lines: accelerate, cruise, decelerate.
+        """Make a curve from pose to pose on straight lines: accelerate, cruise, decelerate.
 
         Args:
-            problem: its poses.
-            basis: of every leg.
-            durations: of the legs [s], shape (legs,), or one for all.
+            problem: problem with the poses.
+            basis: basis of every leg.
+            durations: durations of the legs [s], shape (legs,), or one for all.
         """
         ends = zip(problem.poses[:-1], problem.poses[1:], strict=True)
         paths = [np.array(pair) for pair in ends]
@@ -80,14 +80,14 @@ class Curve:
     def along(
         cls, paths: Sequence[Array], bases: Sequence[Basis], durations: ArrayLike, speed: Array, flying: bool = False
     ) -> Self:
-        """Curve along paths of straight segments: accelerate, cruise, decelerate.
+        """Make a curve along paths of straight segments: accelerate, cruise, decelerate.
 
         Args:
-            paths: of every leg, joint positions [rad or m], shape (n, nv).
-            bases: of every leg.
-            durations: of the legs [s], shape (legs,), or one for all.
+            paths: path of every leg: joint positions [rad or m], shape (n, nv).
+            bases: basis of every leg.
+            durations: durations of the legs [s], shape (legs,), or one for all.
             speed: scales of the joints against each other [rad/s or m/s], shape (nv,).
-            flying: whether it passes the poses between the legs without losing speed.
+            flying: whether the curve passes the poses between the legs at speed.
         """
         legs, last = [], len(paths) - 1
         every = zip(paths, bases, np.broadcast_to(durations, len(paths)), strict=True)
@@ -99,18 +99,18 @@ class Curve:
         return cls(tuple(legs))
 
     def on(self, bases: Sequence[Basis]) -> Self:
-        """The curve on other bases of its legs, approximately the same motion."""
+        """Approximate the curve on other bases of its legs."""
         pairs = zip(bases, self.legs, strict=True)
         return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
 
     @classmethod
     def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
-        """Curve whose control points are sampled from a motion.
+        """Make a curve with control points sampled from a motion.
 
         Args:
-            motion: any.
-            basis: of every leg.
-            passing: when legs end, but for the last [s]; None: there is one leg.
+            motion: the motion.
+            basis: basis of every leg.
+            passing: end times of the legs without the last [s]; None: one leg.
         """
         inner = np.empty(0) if passing is None else passing
         marks = np.concatenate([motion.t[:1], inner, motion.t[-1:]])
@@ -128,15 +128,16 @@ class Curve:
         return np.cumsum([leg.duration for leg in self.legs])[:-1]
 
     def slower(self, factor: float) -> Self:
-        """The curve, slowed down by a factor."""
+        """The curve, slowed down by a factor on its duration."""
         return replace(self, legs=tuple(replace(leg, duration=factor * leg.duration) for leg in self.legs))
 
     def trajectory(self, robot: Robot, samples: Sequence[ArrayLike] | None = None, jumps: bool = True) -> Trajectory:
         """Samples of the motion with their torques.
 
         Args:
-            robot: that moves.
-            samples: of every interval of each leg, besides its end, shape (intervals,), or one number for all; None: 1.
+            robot: the robot.
+            samples: samples per interval of each leg, without its end, shape (intervals,), or one number for all; None:
+                1.
             jumps: whether the torque may jump where legs meet: then both legs have a sample there.
         """
         parts, start = [], 0.0
@@ -159,7 +160,7 @@ class Curve:
 
 
 def _ramped(places: Array, gains: bool, loses: bool) -> Array:
-    """Parts of a way at parts of the time, gaining speed at its beginning, or not, and losing it at its end."""
+    """Parts of a way at parts of the time, with optional ramps of speed at its start and end."""
     if not (gains and loses):
         return places**2 if gains else 1 - (1 - places) ** 2 if loses else places
     s = np.minimum(places, 1 - places)

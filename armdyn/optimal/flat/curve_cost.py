@@ -17,7 +17,7 @@ from armdyn.optimal.task.task import Task
 
 @dataclass(frozen=True, eq=False)
 class CurveCost:
-    """Cost in seconds, quadratic but for the products of durations and efforts.
+    """Cost in seconds, quadratic except for products of durations and efforts.
 
     Attributes:
         durations: indices of the durations, shape (legs,).
@@ -25,7 +25,7 @@ class CurveCost:
         tie: price of squared torques, shape (points,) [s].
         effort: price of squared torques per duration, shape (points, joints) [-].
         steps: price of squared differences of the torques of neighbouring points of a leg, shape (points - 1,) [s].
-        moving: price of squared velocities: a matrix of shape (unknowns, unknowns) [s].
+        moving: price of squared velocities: matrix of shape (unknowns, unknowns) [s].
     """
 
     durations: Index
@@ -42,7 +42,7 @@ class CurveCost:
         return float(np.sum(x[self.durations]) + (np.sum(squares) + np.sum(steps) + x @ (self.moving @ x)) / 2)
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
-        """Gradient by the unknowns, the torques following them, shape (unknowns,)."""
+        """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
         slope = self._prices(x) * at.tau
         steps = self.steps[:, None] * np.diff(at.tau, axis=0)
         slope[1:] += steps
@@ -53,7 +53,7 @@ class CurveCost:
         return np.asarray(out)
 
     def squares(self, x: Array, at: TorqueParts) -> tuple[sp.csr_matrix, Array]:
-        """Rows and weights whose squares are the cost's curvature, after Gauss and Newton."""
+        """Rows and weights whose weighted squares are the Gauss-Newton Hessian of the cost."""
         n, prices = at.tau.shape[1], self._prices(x).ravel()
         if not np.any(self.steps):
             return (at.jacobian, prices) if np.any(prices) else (at.jacobian[:0], prices[:0])
@@ -65,12 +65,12 @@ class CurveCost:
 
 
 def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) -> sp.csr_matrix:
-    """Matrix of a quadratic form of the control points by the unknowns, shape (unknowns, unknowns).
+    """Matrix of a quadratic form of the control points in terms of the unknowns, shape (unknowns, unknowns).
 
     Args:
-        shape: of the program.
-        squares: of each leg, shape (control points, control points).
-        scales: of the joints, shape (joints,).
+        shape: layout of the program.
+        squares: matrix of each leg, shape (control points, control points).
+        scales: scales of the joints, shape (joints,).
     """
     rows, columns, values = [], [], []
     for k, own in enumerate(squares):
@@ -83,13 +83,13 @@ def quadratic_form(shape: CurveLayout, squares: Sequence[Array], scales: Array) 
 
 
 def curve_cost(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> CurveCost:
-    """The cost that `assemble_curve` gives the nonlinear program, in seconds.
+    """The cost of `assemble_curve`'s nonlinear program, in seconds.
 
     Args:
-        task: its effort weights.
-        guess: with whose legs' durations the squares are weighed.
+        task: task with the effort weights.
+        guess: curve whose legs' durations weigh the squares.
         spec: weights of the squares.
-        shape: of the program.
+        shape: layout of the program.
     """
     n, sizes = shape.joints, [POINTS * count for count in shape.intervals]
     parts = np.concatenate([leg.basis.gauss(POINTS)[1].ravel() for leg in guess.legs])

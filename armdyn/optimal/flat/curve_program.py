@@ -1,4 +1,4 @@
-"""A program of curves for sequential convexification: torques and velocities by hand, other equations by CasADi."""
+"""Program of curves for sequential convexification: torques and velocities by hand, other equations by CasADi."""
 
 from dataclasses import dataclass
 
@@ -20,18 +20,18 @@ from armdyn.optimal.solve.solver import NlpData
 
 @dataclass(frozen=True, eq=False)
 class CurveProgram:
-    """A program of curves in numbers, and the distances that its curve keeps.
+    """A program of curves in numbers, and its required distances.
 
     Attributes:
-        numbers: unknowns to start from, parameters, bounds.
-        shape: where its unknowns and equations stand.
-        guess: the curve that the unknowns are of.
+        numbers: initial unknowns, parameters, bounds.
+        shape: layout of the unknowns and equations.
+        guess: curve of the initial unknowns.
         torque_rows: torques and their derivatives.
-        cost: what is minimised.
-        smooth: price of squared accelerations, which makes steps unique, shape (unknowns, unknowns) [s].
+        cost: the cost.
+        smooth: price of squared accelerations, to make steps unique, shape (unknowns, unknowns) [s].
         velocity_rows: control points of the velocities.
-        program: functions of `others`; None: there are none.
-        clearance: distances to be kept; None: none.
+        program: functions of `others`; None: no such equations.
+        clearance: required distances; None: no distances.
     """
 
     numbers: NlpData
@@ -46,12 +46,12 @@ class CurveProgram:
 
     @cached_property
     def torques(self) -> Index:
-        """Where the torques stand, shape (points of all legs, joints)."""
+        """Indices of the torques, shape (points of all legs, joints)."""
         return np.concatenate([self.shape.torques(leg) for leg in self.shape.legs])
 
     @cached_property
     def place(self) -> NDArray[np.int32]:
-        """Order in which unknowns are eliminated: control points, then durations; -1: fixed, or a torque."""
+        """Order of elimination of the unknowns: control points, then durations; -1: fixed, or a torque."""
         lower, upper = self.numbers.x_bounds
         free = lower < upper
         free[self.torques] = False
@@ -63,12 +63,12 @@ class CurveProgram:
 
     @cached_property
     def rates(self) -> Index:
-        """Equations of velocities."""
+        """Indices of the velocities' equations."""
         return np.concatenate([self.shape.rates(leg, 1).ravel() for leg in self.shape.legs])
 
     @cached_property
     def others(self) -> Index:
-        """Equations other than those of torques and velocities."""
+        """Indices of equations other than those of torques and velocities."""
         return other_equations(self.shape, self.numbers.g_bounds[0].size)
 
     def velocities(self, x: Array) -> Sides:
@@ -77,11 +77,11 @@ class CurveProgram:
         return self.velocity_rows.at(x, (low, high))
 
     def other_sides(self, x: Array, load: sp.csr_matrix) -> Sides | None:
-        """Linearise the other equations, with torques eliminated; None if there are none.
+        """Linearise the other equations, with torques eliminated; None without such equations.
 
         Args:
-            x: unknowns, the torques among them.
-            load: torques by the unknowns, shape (torques, unknowns).
+            x: unknowns, including the torques.
+            load: ∂(torques)/∂(unknowns), shape (torques, unknowns).
         """
         if self.program is None:
             return None
@@ -94,7 +94,7 @@ class CurveProgram:
 
     @cached_property
     def _powers(self) -> tuple[Array, Index]:
-        """Power of the leg's duration by which each other equation scales (0: none), and the index of that duration."""
+        """Power of the leg's duration in each other equation's scaling (0: none), and the index of that duration."""
         count = self.numbers.g_bounds[0].size
         power, duration = np.zeros(count), np.full(count, self.cost.durations[0])
         for leg in self.shape.legs:
@@ -105,6 +105,6 @@ class CurveProgram:
 
 
 def other_equations(shape: CurveLayout, count: int) -> Index:
-    """Indices of the equations that limit neither torques nor velocities, of `count` equations."""
+    """Indices of the equations that limit neither torques nor velocities, out of `count` equations."""
     own = [rows for leg in shape.legs for rows in (shape.torque_rows(leg).ravel(), shape.rates(leg, 1).ravel())]
     return np.setdiff1d(np.arange(count), np.concatenate(own))

@@ -1,4 +1,4 @@
-"""Limits of a curve's time derivatives, by the control points of these, linearised."""
+"""Limits of a curve's time derivatives as linearised rows of their control points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from armdyn.optimal.flat.program import CurveLayout
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """Rows low <= g <= high at an iterate, of which some are linear in control points over a power of a duration.
+    """Rows low <= g <= high at an iterate, some of which are linear in control points over a power of a duration.
 
     Attributes:
-        jacobian: by the unknowns, shape (rows, unknowns).
+        jacobian: ∂g/∂(unknowns), shape (rows, unknowns).
         values: g, shape (rows,).
         bounds: low and high, each of shape (rows,).
-        power: k of each row g = c(points) / T^k, shape (rows,); 0: it is of no such form.
-        duration: index of T of each, shape (rows,).
+        power: k of each row g = c(points) / T^k, shape (rows,); 0: any other form.
+        duration: index of each row's T, shape (rows,).
         closed: whether the last entry of every row of the Jacobian is that of its T.
     """
 
@@ -41,11 +41,11 @@ class Sides:
 
     @property
     def equal(self) -> Flags:
-        """Which rows are equations, shape (rows,)."""
+        """Whether each row is an equation, shape (rows,)."""
         return np.asarray(self.bounds[0] == self.bounds[1])
 
     def only(self, which: Flags) -> Self:
-        """Some of the rows."""
+        """The selected rows."""
         if np.all(which):
             return self
         low, high = (side[which] for side in self.bounds)
@@ -53,10 +53,10 @@ class Sides:
         return type(self)(*own, self.closed)
 
     def below(self, x: Array) -> tuple[tuple[sp.csr_matrix, ...], Array, Index]:
-        """Both sides as one-sided rows of a step, the upper ones first, and the index of each one's row.
+        """One-sided rows of a step, upper sides first, and the index of each one's row.
 
-        c / T^k <= b is c <= b T^k, linear in T where k is 1 and convex else: the tangent of T^k is used, which is
-        exact or on the safe side.
+        c / T^k <= b becomes c <= b T^k, linear in T for k = 1, else convex: the tangent of T^k is exact or
+        conservative.
         """
         (low, high), jacobian = self.bounds, self.jacobian
         top = np.concatenate([high - self.values, self.values - low])
@@ -76,8 +76,8 @@ class DerivativeRows:
     """Control points of a time derivative over its scales, c(points) / T^order, of all curves of one layout.
 
     Attributes:
-        order: of the derivative.
-        linear: c by the unknowns, shape (rows, unknowns); the last entry of every row is a zero at its T.
+        order: order of the derivative.
+        linear: ∂c/∂(unknowns), shape (rows, unknowns); the last entry of every row is a zero at its T.
         duration: index of T of each row, shape (rows,).
     """
 
@@ -87,13 +87,13 @@ class DerivativeRows:
 
     @classmethod
     def of(cls, bases: Sequence[Basis], shape: CurveLayout, order: int, scales: Array) -> Self:
-        """Rows of all legs: control point by control point, joint by joint.
+        """Rows of all legs, by control point and joint.
 
         Args:
-            bases: of the legs.
-            shape: of the program.
-            order: of the derivative.
-            scales: of every joint, shape (joints,).
+            bases: bases of the legs.
+            shape: layout of the program.
+            order: order of the derivative.
+            scales: scale of every joint, shape (joints,).
         """
         columns, values = [], []
         for k, basis in enumerate(bases):

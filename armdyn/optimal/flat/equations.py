@@ -14,22 +14,21 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.interval import IntervalFunctions, Stages, differentiated, nonzeros_of, only_present
 
 POINTS = 2
-"""Gauss's points in an interval at which torques are unknowns."""
+"""Number of Gauss points per interval, at which torques are unknowns."""
 BODY = 10
-"""Dynamic parameters of what the last joint carries."""
+"""Number of dynamic parameters of the body on the last joint."""
 
 
 @dataclass(frozen=True)
 class Shared:
-    """Parameters that all equations of a curve share, in symbols or numbers.
+    """Parameters common to all equations of a curve, in symbols or numbers.
 
     Attributes:
         effort: scales of the torques: half their ranges [N m or N], shape (nv,).
-        weights: of the squares of scaled torques over time, shape (nv,).
-        body: dynamic parameters of what the last joint carries, shape (10,).
-        travel: scales of the derivatives of positions by the part of the time, where these are paid for [rad or m],
-            shape (nv,).
-        hurry: what a second costs.
+        weights: weights of the squared scaled torques over time, shape (nv,).
+        body: dynamic parameters of the body on the last joint, shape (10,).
+        travel: scales of dq/ds, s being the part of the time, where it has a cost [rad or m], shape (nv,).
+        hurry: cost of a second.
     """
 
     effort: ca.SX
@@ -53,13 +52,13 @@ class Shared:
 
 @built_once(maxsize=16)
 def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalFunctions:
-    """Torque at a point of the curve by inverse dynamics, less its unknown, both over half the torque's range.
+    """Torque at a point of the curve by inverse dynamics minus its unknown, both over half the torque's range.
 
     Unknowns: the control points of its window, the leg's duration T [s], the scaled torques.
     Parameters: values, first and second derivatives of the window's B-splines, shape (3, WINDOW); the point's part of
-    the time; what a squared torque costs there, whatever T is, and squared derivatives by the part of the time, over
-    the scales of `Shared`; then `Shared`.
-    The chain from control points to (q, q', q'') is linear, so that dynamics are differentiated by these only.
+        the time; costs there of a squared torque, whatever T is, and of squared dq/ds over the scales of `Shared`; then
+        `Shared`.
+    The chain from control points to (q, q', q'') is linear, so that the dynamics are differentiated in these only.
     """
     n, shared = dynamics.nv, Shared.symbols(dynamics.nv)
     curve, duration, torque = ca.SX.sym("curve", 3 * n), ca.SX.sym("T"), ca.SX.sym("torque", n)
@@ -101,7 +100,7 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
 def torque_step_cost(joints: int) -> IntervalFunctions:
     """Cost of the squared change of torques from one point of a leg to the next; no equations.
 
-    Unknowns: the scaled torques at both points. Parameter: what a squared change costs.
+    Unknowns: the scaled torques at both points. Parameter: cost of a squared change.
     """
     y, price = ca.SX.sym("y", 2 * joints), ca.SX.sym("price")
     cost = price * ca.sumsqr(y[joints:] - y[:joints]) / 2
@@ -113,7 +112,7 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
     """Control point of a time derivative of the curve, relative to the derivative's limits.
 
     Unknowns: order + 1 control points of the curve, the leg's duration T.
-    Parameters: what each of these is multiplied by, shape (order + 1,); one over the limits, shape (nv,).
+    Parameters: factors of these, shape (order + 1,); one over the limits, shape (nv,).
     """
     points, duration = ca.SX.sym("points", joints, order + 1), ca.SX.sym("T")
     factors, over = ca.SX.sym("factors", order + 1), ca.SX.sym("over", joints)
@@ -124,10 +123,10 @@ def rate_equations(joints: int, order: int) -> IntervalFunctions:
 
 @built_once(maxsize=16)
 def meeting_equations(joints: int, order: int) -> IntervalFunctions:
-    """Time derivative at the end of a leg, less that at the beginning of the next leg, relative to its scale.
+    """Time derivative at the end of a leg minus that at the start of the next leg, over its scale.
 
-    Unknowns: of both legs, one after the other, the order + 1 control points and the duration.
-    Parameters: of both legs what those points are multiplied by, shape (2, order + 1); one over the scale, shape (nv,).
+    Unknowns: order + 1 control points and the duration of one leg, then of the other.
+    Parameters: factors of these points, shape (2, order + 1); one over the scale, shape (nv,).
     """
     count = joints * (order + 1)
     y, over = ca.SX.sym("y", 2 * (count + 1)), ca.SX.sym("over", joints)
@@ -145,14 +144,14 @@ def meeting_equations(joints: int, order: int) -> IntervalFunctions:
 def torque_rate_equations(joints: int, sides: int, given: bool = False) -> IntervalFunctions:
     """Torque rates between two neighbouring points, relative to the limits of the rates.
 
-    Unknowns: the scaled torques at both points, then the durations of the legs that they lie in.
-    Parameters: of every such leg, which part of its duration lies between the points, shape (sides,); half the torque's
+    Unknowns: the scaled torques at both points, then the durations of their legs.
+    Parameters: part of each leg's duration between the points, shape (sides,); half the torque's
     range over the limit [s], shape (nv,).
 
     Args:
-        joints: of the arm.
-        sides: legs: 1, or 2 where the points lie before and after a pose that is passed.
-        given: the first torques are no unknowns, but the first parameters: where the motion begins or ends.
+        joints: number of joints.
+        sides: number of legs: 1, or 2 for points before and after a via pose.
+        given: whether the first torques are parameters instead of unknowns: at the motion's ends.
     """
     before, after = ca.SX.sym("before", joints), ca.SX.sym("after", joints)
     durations, parts, over = ca.SX.sym("T", sides), ca.SX.sym("parts", sides), ca.SX.sym("over", joints)
@@ -164,9 +163,9 @@ def torque_rate_equations(joints: int, sides: int, given: bool = False) -> Inter
 
 @built_once(maxsize=16)
 def torque_speed_equations(joints: int, lines: int) -> IntervalFunctions:
-    """Scaled torques plus what falls with speed, τ + s v, for every line of the torque-speed curves at a point.
+    """Scaled torques plus speed terms, τ + s v, for every line of the torque-speed curves at a point.
 
-    Unknowns: as of `torque_equations`.
+    Unknowns: as in `torque_equations`.
     Parameters: first derivatives of the window's B-splines, shape (WINDOW,); slopes s over half the torque's range
     [s/rad or s/m], shape (lines, nv).
     """
@@ -179,22 +178,22 @@ def torque_speed_equations(joints: int, lines: int) -> IntervalFunctions:
 
 @dataclass(frozen=True)
 class CurveInterval:
-    """An interval of a curve, as path constraints see it: stages at its ends and Gauss's points.
+    """Interval of a curve for path constraints: stages at its ends and the Gauss points.
 
-    Its unknowns: the window's control points, the leg's duration, the torques at Gauss's points.
-    Its parameters: coefficients of the window's B-splines by powers of the part of the interval, shape
+    Its unknowns: the window's control points, the leg's duration, the torques at the Gauss points.
+    Its parameters: coefficients of the window's B-splines in powers of the part of the interval, shape
     (WINDOW, WINDOW), its part of the leg, then `Shared`.
 
     Attributes:
-        dynamics: with a free last body.
-        compile: derivatives as machine code, see `compiled`.
+        dynamics: dynamics with a symbolic last body.
+        compile: whether derivatives become machine code, see `compiled`.
     """
 
     dynamics: Dynamics
     compile: bool | None = None
 
     def stages(self) -> Stages:
-        """The interval in symbols; torques are linear between Gauss's points, and beyond."""
+        """The interval in symbols; torques are linear between and beyond the Gauss points."""
         n, shared = self.dynamics.nv, Shared.symbols(self.dynamics.nv)
         points, duration = ca.SX.sym("points", n, WINDOW), ca.SX.sym("T")
         torques, powers = ca.SX.sym("torques", n, POINTS), ca.SX.sym("powers", WINDOW, WINDOW)
@@ -220,7 +219,7 @@ class CurveInterval:
 
 
 def _power(coefficients: ca.SX, s: ca.SX | float, order: int) -> ca.SX:
-    """A derivative of the polynomial of coefficients, a column for every power, at s."""
+    """A derivative at s of the polynomial with given coefficients, one column per power."""
     value = ca.SX(coefficients.shape[0], 1)
     for power in range(coefficients.shape[1] - 1, order - 1, -1):
         falling = float(np.prod(np.arange(power - order + 1, power + 1)))
@@ -229,7 +228,7 @@ def _power(coefficients: ca.SX, s: ca.SX | float, order: int) -> ca.SX:
 
 
 def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
-    """Rows at the beginning and the end of every leg, of problems with regions: their legs may be short."""
+    """Rows at the start and the end of every leg for problems with regions: their legs may be short."""
     legs = range(len(problem.poses) - 1) if problem.regional else ()
     ends = (("first", 0), ("last", -1))
     return tuple(StageRows(_torques, (stage,), where=where, leg=leg) for leg in legs for where, stage in ends)  # type: ignore[arg-type]

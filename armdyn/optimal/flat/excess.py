@@ -1,4 +1,4 @@
-"""Excess of torques over their limits between the points of a curve's program, and the margins that take it off."""
+"""Excess of torques over their limits between a curve's points, and the margins that remove it."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -14,22 +14,22 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 
 _MOST = 0.95
-"""Part of half the torque's range that room may take."""
+"""Largest torque margin, as a part of half the torque's range."""
 _KEPT = -1.0
 """Excess of a rate that is zero, or has no limit."""
 
 
 def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
-    """How far torques, and how fast they change, exceed their limits near every point of every leg, as parts of these.
+    """Excess of torques and torque rates over their limits near every point of every leg, as parts of the limits.
 
     Args:
-        task: its limits, and at how many places they are looked at.
-        curve: a motion.
+        task: task with the limits, and the number of places to check.
+        curve: the curve.
     """
     problem, looks = task.problem, task.policy.curves.looks
     limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
     half, marks = limits.actuators.half_range, np.linspace(0, looks, POINTS + 1).astype(int)
-    parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # every point has its part of an interval
+    parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # each point's part of an interval
     found = []
     for leg in curve.legs:
         breaks = leg.basis.breaks
@@ -47,33 +47,33 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
 
 
 def tops(tau: Array) -> Array:
-    """Torques in an interval, raised to the top of the parabola through three of them where that lies between.
+    """Torques in an interval, raised to the maximum of the parabola through three of them where that lies between.
 
     Args:
-        tau: shape (intervals, places, nv).
+        tau: torques, shape (intervals, places, nv).
     """
     first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
-    near = np.abs(first) < -2 * second  # the top is no farther than the next place
+    near = np.abs(first) < -2 * second  # the maximum is no farther than the next place
     tops = tau.copy()
     tops[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
     return tops
 
 
 def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
-    """How far torques change too fast between a leg's points, as parts of the limits, shape (points + 1, nv).
+    """Excess of torque rates between a leg's points, as parts of the limits, shape (points + 1, nv).
 
     Args:
-        leg: its points and its duration.
+        leg: leg with its points and duration.
         s: places of every interval, shape (intervals, places).
-        tau: torques there [N m or N], shape (intervals, places, nv).
-        limit: [N m/s or N/s], shape (nv,).
+        tau: torques at s [N m or N], shape (intervals, places, nv).
+        limit: limits of the rates [N m/s or N/s], shape (nv,).
     """
     rates = np.abs(np.diff(tau, axis=1)) / (leg.duration * np.diff(s, axis=1)[..., None]) / limit - 1
     middle = (s[:, 1:] + s[:, :-1]).ravel() / 2
     which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
     over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
     rates = rates.reshape(-1, limit.size)
-    for beside in (-1, 0, 1):  # a step that has no room left leaves the excess to its neighbours
+    for beside in (-1, 0, 1):  # a step with a full margin leaves the excess to its neighbours
         np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
     return over
 
@@ -84,13 +84,13 @@ def worst_excess(over: tuple[TorqueMargin, ...]) -> float:
 
 
 def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: float | None = None) -> TorqueMargin:
-    """Larger margin where a torque exceeds its limit; at a point whose range is used up, both neighbours get it.
+    """Larger margin where a torque exceeds its limit; at a point with a full margin, both neighbours get it.
 
     Args:
-        task: its tuned numbers.
-        margin: so far.
-        over: excess.
-        eager: times what a torque exceeds its limit by is taken off; None: the policy's.
+        task: task with the tuned numbers.
+        margin: margin so far.
+        over: excess of torques.
+        eager: factor from excess to margin; None: the policy's.
     """
     numbers = task.policy.curves
     times = numbers.eager if eager is None else eager
@@ -106,18 +106,18 @@ def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: f
 
 
 def round_words(number: int, curve: Curve, over: tuple[TorqueMargin, ...]) -> str:
-    """Progress of a round: the duration, and the excess that its margins are to take off."""
+    """Progress of a round: the duration, and the excess for the next margins."""
     beyond = f"{100 * max(worst_excess(over), 0.0):.2g} % beyond between points"
     return f"round {number}: {curve.duration:.6f} s, torques {beyond}"
 
 
 class Tightening:
-    """Margins of torques, changed between steps until torques keep their limits between the points, too.
+    """Adapts torque margins between steps until torques satisfy their limits between the points, too.
 
     Attributes:
-        spec: what is asked, with the margins so far.
-        enough: excess that is left, as a part of half the range.
-        rounds: in which margins were changed.
+        spec: requirements of the curve, with the margins so far.
+        enough: acceptable excess, as a part of half the range.
+        rounds: number of changes of the margins.
     """
 
     def __init__(self, task: Task, guess: Curve, spec: CurveSpec, enough: float):
@@ -126,7 +126,7 @@ class Tightening:
         self._last = np.empty(0), tuple[TorqueMargin, ...]()
 
     def __call__(self, x: Array, tau: Array) -> tuple[Array, Array] | None:
-        """Tightened bounds of the torques at the points, in half ranges; None if they need no change."""
+        """Tightened bounds of the torques at the points, in half ranges; None without a change."""
         curve = self._shape.curve(self._guess, x)
         over = excesses_of(self.task, curve)
         self._last = x, over
@@ -138,7 +138,7 @@ class Tightening:
         least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
         (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over
         spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
-        # What a point itself is beyond its bound, since torques are not linear, the next step takes off.
+        # A point's own excess, by nonlinearity, is left to the next step.
         left = TorqueMargin(
             beyond.upper + np.minimum(spare_upper, 0), beyond.lower + np.minimum(spare_lower, 0), beyond.rates
         )
@@ -152,15 +152,15 @@ class Tightening:
         return least + margin.lower, most - margin.upper
 
     def _idle(self, spare: Array, beyond: Array | float) -> Array:
-        """Slack of a torque whose neighbours exceed their bounds: a margin smaller than that would change nothing."""
+        """Slack of a torque whose neighbours exceed their bounds: a smaller margin has no effect."""
         idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.beside)
         return np.where(idle, spare, 0.0)
 
     def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
-        """Larger margins where torques exceed their limits; smaller ones where they stay below, and time is scarce."""
+        """Larger margins where torques exceed their limits; smaller ones where they stay below, in early rounds."""
         numbers = self.task.policy.curves
         late = self.rounds - numbers.giving_rounds
-        if self.spec.least or late > 0:  # what is left by then falls slowly
+        if self.spec.least or late > 0:  # the rest falls slowly
             return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
         more = larger_margin(self.task, margin, over, numbers.eager_steps)
 
@@ -171,5 +171,5 @@ class Tightening:
         return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 
     def over_at(self, x: Array) -> tuple[TorqueMargin, ...] | None:
-        """Margins of the torques beyond their limits at unknowns, if those were evaluated last; else None."""
+        """Excess of the torques, without their margins, at unknowns, if these were evaluated last; else None."""
         return self._last[1] if np.array_equal(self._last[0], x) else None

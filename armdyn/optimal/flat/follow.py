@@ -1,8 +1,8 @@
 """Piecewise linear torques that track a reference motion.
 
-Open loop an arm is as unstable as an upside-down pendulum: what lines between samples miss of a curve's torque would
-grow. They are laid so that their impulses are the curve's to the fourth order, and computed torque takes off the rest,
-sample by sample, by the very integration that replays the motion.
+Open loop an arm is as unstable as an inverted pendulum: the error of linear interpolation of a curve's torque would
+grow. The samples are chosen for impulses equal to the curve's to fourth order, and computed torque corrects the rest,
+sample by sample, by the same integration as the replay.
 """
 
 from dataclasses import replace
@@ -20,29 +20,29 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _LOOKS = 5
-"""Places of an interval, its ends among them, at which a torque's second derivatives are looked for."""
+"""Places of an interval, including its ends, at which a torque's second derivatives are estimated."""
 _CLIPS = 2
-"""Rounds in which a torque is clipped to its range in the state that it leads to: each leaves 1e-3 of the excess."""
+"""Rounds of clipping a torque to its range at the resulting state: each leaves 1e-3 of the excess."""
 _SPARE = 30_000
-"""Accelerations for steps between two samples that are made in halves: those of a smooth torque need none."""
+"""Largest number of accelerations in halved steps between two samples: smooth torques need none."""
 
 
 def follow(task: Task, target: Trajectory) -> Trajectory:
     """Track a motion with torques within their limits, and return the motion of the arm.
 
     Args:
-        task: its robot and its torque limits.
-        target: samples of that motion and the torques that it takes, which are smooth between jumps.
+        task: task with the robot and its torque limits.
+        target: samples of the motion and its torques, which are smooth between jumps.
 
     Returns:
-        States and torques, which fit each other; it ends early where the arm was lost, with two samples at least.
+        Consistent states and torques; shorter if tracking failed, with at least two samples.
     """
     problem, numbers = task.problem, task.policy.curves
     limits, n, count = problem.limits.actuators, problem.robot.nv, target.t.size
-    # Where rates of the torque are limited it is the curve's: the better lines change more steeply at their corners.
+    # With limited torque rates the curve's torques are used: the corrected lines are steeper at their corners.
     tau = target.tau if problem.continuous_torque else _lines(target)
     fade = np.ones(count - 1)
-    if problem.continuous_torque:  # torques that may not jump end with what holds the arm
+    if problem.continuous_torque:  # continuous torques end with the holding torque
         fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
     feedback = Feedback(numbers.bandwidth / target.duration, fade, 0 if limits.constant else _CLIPS)
     start = np.concatenate([problem.q_start, problem.v_start])
@@ -55,20 +55,20 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
 
 
 def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolicy) -> Index:
-    """Samples of every interval with which a replay's velocities are right to a part of the velocity limits.
+    """Samples per interval for which the replay's velocity error is a given part of the velocity limits.
 
-    Between samples h apart, lines miss a torque with the second derivative τ'' so that velocities swing by h³/125 of
-    M⁻¹τ''. Where τ'' jumps, from one interval to the next, both share a sample, whose torque fits neither: velocities
-    are then off by about h³/48 of the jump of M⁻¹τ'', and by twice that at the ends of a leg.
+    Between samples h apart, linear interpolation of a torque with the second derivative τ'' makes velocities oscillate
+    by h³/125 M⁻¹τ''. Where τ'' jumps, between intervals, the shared sample fits neither side: velocities are then off
+    by about h³/48 of the jump of M⁻¹τ'', and by twice that at the ends of a leg.
 
     Args:
         robot: the arm.
-        leg: of a curve.
-        speed: limits of the velocities [rad/s or m/s], shape (nv,); where infinite, the leg's largest velocity counts.
-        numbers: the part, and fewest and most samples.
+        leg: leg of a curve.
+        speed: velocity limits [rad/s or m/s], shape (nv,); infinite ones are replaced by the leg's largest velocity.
+        numbers: the part, and least and largest number of samples.
 
     Returns:
-        Shape (intervals,).
+        Number of samples, shape (intervals,).
     """
     lengths, bends = np.diff(leg.basis.breaks), _bends(robot, leg)
     padded = np.concatenate([-bends[:1], bends, -bends[-1:]])
@@ -84,7 +84,7 @@ def _bends(robot: Robot, leg: CurveLeg) -> Array:
     """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
 
     Returns:
-        At inner places of every interval, shape (intervals, 3, nv).
+        Values at inner places of every interval, shape (intervals, 3, nv).
     """
     lengths = np.diff(leg.basis.breaks)[:, None]
     s = leg.basis.breaks[:-1, None] + lengths * np.linspace(0, 1, _LOOKS)
@@ -97,7 +97,7 @@ def _bends(robot: Robot, leg: CurveLeg) -> Array:
 
 
 def _lines(motion: Trajectory) -> Array:
-    """Torques at samples whose lines have the impulses of a smooth torque: less h²/12 of its second derivative."""
+    """Torques at samples, linear between, with the impulses of a smooth torque: less h²/12 of its second derivative."""
     tau, flows, h = motion.tau.copy(), ~motion.jumps, np.diff(motion.t)
     inner = np.flatnonzero(flows[1:] & flows[:-1]) + 1
     before, after = h[inner - 1][:, None], h[inner][:, None]

@@ -23,7 +23,7 @@ from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task
 
 _CAUTIOUS = 0.9
-"""Part of their limits that a guess's torques are clipped to: IPOPT begins inside."""
+"""Part of the limits to which a guess's torques are clipped, for a start in the interior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +31,10 @@ class TorqueMargin:
     """Margin by which the torque limits are tightened at the Gauss points, because the torque overshoots between them.
 
     Attributes:
-        upper: taken off the upper limits, as parts of half the range, shape (points, nv).
-        lower: added to the lower ones, likewise.
-        rates: taken off the limits of how fast torques change, as parts of them, from the point before (or the leg's
-            beginning) to every point, and from the last point to the leg's end, shape (points + 1, nv).
+        upper: reduction of the upper limits, as parts of half the range, shape (points, nv).
+        lower: increase of the lower limits, likewise.
+        rates: reduction of the limits of torque rates, as parts of them, from the point before (or the leg's start) to
+            every point, and from the last point to the leg's end, shape (points + 1, nv).
     """
 
     upper: Array | float = 0.0
@@ -44,14 +44,14 @@ class TorqueMargin:
 
 @dataclass(frozen=True, eq=False)
 class CurveSpec:
-    """Specification of a curve: tightened constraints, torque margins, weights of the costs besides the duration.
+    """Specification of a curve: tightened constraints, torque margins, weights of the costs other than the duration.
 
     Attributes:
-        constraints: path constraints, as strict as they have to be.
-        margins: of every leg; empty: none is left.
+        constraints: tightened path constraints.
+        margins: torque margins of every leg; empty: no margins.
         smooth: weight of the mean squared torque against the duration.
-        travel: likewise of the mean squared velocities, over scales of every joint.
-        steps: likewise of the squared changes of torques from point to point.
+        travel: weight of the mean squared velocities, over scales of every joint.
+        steps: weight of the squared changes of torques from point to point.
         least: lower bound of the duration [s]; 0: the fastest curve is the solution.
     """
 
@@ -64,7 +64,7 @@ class CurveSpec:
 
     @classmethod
     def of(cls, task: Task) -> Self:
-        """The problem's own constraints, and the policy's smoothness unless the problem weighs torques itself."""
+        """The problem's constraints, and the policy's smoothness unless the problem weighs torques itself."""
         smooth = 0.0 if task.problem.pays_effort else task.policy.curves.smooth
         return cls(TightenedConstraints.of(task), smooth=smooth)
 
@@ -74,7 +74,7 @@ def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: Tighten
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
     orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
-        orders.add(2)  # accelerations that are zero at an end in flight
+        orders.add(2)  # zero accelerations at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
     smooth, lines = 2 if problem.continuous_torque else 1, len(problem.limits.actuators.lines[0])
     joined = tuple(i + 1 for i in problem.via_regions)
@@ -91,7 +91,7 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
 
 
 def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
-    """Whether a constraint needs rows of its own, besides bounds of control points or torques."""
+    """Whether a constraint needs rows of its own, apart from bounds of control points or torques."""
     if isinstance(constraint, TorqueSpeedLimit):
         return False
     return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
@@ -121,10 +121,10 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     """Data of the nonlinear program.
 
     Args:
-        task: what is to be solved.
-        guess: the curve to start from, with the bases of all legs.
-        spec: what is asked.
-        shape: of the program.
+        task: the problem and its settings.
+        guess: initial guess, with the bases of all legs.
+        spec: requirements of the curve.
+        shape: layout of the program.
     """
     problem, numbers, whole = task.problem, _Numbers(), guess.duration
     limits, n = problem.limits, shape.joints
@@ -161,23 +161,23 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
 
 
 def travel_scales(task: Task, guess: Curve) -> Array:
-    """Scales of derivatives by the part of the time [rad or m], shape (nv,): small for joints that need not move."""
+    """Scales of dq/ds, s being the part of the time [rad or m], shape (nv,): small for joints that need not move."""
     most = guess.duration * finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
     return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
 
 
 def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:
-    """Scales of the velocities that agree where legs meet [rad/s or m/s], shape (nv,)."""
+    """Scales of the velocities in the continuity equations between legs [rad/s or m/s], shape (nv,)."""
     limits = finite(problem.limits.velocity)
     if not problem.regional:
         return limits
-    # What sequential convexification may miss is priced by its scale: far above the motion's speeds nothing would be.
+    # Violations in sequential convexification are priced per scale: a scale far above the motion's speeds is free.
     return np.minimum(limits, max(float(np.max(np.ptp(leg.points, axis=0))) / leg.duration for leg in guess.legs))
 
 
 def finite(limit: Array) -> Array:
-    """Limits as scales: 1 in place of infinity."""
+    """Limits as scales: infinity becomes 1."""
     return np.where(np.isinf(limit), 1.0, limit)
 
 
@@ -200,7 +200,7 @@ def _add_rates(
                 lower[place] = upper[place] = np.asarray(v) / scale
             elif order == 2 and problem.jerk_limit is not None:
                 lower[place] = upper[place] = 0
-        if order == 1 and leg == shape.legs[-1] and _ends_free(constraints):  # at rest, wherever that is
+        if order == 1 and leg == shape.legs[-1] and _ends_free(constraints):  # at rest at any position
             rest = 1 + _begins_gently(problem, np.asarray(problem.q_goal))
             lower[-rest:] = upper[-rest:] = np.asarray(problem.v_goal) / scale
         numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
@@ -210,10 +210,10 @@ def _add_torque_speeds(numbers: _Numbers, actuators: ActuatorLimits, basis: Arra
     """Lines of torque-speed curves at a leg's points.
 
     Args:
-        numbers: that they follow.
-        actuators: whose curves.
-        basis: of the points' windows values, first and second derivatives, shape (points, 3 WINDOW).
-        margin: at the points.
+        numbers: parameters and bounds so far, extended here.
+        actuators: actuators with the curves.
+        basis: values, first and second derivatives of the points' B-splines, shape (points, 3 WINDOW).
+        margin: torque margin at the points.
     """
     slopes, rest = (each / actuators.half_range for each in actuators.lines)
     if not slopes.size:
@@ -251,7 +251,7 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
 
 
 def _ends_free(constraints: TightenedConstraints) -> bool:
-    """Whether the motion ends anywhere in a region."""
+    """Whether the motion may end anywhere in a region."""
     return any(isinstance(each, GoalRegion) for each in constraints.path_constraints)
 
 
@@ -291,17 +291,17 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
 
 
 def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
-    """Numbers and bounds of each of `rows_of`."""
+    """Parameters and bounds of each of `rows_of`."""
     with_rows = (each for each in constraints.path_constraints if _has_rows(problem, each))
     return (*end_torque_values(problem), *(values for each in with_rows for values in each.values(problem)))
 
 
 def _powers(basis: Basis) -> Array:
-    """Coefficients of the B-splines of every interval by powers of its part, and its length, shape (intervals, …)."""
+    """Coefficients of every interval's B-splines in powers of its part, and its length, shape (intervals, …)."""
     lengths = np.diff(basis.breaks)
     derivatives = basis.local(basis.breaks[:-1], derivatives=4)  # (intervals, order, window)
     orders = np.arange(5)
     scale = lengths[:, None] ** orders / np.array([factorial(order) for order in orders])
     powers = derivatives * scale[:, :, None]
-    # Column by column, as CasADi reads it: for every power the window's coefficients.
+    # By columns, as CasADi stores: for every power the window's coefficients.
     return np.hstack([powers.reshape(basis.intervals, -1), lengths[:, None]])

@@ -1,4 +1,4 @@
-"""Nonlinear program of B-spline motions: layout of its unknowns, and its blocks."""
+"""Nonlinear program of B-spline motions: layout of its unknowns, and its blocks of equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,13 +31,13 @@ class CurveLayout:
     """Layout of unknowns and equations of a B-spline program.
 
     Attributes:
-        joints: of the arm.
-        intervals: of every leg.
-        orders: of the derivatives that have limits: 1, and perhaps 2 and 3.
-        smooth: order of the highest derivative that does not jump where legs meet.
-        rated: whether there are limits of how fast torques change.
-        lines: of every joint's torque-speed curve.
-        joined: legs whose first control point is the last one of the leg before, since both are free.
+        joints: number of joints.
+        intervals: number of intervals of every leg.
+        orders: orders of the limited derivatives: 1, and perhaps 2 and 3.
+        smooth: order of the highest derivative that is continuous between legs.
+        rated: whether torque rates are limited.
+        lines: number of lines of every joint's torque-speed curve.
+        joined: legs that share their first control point, which is free, with the leg before.
     """
 
     joints: int
@@ -64,10 +64,10 @@ class CurveLayout:
         return np.vstack([self.points(leg - 1)[-1:], points]) if leg in self.joined else points
 
     def windows(self, legs: Sequence[tuple[Basis, Array]]) -> Index:
-        """Indices of the control points that poses depend on, shape (poses, WINDOW, joints).
+        """Indices of the control points on which poses depend, shape (poses, WINDOW, joints).
 
         Args:
-            legs: of each leg its basis, and the poses as parts of its duration.
+            legs: basis of each leg, and its poses as parts of its duration.
         """
         return np.concatenate([self.points(k)[basis.window(s)] for k, (basis, s) in enumerate(legs)])
 
@@ -116,7 +116,7 @@ class CurveLayout:
         return self._columns(leg, window, self.torques(leg).reshape(self.intervals[leg], -1))
 
     def differences(self, leg: int, order: int) -> Index:
-        """Indices of the unknowns that a derivative's control points depend on, a column per control point."""
+        """Indices of the unknowns for a derivative's control points, a column per control point."""
         return self._columns(leg, np.arange(self._count(leg, order))[:, None] + np.arange(order + 1))
 
     def _count(self, leg: int, order: int) -> int:
@@ -128,17 +128,17 @@ class CurveLayout:
         return self.joints * (points * (1 + self.lines) + sum(self._count(leg, order) for order in self.orders))
 
     def torque_steps(self, leg: int) -> Index:
-        """Unknowns of the torques' rates from point to point of a leg, a column for each."""
+        """Indices of the unknowns for a leg's torque rates from point to point, a column each."""
         torques = self.torques(leg)
         return np.hstack([torques[:-1], torques[1:], np.full((len(torques) - 1, 1), self.duration(leg))]).T
 
     def torque_meeting(self, leg: int) -> Index:
-        """Unknowns of the torques' rate from the leg before to this one, one column."""
+        """Indices of the unknowns for the torque rate from the leg before, one column."""
         ends = self.torques(leg - 1)[-1], self.torques(leg)[0]
         return np.concatenate([*ends, [self.duration(leg - 1), self.duration(leg)]])[:, None]
 
     def torque_ends(self) -> tuple[Index, Index]:
-        """Unknowns of the torques' rates at the start and at the goal, one column each."""
+        """Indices of the unknowns for the torque rates at start and goal, one column each."""
         last = self.legs[-1]
         ends = (self.torques(0)[0], self.duration(0)), (self.torques(last)[-1], self.duration(last))
         first, final = (np.append(torques, duration)[:, None] for torques, duration in ends)
@@ -156,14 +156,14 @@ class CurveLayout:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Equations that hold at many places of a curve.
+    """Equations that are repeated along a curve.
 
     Attributes:
-        one: at one place.
-        index: which unknowns are a place's, a column each.
-        own: number of parameters that every place has for itself.
-        shared: whether `Shared` follows them.
-        common: number of parameters that all places have in common, after those.
+        one: equations at one place.
+        index: indices of each place's unknowns, a column each.
+        own: number of each place's own parameters.
+        shared: whether `Shared` follows these.
+        common: number of parameters common to all places, after these.
         summed: see `Block`.
     """
 
@@ -177,13 +177,13 @@ class _Part:
 
 @built_once(maxsize=32)
 def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], compile_mode: bool | None) -> Program:
-    """The program of curves: torques and rates leg by leg, where legs meet, then path constraints.
+    """The program of curves: torques and rates leg by leg, continuity between legs, then path constraints.
 
     Args:
-        dynamics: with a free last body.
-        shape: of the curves.
-        rows: what conditions ask for, over the intervals of all legs.
-        compile_mode: for `compiled`.
+        dynamics: dynamics with a symbolic last body.
+        shape: layout of the curves.
+        rows: rows of path constraints, over the intervals of all legs.
+        compile_mode: mode for `compiled`.
     """
     n, parts = shape.joints, list[_Part]()
     for leg in shape.legs:
@@ -225,7 +225,7 @@ def _laid_out(parts: Sequence[_Part], shared: int) -> list[Block]:
 
 
 def _torque_rates(shape: CurveLayout) -> list[_Part]:
-    """Constraints on torque rates: within each leg, where legs meet, and at both ends."""
+    """Constraints on torque rates: within each leg, between legs, and at both ends."""
     n = shape.joints
     steps = [_Part(torque_rate_equations(n, 1), shape.torque_steps(leg), 1 + n) for leg in shape.legs]
     meetings = [_Part(torque_rate_equations(n, 2), shape.torque_meeting(leg), 2 + n) for leg in shape.legs[1:]]

@@ -1,4 +1,4 @@
-"""Refinement of a curve until its limits hold between the points of the program, too."""
+"""Refinement of a curve until its limits hold between the program's points, too."""
 
 from dataclasses import dataclass, replace
 
@@ -18,10 +18,10 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 _SLOWER = 0.6
-"""Times an excess, as a part of half a range, by which a curve is slowed down again: half of it mends a torque without
-gravity."""
+"""Multiple of an excess, as a part of half a range, by which a curve is slowed down: half of it suffices for a torque
+without gravity."""
 _PACES = 3
-"""Rounds of slowing down: the first is exact but for friction, which the next knows at the new pace."""
+"""Rounds of slowing down: the first is exact except for friction, which the next evaluates at the new pace."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,10 +32,10 @@ class RefinedCurve:
         curve: the motion.
         solved: the program's last solution; the curve may be slower.
         spec: specification of the last round, with its tightened constraints and margins.
-        iterations: of IPOPT, or quadratic programs, over all rounds.
-        excess: of a torque between the points, as a part of half its range; not positive: none.
-        reports: the path constraints.
-        calm: time that was given for calm joints [s].
+        iterations: iterations of IPOPT, or quadratic programs, over all rounds.
+        excess: largest excess of a torque between the points, as a part of half its range; not positive: no excess.
+        reports: reports on the path constraints.
+        calm: time spent on calm joints [s].
     """
 
     curve: Curve
@@ -48,15 +48,15 @@ class RefinedCurve:
 
 
 def refine_curve(task: Task, guess: Curve, rough: bool = False) -> RefinedCurve:
-    """The fastest curve near a guess whose torques are within their limits everywhere, as path constraints are.
+    """The fastest curve near a guess, within its torque limits and path constraints everywhere.
 
-    What a torque exceeds its limit by between two points is taken off the limit there, and the program solved again.
+    An excess of a torque between two points becomes a margin of the limit there, and the program is solved again.
 
     Args:
-        task: what is to be solved.
-        guess: the curve to start from.
-        rough: whether `calm_curve` goes on with it: then its duration is the fastest, and its torques may exceed their
-            limits a little.
+        task: the problem and its settings.
+        guess: initial guess.
+        rough: whether `calm_curve` continues from the result: then its duration is the fastest, and its torques may
+            exceed their limits slightly.
     """
     spec = CurveSpec.of(task)
     return _refined(task, guess, spec, task.policy.curves.rough if rough else task.policy.curves.little)
@@ -71,14 +71,14 @@ def _refined(task: Task, guess: Curve, spec: CurveSpec, little: float, near: Sol
 
 
 def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
-    """The curve of `refine_curve`, slowed down until it keeps its limits; without IPOPT where steps can do.
+    """The curve of `refine_curve`, slowed down until it is within its limits; by steps without IPOPT.
 
     Args:
-        task: what is to be solved.
-        guess: the curve to start from.
+        task: the problem and its settings.
+        guess: initial guess.
 
     Returns:
-        None: steps do not converge, or torques stay too far beyond their limits between the points.
+        None if the steps do not converge, or torques stay too far beyond their limits between the points.
     """
     spec, numbers, curves = CurveSpec.of(task), task.policy.sequential.without_obstacles, task.policy.curves
     if not solved_by_steps(
@@ -99,12 +99,12 @@ def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
 def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     """Refine a fastest curve to the calm one: slower by a share, with the least joint travel and torque changes.
 
-    Where no such curve is found, or a slower one, the fastest curve is returned.
+    Without such a curve, or if it is slower, the fastest curve is returned.
 
     Args:
-        task: the problem and its options.
+        task: the problem and its settings.
         fastest: the fastest curve, within its limits.
-        share: part of the fastest duration that may be given [-].
+        share: part of the fastest duration that may be spent [-].
     """
     numbers, duration = task.policy.curves, fastest.curve.duration
     least = (1 + share - numbers.little) * duration
@@ -119,11 +119,11 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
 
 
 def settled(task: Task, rough: RefinedCurve) -> RefinedCurve:
-    """Refine a rough curve until it keeps its limits; slow it down if no time is left for that.
+    """Refine a rough curve until it is within its limits; slow it down if the time is up.
 
     Args:
-        task: the problem.
-        rough: of `refine_curve`.
+        task: the problem and its settings.
+        rough: rough curve from `refine_curve`.
     """
     little = task.policy.curves.little
     if rough.excess <= little:
@@ -137,14 +137,14 @@ def settled(task: Task, rough: RefinedCurve) -> RefinedCurve:
 def _in_rounds(
     task: Task, solved: Solved, spec: CurveSpec, enough: float, over: tuple[TorqueMargin, ...] | None = None
 ) -> RefinedCurve:
-    """Tighten a specification and solve it again until the limits are kept between the points, too.
+    """Tighten a specification and solve it again until the limits hold between the points, too.
 
     Args:
-        task: what is to be solved.
+        task: the problem and its settings.
         solved: the first round.
-        spec: what was asked there.
-        enough: excess that is left to be slowed down, or where it is more than little to others.
-        over: what torques exceed their limits by in the first round; None: not known.
+        spec: requirements of the first round.
+        enough: acceptable excess, as a part of half the range.
+        over: excess of torques in the first round; None: unknown.
     """
     numbers, problem, iterations = task.policy.curves, task.problem, solved.result.iterations
     worst = last = np.inf
@@ -156,7 +156,7 @@ def _in_rounds(
             break
         task.progress(round_words(k + 1, solved.curve, over))
         spec = _tighter(task, spec, over, kept)
-        # Margins where torques are far from their limits change no step; IPOPT's barrier keeps away from them.
+        # Margins of limits that are not active do not change steps; IPOPT's barrier responds to them.
         solved, last = replace(solved, in_steps=solved.in_steps and worst < last), worst
         again = solve_curve(task, solved.curve, spec, solved)
         iterations += again.result.iterations
@@ -172,7 +172,7 @@ def _in_rounds(
 
 
 def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
-    """A specification with larger margins of torques and stricter constraints, by what was exceeded."""
+    """Specification with larger torque margins and tightened constraints, by the excesses."""
     margins = spec.margins or (TorqueMargin(),) * len(over)
     more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
     return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
@@ -181,17 +181,17 @@ def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], report
 def _within_limits(
     task: Task, fast: Curve, over: tuple[TorqueMargin, ...], most: float
 ) -> tuple[Curve, tuple[TorqueMargin, ...]]:
-    """A curve slowed down until it keeps its limits, as far as slowing down helps, and what remains beyond them.
+    """Slow a curve down to its limits, as far as that helps; return the curve and the remaining excess.
 
     Args:
-        task: its limits.
+        task: task with the limits.
         fast: the curve.
-        over: what torques exceed their limits by.
-        most: excess that is mended by slowing down, as a part of half the range.
+        over: excess of torques.
+        most: largest excess that slowing down removes, as a part of half the range.
     """
     curve = _slowed(task, fast)
     over = over if curve is fast else excesses_of(task, curve)
-    for _ in range(_PACES):  # what samples do not see
+    for _ in range(_PACES):  # excesses between samples
         if not 0 < worst_excess(over) <= most:
             break
         curve = curve.slower(1 + _SLOWER * worst_excess(over))
@@ -200,11 +200,11 @@ def _within_limits(
 
 
 def slowed_until_kept(task: Task, refined: RefinedCurve) -> RefinedCurve:
-    """A refined curve slowed down by as much as its limits ask, where refinement left them exceeded.
+    """Slow a refined curve down to its limits, if refinement left them exceeded.
 
     Args:
-        task: a problem whose motions can be slowed down.
-        refined: the curve, whose path constraints are checked anew.
+        task: task whose motions can be slowed down.
+        refined: the curve; its path constraints are checked again.
     """
     curve, over = _within_limits(task, refined.curve, excesses_of(task, refined.curve), np.inf)
     reports = reports_on(task, curve, refined.spec.constraints)
@@ -212,11 +212,11 @@ def slowed_until_kept(task: Task, refined: RefinedCurve) -> RefinedCurve:
 
 
 def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
-    """The fastest curve near a guess that keeps its distances, slowed down to keep its limits: the best of some rounds.
+    """The fastest curve near a guess within its distances, slowed down to its limits: the best of some rounds.
 
     Args:
-        task: a problem with distances to be kept.
-        guess: the curve to start from.
+        task: task with required distances.
+        guess: initial guess.
     """
     numbers, hopeless = task.policy.sequential, task.policy.curves.hopeless
     constraints = TightenedConstraints.of(task)
@@ -238,7 +238,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration
         good = not any(rank(found[-1])[:2])
-        task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not kept yet'}")
+        task.progress(f"round {k + 1}: {curve.duration:.4f} s{'' if good else ', limits are not satisfied yet'}")
         if task.stop or (good and little):
             break
         spec = _tighter(task, spec, over, reports)
@@ -246,7 +246,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
 
 
 def _at_the_ends(leg: CurveLeg, numbers: SequentialPolicy) -> TorqueMargin:
-    """Margins near the ends, where torques change fast, and in the first and the last interval."""
+    """Margins near the ends, where torques change fast, and in the first and last interval."""
     margin = np.zeros((POINTS * leg.basis.intervals, leg.points.shape[1]))
     near = POINTS * numbers.switching
     margin[:near] = margin[-near:] = numbers.switch_margin
@@ -258,14 +258,14 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
     """Reports on a curve's path constraints.
 
     Args:
-        task: what is asked.
+        task: the problem and its settings.
         curve: the motion.
-        constraints: the conditions.
+        constraints: the path constraints.
     """
     if not constraints.path_constraints:
         return ConstraintReports(())
     motion = sampled(task, curve)
-    if not can_be_slowed(task.problem):  # nothing later mends what feedback to the curve adds
+    if not can_be_slowed(task.problem):  # the feedback's corrections are not removed later
         motion = follow(task, motion)
     return constraints.check(task.problem, motion, curve.passing)
 
@@ -274,7 +274,7 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     """Samples of a curve, between which torques are linear."""
     numbers, problem = task.policy.curves, task.problem
     jumps = not problem.continuous_torque
-    if not jumps:  # what feedback adds changes fast where samples are close
+    if not jumps:  # the feedback's corrections change fast between close samples
         numbers = replace(numbers, most_samples=numbers.samples)
     if not can_be_slowed(problem):
         numbers = replace(numbers, off=numbers.off_in_flight)
@@ -285,12 +285,12 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
 
 
 def constraints_mended(task: Task, reports: ConstraintReports) -> bool:
-    """Whether the path constraints are kept, or would be by slowing down at little cost."""
+    """Whether the path constraints are satisfied, or would be after slowing down at little cost."""
     return mended(task.problem, reports.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:
-    """The same path, slowed down until torques and speeds keep their limits; unchanged if no pace does."""
+    """The same path, slowed down until torques and speeds are within their limits; unchanged if no pace is."""
     exact = task.problem.limits.actuators.constant and not task.problem.robot.friction.present
     for _ in range(_PACES):
         factor = least_factor(task.problem.robot, task.problem.limits, sampled(task, curve))

@@ -23,25 +23,25 @@ from armdyn.optimal.solve.solver import NlpResult
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 
 Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
-"""From unknowns, and the torques that their curve takes as parts of half the range, shape (points, joints), to lower
-and upper bounds of these torques; None: they may stay as they are."""
+"""Maps unknowns and their curve's torques, as parts of half the range, shape (points, joints), to lower and upper
+bounds of the torques; None: unchanged bounds."""
 
 _WITHIN = 0.9
-"""Part of a trust region's radius within which it did not hold a step."""
+"""Part of a trust region's radius within which the region does not restrict a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Iterate:
-    """An iterate: a curve whose torques are those that it takes, and all rows linearised there.
+    """An iterate: a curve with its torques, and all rows linearised at it.
 
     Attributes:
         x: unknowns.
-        cost: what is minimised, without penalties [s].
-        torques: that the curve takes.
-        velocities: of its control points.
-        others: other equations; None: there are none.
-        near: distances; None: none are asked for.
-        penalties: price of what is violated: torques, distances, other rows [s].
+        cost: cost without penalties [s].
+        torques: torques of the curve.
+        velocities: rows of the velocities' control points.
+        others: other equations; None: no such equations.
+        near: linearised distances; None: no distances.
+        penalties: priced violations: torques, distances, other rows [s].
     """
 
     x: Array
@@ -55,15 +55,15 @@ class _Iterate:
 
 @dataclass(frozen=True)
 class SequenceSettings:
-    """Extent of a sequence of steps.
+    """Settings of a sequence of steps.
 
     Attributes:
-        trust: first radius of the trust region [rad or m].
-        enough: relative change of the merit at which the sequence ends.
-        beaten: a duration [s]; a sequence that is not near it after a few steps ends.
-        eager: first steps that are taken whatever they do; None: the policy's.
-        tighten: asked where a step ended about where it was predicted to, or none is better.
-        most: steps, though the policy may grant more; None: the policy's.
+        trust: initial radius of the trust region [rad or m].
+        enough: relative change of the merit at convergence.
+        beaten: duration to beat [s]: a sequence that is not near it after a few steps ends.
+        eager: number of first steps that are accepted without a test; None: the policy's.
+        tighten: new torque bounds, called after a well-predicted step, or without a better one.
+        most: limit of steps, which the policy may extend; None: the policy's.
     """
 
     trust: float
@@ -98,7 +98,7 @@ class Sequential:
             missed = (
                 at.penalties[2] > policy.distance * policy.distance_left and policy.other < policy.dearest * self._whole
             )
-            if taken is None and missed:  # a slow arm gains more by missing rows than their price
+            if taken is None and missed:  # a slow arm gains more by violated rows than their price
                 policy = self.policy = replace(policy, other=10 * policy.other)
                 at = self._point(at.x)
                 merit, trust = self._merit(at), settings.trust
@@ -106,7 +106,7 @@ class Sequential:
             ended, near, word = taken is None, taken is None and self._kept(at), "no step is better"
             if taken is not None:
                 before, merit = merit, self._merit(taken)
-                # Where the rows were linear all along the step, it ends in the optimum.
+                # With rows linear along the step, the step ends at the optimum.
                 promised, reached = at.cost + step.cost, self._reached(at, taken, step, merit)
                 off = abs(promised - merit)
                 if k == last < policy.steps - 1 and before - promised < policy.near * merit:
@@ -123,7 +123,7 @@ class Sequential:
                 status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
             elif k >= eager and self._duration(at) > policy.hopeless * settings.beaten:
-                status, word = Status.ITERATION_LIMIT, "another way is faster"
+                status, word = Status.ITERATION_LIMIT, "another path is faster"
                 break
         else:
             status, word = Status.ITERATION_LIMIT, "iteration limit"
@@ -132,7 +132,7 @@ class Sequential:
     def _step(
         self, at: _Iterate, merit: float, trust: float, eager: bool
     ) -> tuple[_Iterate | None, QpSolution, float, int]:
-        """A step that is taken (None: none is better), its quadratic program, the next radius and the iterations."""
+        """An accepted step (None: none is better), its quadratic program, the next radius and the iterations."""
         policy, iterations = self.policy, 0
         program = self._convex(at)
         while True:
@@ -170,7 +170,7 @@ class Sequential:
         return _Iterate(x, cost, torques, velocities, others, near, self._penalties(x, velocities, others, near))
 
     def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
-        """An iterate of the program with other bounds of the torques."""
+        """The iterate with other bounds of the torques."""
         numbers, own = self.problem.numbers, self.problem.torques
         lower, upper = (side.copy() for side in numbers.x_bounds)
         lower[own], upper[own] = bounds
@@ -194,10 +194,10 @@ class Sequential:
         return float(np.sum(at.x[self.problem.cost.durations]))
 
     def _reached(self, at: _Iterate, taken: _Iterate, step: QpSolution, merit: float) -> bool:
-        """Whether the last step ended within its trust region, or the region's bounds cost next to nothing.
+        """Whether the last step ended within its trust region, or the region's bounds cost almost nothing.
 
-        The optimum of a convex program is convex in its bounds: by moving them it falls by no more than their
-        multipliers say.
+        A convex program's optimum is convex in its bounds: moving them lowers it by no more than their multipliers
+        predict.
         """
         free = self.problem.place >= 0
         change = np.abs(taken.x - at.x)

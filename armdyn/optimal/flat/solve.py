@@ -28,21 +28,21 @@ from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9
-"""How far a warm start may be moved off its bounds."""
+"""Distance by which a warm start may be moved off its bounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Result of one guess.
+    """Result from one guess.
 
     Attributes:
-        curve: where it ended: a motion, whether it converged or not.
-        result: the solver's words and multipliers.
-        shape: of the program.
-        rows: of its path constraints.
-        guessed: duration that the guess had, with which the program measures time [s].
-        limits: which equations are limits, as of `result.lam_g`; the others are given, such as velocities at the ends.
-        in_steps: whether it was found by sequential convexification.
+        curve: the last curve, converged or not.
+        result: the solver's status and multipliers.
+        shape: layout of the program.
+        rows: rows of the path constraints.
+        guessed: duration of the guess, the program's unit of time [s].
+        limits: whether each equation, in the order of `result.lam_g`, is a limit, not an equality.
+        in_steps: whether sequential convexification found it.
     """
 
     curve: Curve
@@ -65,11 +65,11 @@ def solve_curve(
     """Solve the program of curves from one guess.
 
     Args:
-        task: what is to be solved, and how.
-        guess: where it starts.
-        spec: what is asked of the curve.
-        near: what came out where nearly the same was asked: it is started from with its multipliers.
-        tighten: of `SequenceSettings`, where the program is solved by steps.
+        task: the problem and its settings.
+        guess: initial guess.
+        spec: requirements of the curve.
+        near: result of a similar specification, for a warm start with its multipliers.
+        tighten: see `SequenceSettings`, for programs solved by steps.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
@@ -85,7 +85,7 @@ def solve_curve(
         found = solve_in_steps(task, guess, spec, steps, numbers)
         if found.converged or task.stop:
             return found
-        # Where many torques are at their limits all along, first derivatives converge slowly.
+        # With many torques at their limits throughout, first derivatives converge slowly.
     same = near is not None and not near.in_steps and (near.shape, near.rows) == (shape, rows)
     near = near if same else None
     solver = _solver(task, shape, rows, warm=near is not None)
@@ -100,11 +100,11 @@ def solve_in_steps(
     """Solve a program of curves by sequential convexification.
 
     Args:
-        task: what is to be solved, and how.
-        guess: where it starts.
-        spec: what is asked of the curve.
-        steps: the extent of the sequence.
-        numbers: tuned numbers; None: those of the task.
+        task: the problem and its settings.
+        guess: initial guess.
+        spec: requirements of the curve.
+        steps: settings of the sequence.
+        numbers: tuned numbers; None: the task's.
     """
     problem = curve_program(task, guess, spec)
     result = Sequential(problem, numbers or task.policy.sequential, task.stop).solve(steps)
@@ -117,9 +117,9 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
     """Program for sequential convexification.
 
     Args:
-        task: what is to be solved, and how.
-        guess: where it starts.
-        spec: what is asked of the curve.
+        task: the problem and its settings.
+        guess: initial guess.
+        spec: requirements of the curve.
     """
     problem = task.problem
     shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
@@ -143,7 +143,7 @@ def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
 
 
 def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
-    """Weights of squared accelerations over velocity limits, by the unknowns; none where torques are paid for."""
+    """Weights of squared accelerations over velocity limits, in the unknowns; zero if torques have a cost."""
     if spec.smooth or spec.travel:
         return sp.csr_matrix((shape.size, shape.size))
     numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
@@ -155,9 +155,9 @@ def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) ->
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
-    """Build the functions that `solve_curve` needs, cold and warm, unless they are built.
+    """Build the functions that `solve_curve` needs, cold and warm.
 
-    Args and raises: as of `solve_curve`.
+    Args and raises: as for `solve_curve`.
     """
     shape, rows = curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
     for warm in () if solved_by_steps(task, shape, rows) else (False, True):
@@ -165,13 +165,13 @@ def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:
 
 
 def solved_by_steps(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...]) -> bool:
-    """Whether sequential steps solve the problem: only torque, velocity and position limits, and velocity matters."""
+    """Whether sequential steps solve the problem: speed-limited, with limits of torque, velocity and position only."""
     problem, plain = task.problem, not rows and shape == CurveLayout(shape.joints, shape.intervals[:1])
     return plain and task.policy.curves.cruises and not problem.pays_effort
 
 
 def _solver(task: Task, shape: CurveLayout, rows: tuple[StageRows, ...], warm: bool) -> Solver[Program]:
-    """The solver of the program; a program built without machine code that has arrived since is built again."""
+    """The solver of the program; a program without machine code is rebuilt once its code is ready."""
     if arrived():
         forget()
     numbers, options = task.policy.curves, task.options

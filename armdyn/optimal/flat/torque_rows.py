@@ -20,13 +20,13 @@ class TorqueParts:
     """Torques of one curve as parts of half their ranges.
 
     Attributes:
-        rows: whose torques they are.
+        rows: rows that evaluated the torques.
         T: durations [s], shape (points of all legs, 1).
-        q: positions there [rad or m], shape (points of all legs, joints).
+        q: positions at the points [rad or m], shape (points of all legs, joints).
         v: velocities [rad/s or m/s], likewise.
         a: accelerations [rad/s² or m/s²], likewise.
         tau: torques, likewise.
-        lead: changes of the unknowns with the durations, shape (unknowns,); None: they do not change.
+        lead: derivatives of the unknowns in the duration, shape (unknowns,); None: zero.
     """
 
     rows: "TorqueRows"
@@ -39,7 +39,7 @@ class TorqueParts:
 
     @cached_property
     def jacobian(self) -> csr_matrix:
-        """Derivatives of the torques by the program's unknowns, shape (points * joints, unknowns)."""
+        """∂(torques)/∂(unknowns), shape (points * joints, unknowns)."""
         return self.rows.jacobian(self)
 
 
@@ -47,13 +47,13 @@ class TorqueRows:
     """Torques of all curves of one layout on the same bases."""
 
     def __init__(self, robot: Robot, half_range: Array, legs: Sequence[tuple[Basis, Array]], shape: CurveLayout):
-        """Evaluate the splines.
+        """Evaluate the splines at the points.
 
         Args:
             robot: the arm.
             half_range: scales of the torques [N m or N], shape (joints,).
-            legs: of each its basis, and the points as parts of its duration.
-            shape: of the program.
+            legs: basis of each leg, and its points as parts of its duration.
+            shape: layout of the program.
         """
         self.half_range, n = half_range, robot.nv
         self._torque, self._derivatives = inverse_dynamics(robot), inverse_dynamics_derivatives(robot)
@@ -65,7 +65,7 @@ class TorqueRows:
         self._pattern = csr_matrix((np.zeros(index.size), index.ravel(), starts), (len(index), shape.size))
 
     def at(self, x: Array, lead: Array | None = None) -> TorqueParts:
-        """Torques at unknowns x, of which the torques count for nothing; lead: as in `TorqueParts`."""
+        """Torques at unknowns x, whose torque entries are ignored; lead: as in `TorqueParts`."""
         T = x[self._duration][:, None]
         q, dq, ddq = (self._local @ x[self._points]).transpose(1, 0, 2)
         v, a = dq / T, ddq / T**2

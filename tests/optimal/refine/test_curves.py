@@ -350,7 +350,7 @@ def test_what_the_free_optimum_clears_costs_nothing(options):
     task = replace(Task.of(problem), progress=messages.append)
     optima, found = curves(task)
     assert optima[0].trajectory.duration == pytest.approx(FREE, rel=SAME)
-    assert "the way without obstacles" in messages and not any("guesses" in text for text in messages)
+    assert "the motion without obstacles" in messages and not any("guesses" in text for text in messages)
     assert optima[0].reports.clearance.distance >= problem.clearance and not found.listed
 
 
