@@ -1,9 +1,9 @@
 """Cells of time, each with boxes that enclose the reachable positions and velocities.
 
-Time is cut into cells of fixed lengths, whose sum no motion falls short of, and elastic ones that are as long as the
-motion wants. A leg by itself has short cells from the start on, one elastic cell in the middle, and cells towards the
-goal. Where it passes regions, it has an elastic cell between any two of them. A motion of any duration has this shape,
-whenever it passes the regions, so that one proof serves all durations.
+Time is divided into cells of fixed lengths, whose sum is at most any motion's duration, and elastic cells, which take
+the rest. A leg by itself has short cells from the start on, one elastic cell in the middle, and cells to the goal. A
+leg through regions has an elastic cell between any two of them. Motions of any duration have this shape, whenever they
+pass the regions, so that one proof covers all durations.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 _EDGE = 1e-9
-"""Share of an instant by which cells of two cuts are taken to overlap, whatever rounding makes of their ends."""
+"""Share of an instant by which cells of two divisions overlap, to cover rounding of their ends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Phase:
-    """Part of a motion, between regions that it passes.
+    """Part of a motion between two regions that it passes.
 
     Attributes:
-        least: no motion takes less time for it [s].
-        box: of all joint positions on it [rad or m], each end of shape (nv,).
-        line: region in which it stays; None: there is none.
-        goal: region where it ends, and the box of joint positions there; None: the leg's goal.
+        least: lower bound on the time of the phase [s].
+        box: box of all joint positions in the phase [rad or m], each end of shape (nv,).
+        line: region in which the frame stays during the phase; None: no such region.
+        goal: region at the end of the phase, and the box of joint positions there; None: the leg's goal.
     """
 
     least: float
@@ -47,13 +47,13 @@ class Phase:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Cells of time in their order, and what is known at the nodes between them.
+    """Cells of time in order, and the known positions at the nodes between them.
 
     Attributes:
-        lengths: [s], shape (n,); of elastic cells 0.
-        longest: no motion that takes longer [s] is spoken of.
-        lines: region in which the frame is all along a cell, of every cell; None: there is none.
-        passed: region of the frame at a node, by its number; neither at the first nor at the last one.
+        lengths: lengths of the cells [s], shape (n,); 0 for elastic cells.
+        longest: duration up to which motions are covered [s].
+        lines: region in which the frame stays during each cell; None: no such region.
+        passed: region of the frame at a node, by the node's index; not for the first and the last node.
         q: positions in the cells [rad or m], shape (n, nv).
         nodes: positions at the nodes, shape (n + 1, nv).
         v: velocities in the cells [rad/s or m/s], shape (n, nv).
@@ -69,19 +69,19 @@ class Cells:
 
     @classmethod
     def of(cls, leg: BoundLeg, half: float, longest: float) -> Cells | None:
-        """Cells of a leg by itself, within limits; None if no motion is that fast.
+        """Cells of a leg by itself, within limits; None: no motion is that fast.
 
         Args:
-            leg: its ends.
-            half: at most so long are the cells of each side [s]; no motion is faster than twice that.
-            longest: no motion that takes longer [s] is spoken of.
+            leg: leg with its ends.
+            half: largest sum of the cells of each side [s]; no motion is faster than twice that.
+            longest: duration up to which motions are covered [s].
         """
         side = _side(half, leg.policy)
         return cls._of(leg, [Phase(0.0, leg.position)], [[*side, 0.0, *side[::-1]]], longest)
 
     @classmethod
     def in_phases(cls, leg: BoundLeg, phases: Sequence[Phase], longest: float) -> Cells | None:
-        """Cells of a leg that passes regions, phase by phase, within limits; None if no motion is that fast."""
+        """Cells of a leg through regions, phase by phase, within limits; None: no motion is that fast."""
         rest = [leg.start.at_rest, *[False] * (len(phases) - 1), leg.goal.at_rest]
         lengths = [_lengths(*each, leg.policy) for each in zip(phases, rest[:-1], rest[1:], strict=True)]
         return cls._of(leg, phases, lengths, longest)
@@ -90,7 +90,7 @@ class Cells:
     def _of(
         cls, leg: BoundLeg, phases: Sequence[Phase], lengths: Sequence[Sequence[float]], longest: float
     ) -> Cells | None:
-        """Cells of phases whose lengths are given, phase by phase."""
+        """Cells from the phases' lengths, phase by phase."""
         lines, boxes = list[BoundRegion | None](), list[Interval]()
         passed, nodes = dict[int, BoundRegion](), [leg.start.q]
         for phase, own in zip(phases, lengths, strict=True):
@@ -107,22 +107,22 @@ class Cells:
 
     @property
     def elastic(self) -> Flags:
-        """Which cells are elastic, shape (n,)."""
+        """Whether each cell is elastic, shape (n,)."""
         return np.asarray(self.lengths == 0)
 
     @property
     def fixed(self) -> NDArray[np.intp]:
-        """Indices of all other cells."""
+        """Indices of the fixed cells."""
         return np.flatnonzero(self.lengths)
 
     @property
     def node(self) -> NDArray[np.intp]:
-        """Index of every node, where the two ends of an elastic cell count once, shape (n + 1,)."""
+        """Index of every node, counting the two ends of an elastic cell once, shape (n + 1,)."""
         return np.concatenate([[0], np.cumsum(~self.elastic)])
 
     @property
     def room(self) -> float:
-        """Time that the longest motion leaves for the elastic cells [s]; no motion exists if it is not positive."""
+        """Time that the longest motion has for the elastic cells [s]; not positive: no motion exists."""
         return float((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper)
 
     @property
@@ -132,16 +132,16 @@ class Cells:
 
     @property
     def middle(self) -> int:
-        """Index of the first elastic cell; of a leg by itself it is the only one."""
+        """Index of the first elastic cell; the only one of a leg by itself."""
         return int(np.argmax(self.elastic))
 
     @property
     def side(self) -> Array:
-        """Lengths of the cells before that [s], shape (k,); of a leg by itself those to the goal have the same."""
+        """Lengths of the cells before the middle [s], shape (k,); for a leg by itself also of those to the goal."""
         return self.lengths[: self.middle]
 
     def cut(self, leg: BoundLeg, half: float) -> Cells | None:
-        """Cells of a leg by itself for another length of its sides, with the velocity bounds found so far."""
+        """Cells of a leg by itself for another length of its sides, with the known velocity bounds."""
         new = Cells.of(leg, half, self.longest)
         if new is None:
             return None
@@ -153,7 +153,7 @@ class Cells:
         return new.narrowed(leg, stacked([*onward, new.v[new.middle], *back[::-1]], 0))
 
     def narrowed(self, leg: BoundLeg, v: Interval) -> Cells | None:
-        """Cells with further bounds of the velocities, and the positions that these admit; None: no motion."""
+        """Cells with further bounds of the velocities, and of the positions that these imply; None: no motion."""
         v = self.v.meet(v)
         ways = self.times[:, None] * v
         nodes = self.nodes.led_by(ways).both(self.nodes[::-1].led_by(-ways[::-1])[::-1])
@@ -184,7 +184,7 @@ class Cells:
         return Forces(terms_over(leg.dynamics, self.q), self.v, torques(leg, self), leg.friction)
 
     def ends(self, leg: BoundLeg) -> list[LegEnd | None]:
-        """Known positions, or linear forms of them, at all nodes, the ends included; None: nothing known."""
+        """Known positions, or linear forms of them, at all nodes, including the ends; None: unknown."""
         found: list[LegEnd | None] = [leg.start, *[None] * (len(self.lengths) - 1), leg.goal]
         owners = [None, *(self.passed.get(k) or self.lines[k] for k in range(1, len(self.lengths))), None]
         for region in {region for region in owners if region is not None}:
@@ -196,17 +196,17 @@ class Cells:
 
 
 def _side(half: float, numbers: BoundPolicy) -> Array:
-    """Lengths of the cells of one side [s]; their sum is half at most."""
+    """Lengths of the cells of one side [s]; their sum is at most half."""
     lengths: list[float] = []
     length = numbers.shortest
     while sum(lengths) + length < 1:
         lengths.append(length)
         length = min(length * numbers.growth, numbers.longest)
-    return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # which rounding does not make up for
+    return np.array(lengths) * (half / sum(lengths) * (1 - 1e-12))  # more than rounding
 
 
 def _lengths(phase: Phase, from_rest: bool, to_rest: bool, numbers: BoundPolicy) -> list[float]:
-    """Lengths of a phase's cells [s]: the elastic one, 0, is where the arm rests, or else in the middle."""
+    """Lengths of a phase's cells [s]: 0 for the elastic one, which is where the arm rests, else in the middle."""
     if phase.least <= 0:
         return [0.0]
     count = numbers.phase_cells

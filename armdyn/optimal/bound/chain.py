@@ -2,8 +2,9 @@
 
 At a stop the arm is at a given joint position, or at any that brings a frame to a pose. Boxes enclose all of these, and
 a leg between two boxes has the bound of `leg_bound`. No chain is faster than the shortest path over the boxes
-(Bellman's principle), whatever bounds its legs have: `lattice.py`. Boxes that velocity limits put further away than the
-duration of a known chain are left out. Stops with one joint position cut the chain into runs that are bounded apart.
+(Bellman's principle), whatever the bounds of its legs: `lattice.py`. Boxes that velocity limits make unreachable within
+the duration of a known chain are left out. Stops with one joint position divide the chain into runs with separate
+bounds.
 """
 
 from __future__ import annotations
@@ -43,12 +44,12 @@ class ChainBound:
     """Lower bound on the sum of the durations of consecutive motions, proven by interval arithmetic.
 
     Attributes:
-        duration: [s].
-        kinematic: by limits of single joints alone [s].
-        legs: bounds of the problems' motions between the boxes that decide [s], together `duration` at most. Between
-            other boxes a motion may be shorter: then others are longer.
-        stops: middles of these boxes [rad or m], shape (problems + 1, nv).
-        boxes: number of boxes that hold the joint positions of each stop, as far as a chain may use them in time.
+        duration: lower bound [s].
+        kinematic: bound by limits of single joints alone [s].
+        legs: bounds of the problems' motions between the deciding boxes [s], with a sum of at most `duration`. Between
+            other boxes a motion may be shorter, and others then longer.
+        stops: middles of the deciding boxes [rad or m], shape (problems + 1, nv).
+        boxes: number of boxes that enclose each stop's joint positions reachable in time.
     """
 
     duration: float
@@ -65,30 +66,29 @@ def chain_bound(
     effort: Effort | None = None,
     policy: BoundPolicy | None = None,
 ) -> ChainBound | None:
-    """Prove a lower bound on the sum of the durations of motions, each of which begins where the last one ends.
+    """Prove a lower bound on the sum of the durations of motions, each starting where the one before ends.
 
     Example: `chain_bound([to_bin, back], [home, ad.GoalPose("tool", bin), home], upper=1.83).duration`
 
-    With one problem and a goal pose at both ends it bounds a motion between any joint positions of the two, as orders
-    of many stops need.
+    With one problem and a goal pose at both ends the bound holds for motions between any joint positions of the two, as
+    needed for orders of many stops.
 
     Args:
-        problems: one per motion: its robot with what it carries, its limits, path constraints, velocities at both ends
-            and via points. Their own starts and goals do not count.
+        problems: one per motion: its robot with its payload, limits, path constraints, velocities at both ends
+            and via points. The problems' own starts and goals are ignored.
         stops: one more than problems: joint positions, a pose's name, or a `GoalPose` for all joint positions within
             the limits that reach it.
-        upper: duration of a chain that is known [s]: the bound is no more than that, and improved until it is nearly
-            as much. Without, inverse kinematics are sampled for one.
-        effort: that may be spent; once it is, what is proven so far is returned. None: as the policy says, in this
-            process.
-        policy: tuned numbers; None: as they are. The bound holds with any.
+        upper: duration of a known chain [s]: the bound is at most this, and improved until nearly equal. None: inverse
+            kinematics are sampled for a chain.
+        effort: budget of work; when it is spent, the bound so far is returned. None: the policy's, in this process.
+        policy: tuned numbers; None: the defaults. The bound is valid for any.
 
     Returns:
-        None if nothing is proven, as where no joint that moves has a velocity limit.
+        None if nothing is proven, as without a velocity limit of any moving joint.
 
     Raises:
-        ProblemError: no problem, another number of stops, or a pose out of reach.
-        BridgeError: the dynamics have an operation that is not known in intervals.
+        ProblemError: no problem, a wrong number of stops, or a pose out of reach.
+        BridgeError: the dynamics have an operation without an interval extension.
     """
     numbers = policy or BoundPolicy()
     given = [expect_problem(problem) for problem in several(problems, "problems")]
@@ -101,7 +101,7 @@ def chain_bound(
     longest = np.inf if upper is None else number(upper, "upper", sign="positive")
     vias = [[_via(problem, widest) for problem in given] for widest in (0.0, numbers.passed)]
     if vias[0] == vias[1]:
-        vias.pop()  # there are no regions, or none that could help
+        vias.pop()  # no regions, or none that could help
     effort = Effort(numbers.chain_programs) if effort is None else effort
     found = []
     for k, via in enumerate(vias):
@@ -118,10 +118,12 @@ def _bounded(
     effort: Effort,
     policy: BoundPolicy,
 ) -> ChainBound | None:
-    """The bound of a chain, given the numbers of the via points that are its places, problem by problem."""
+    """The bound of a chain, given the indices of the via points that are its places, problem by problem."""
     runs = _runs(problems, via, stops, policy)
     found = [run.least for run in runs]
-    order = sorted(range(len(runs)), key=lambda k: len(runs[k].legs))  # points first: they leave others less time
+    order = sorted(
+        range(len(runs)), key=lambda k: len(runs[k].legs)
+    )  # point to point first: they leave others less time
     for done, k in enumerate(order):
         effort.others = sum_down([one.duration for j, one in enumerate(found) if j != k])
         with effort.shared(len(runs) - done):
@@ -130,10 +132,10 @@ def _bounded(
 
 
 def _via(problem: MinimumTimeProblem, widest: float) -> list[int]:
-    """Numbers of the via points that are places of the chain, from 0.
+    """Indices of the via points that are places of the chain, from 0.
 
-    They are joint positions, and regions that equations enclose, with no larger deviations [m, rad], unless a line
-    leads to one or away from it.
+    These are joint positions, and regions that equations enclose, with deviations of at most `widest` [m, rad] unless a
+    line leads to or from the region.
     """
     passed, lines = [], _lines(problem)
     for k, one in enumerate(problem.via):
@@ -144,7 +146,7 @@ def _via(problem: MinimumTimeProblem, widest: float) -> list[int]:
 
 
 def _lines(problem: MinimumTimeProblem) -> dict[int, GoalPose]:
-    """Regions in which a frame stays on one leg, by its number between the via points."""
+    """Regions in which a frame stays on one leg, by the leg's index between the via points."""
     given = [one for one in path_constraints_of(problem) if isinstance(one, FrameRegion)]
     return {one.leg: one.region for one in given if one.leg is not None}
 
@@ -166,7 +168,7 @@ def _runs(
     stops: Sequence[Place],
     policy: BoundPolicy,
 ) -> list[_Run]:
-    """Split the chain where the arm passes a single joint position."""
+    """Split the chain at single joint positions."""
     legs: list[BoundLeg] = []
     passages: list[Passage | None] = []
     places = [stops[0]]
@@ -184,7 +186,7 @@ def _runs(
 
 
 def _together(runs: Sequence[ChainBound], at: NDArray[np.intp], longest: float) -> ChainBound | None:
-    """One bound of consecutive runs, given the indices of the stops among their places."""
+    """The bound of consecutive runs, given the indices of the stops among their places."""
     duration = min(sum_down([run.duration for run in runs]), longest)
     legs = [leg for run in runs for leg in run.legs]
     places = [runs[0].stops[:1], *(run.stops[1:] for run in runs)]
@@ -204,9 +206,9 @@ class _Run:
     """Consecutive legs between goal poses; the first and the last place may be points.
 
     Attributes:
-        legs: their ends say the velocities there.
+        legs: legs, with the velocities at their ends.
         places: one more than legs.
-        passages: what each leg passes on its way; None: nothing.
+        passages: regions and lines that each leg passes; None: none.
     """
 
     legs: tuple[BoundLeg, ...]
@@ -215,7 +217,7 @@ class _Run:
 
     @property
     def least(self) -> ChainBound:
-        """Bound of the run by the velocity limits alone, where its first and last place are points."""
+        """Bound of the run by the velocity limits alone, for points as first and last place."""
         first, last = self.places[0], self.places[-1]
         count, duration = len(self.legs), 0.0
         if not (isinstance(first, GoalPose) or isinstance(last, GoalPose)):
@@ -225,21 +227,21 @@ class _Run:
         return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
 
     def bounded(self, longest: float, effort: Effort) -> ChainBound:
-        """The bound of the run alone, for motions that take no longer than some time [s], infinite if none is known."""
+        """The bound of the run alone, for motions of at most a duration [s], infinite if unknown."""
         policy = self.legs[0].policy
         if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
             longest = min(longest, self._sampled(effort)) if np.isinf(longest) else longest
         lattice = Lattice(self.legs, covers(self.legs, self.places, longest, effort.stop), self.passages)
         boxes, first = tuple(len(layer) for layer in lattice.layers), lattice.path()
         path = lattice.improve(longest * (1 - policy.near_enough), effort)
-        if first is None or path is None:  # no chain is as fast
+        if first is None or path is None:  # no chain is that fast
             return replace(self.least, duration=longest, boxes=boxes)
-        with np.errstate(invalid="ignore"):  # nowhere in particular within boxes without end
+        with np.errstate(invalid="ignore"):  # any point of an infinite box
             stops = np.array([region.hull.centre for region in path.regions])
         return ChainBound(min(path.duration, longest), min(first.duration, longest), path.legs, stops, boxes)
 
     def _sampled(self, effort: Effort) -> float:
-        """The bound of a chain through sampled joint positions [s]: that of all chains is no more."""
+        """The bound of a chain through sampled joint positions [s]: an upper bound of the one over all chains."""
         layers: list[list[Region]] = []
         points = [np.asarray(place) for place in self.places if not isinstance(place, GoalPose)]
         near = points[0] if points else self.legs[0].start.q.lower

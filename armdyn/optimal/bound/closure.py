@@ -1,4 +1,4 @@
-"""Equations of the joint positions that bring a frame to a pose: the chain of joints closes there."""
+"""Closure equations: the joint positions that bring a frame to a pose close a chain of joints."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -13,11 +13,11 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
 
 _TRIALS = 20
-"""Random positions at which a polynomial of sines and cosines, of second degree in each joint's, is zero but by chance
-if it is not zero everywhere."""
+"""Number of random positions at which a polynomial of sines and cosines, of second degree in each joint's, vanishes
+with probability zero unless it is identically zero."""
 
 _IDLE = 1e-12
-"""Slope of a squared distance [m²/rad] below which a joint does not change it: an identity, but for rounding."""
+"""Derivative of a squared distance [m²/rad] below which it does not depend on a joint, up to rounding."""
 
 
 def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
@@ -29,7 +29,7 @@ def chain_to(robot: Robot, goal: GoalPose) -> list[int]:
 def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
     """Equations of q that are zero exactly where the frame is at its goal."""
     q, chain = ca.SX.sym("q", dynamics.nv), chain_to(dynamics.robot, goal)
-    # By trial on UR5 and Panda: a cut in the middle, one joint later if the orientation counts, needs fewest boxes.
+    # By experiment on UR5 and Panda: a cut in the middle, one joint later with an orientation, needs fewest boxes.
     own = chain[: min(len(chain) // 2 + goal.oriented, len(chain) - 1)]
     if own:
         at = slice(4 * (own[-1] - 1), 4 * own[-1])
@@ -55,8 +55,8 @@ def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
 def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
     """Equations of a few joints each: squared distances between two joints' origins [m²].
 
-    They follow from the joints between these two, and from those outside by way of the world and the goal. Joints that
-    turn about either origin change nothing.
+    They follow from the joints between these two, and from those outside, through the world and the goal. Joints that
+    turn about either origin have no effect.
     """
     n, chain, rng = dynamics.nv, chain_to(dynamics.robot, goal), np.random.default_rng(0)
     found = []
@@ -77,5 +77,5 @@ def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
 
 
 def _behind(q: ca.SX, joints: Sequence[int]) -> ca.SX:
-    """Joint positions, with zeros for some joints."""
+    """Joint positions with zeros for some joints."""
     return ca.vertcat(*(0.0 if k + 1 in joints else q[k] for k in range(q.numel())))

@@ -1,7 +1,7 @@
-"""Regions that hold all joint positions which a chain of legs may use at its stops, in some time at most.
+"""Regions that enclose all joint positions of a chain of legs at its stops, for a largest duration.
 
-The places between two that are one joint position each are covered together: what velocity limits lead to from the one,
-through boxes of all places between, to the other in time. Coarse boxes are thinned out before they are cut smaller.
+The places between two single joint positions are covered together: positions reachable within the velocity limits, from
+the one, through boxes of all places between, to the other in time. Coarse boxes are pruned before they are bisected.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from armdyn.optimal.bound.rates import soonest
 Place = Array | GoalPose
 
 _ROUNDED = 1e-12
-"""Part of a time that is taken off: sums of a few dozen floats err by 1e-15 each."""
+"""Part by which a time is reduced: sums of a few dozen floats err by 1e-15 each."""
 
 
 def covers(
@@ -30,10 +30,10 @@ def covers(
     """Regions of consecutive places.
 
     Args:
-        legs: one less than places.
-        places: joint positions, shape (nv,), or all that bring a frame to a pose.
-        longest: time of a motion through all places [s], at most.
-        stop: asked now and then; once it is true, boxes are not made smaller.
+        legs: legs, one less than places.
+        places: joint positions, shape (nv,), or goal sets of a frame's pose.
+        longest: largest duration through all places [s].
+        stop: stopping condition, polled regularly; once true, boxes are not bisected further.
     """
     ends = tuple(place for place in (places[0], places[-1]) if not isinstance(place, GoalPose))
     velocity = np.max([leg.velocity for leg in legs], axis=0)
@@ -60,7 +60,7 @@ def covers(
             for goals, box in zip(sets, tried[-1], strict=True)
         ]
         if not _few([len(box.lower) for box in finer], legs):
-            break  # of a region that is itself as large as that
+            break  # the region itself is as large as that
         tried.append(_thinned(legs, sets, finer, longest))
     for boxes in reversed(tried):
         regions = [_regions(goals, box, stop) for goals, box in zip(sets, boxes, strict=True)]
@@ -70,19 +70,19 @@ def covers(
 
 
 def _of_one_turn(position: Interval, velocity: Array, slides: Flags, longest: float) -> Interval:
-    """Limits of a chain whose endless joints begin within a turn: after whole turns all motions are the same."""
+    """Limits of a chain whose endless joints start within one turn: motions are the same after whole turns."""
     endless = ~slides & np.isinf(position.lower) & np.isinf(position.upper) & np.isfinite(velocity)
     far = up(up(velocity * longest) + TURN.upper)
     return Interval(np.where(endless, -far, position.lower), np.where(endless, far, position.upper))
 
 
 def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:
-    """Whether boxes of consecutive places, so many at each, have few enough pairs to check against velocity limits."""
+    """Whether given counts of boxes at consecutive places have few enough pairs to check against velocity limits."""
     return all(a * b <= legs[0].policy.most_pairs for a, b in pairwise(counts))
 
 
 def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> list[Region]:
-    """Boxes, those that touch joined where joint positions are isolated, turned by all whole turns."""
+    """Regions of boxes: joined if they touch and joint positions are isolated, and turned by all whole turns."""
     if goals is None:
         return [Region(boxes)] if len(boxes.lower) else []
     if goals.continuous:
@@ -96,7 +96,7 @@ def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> lis
 def _thinned(
     legs: Sequence[BoundLeg], sets: Sequence[GoalSet | None], boxes: list[Interval], longest: float
 ) -> list[Interval]:
-    """Boxes without those that no motion passes in some time [s]."""
+    """Boxes that a motion may pass within a time [s]."""
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
     pairs = zip(legs, boxes[:-1], boxes[1:], strict=True)

@@ -1,4 +1,4 @@
-"""Work on the bounds of a chain's legs: counted, and in parallel."""
+"""Work on the bounds of a chain's legs: counted, and in parallel processes."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Edge:
     """A leg between two regions whose bound is to be improved.
 
     Attributes:
-        leg: its number.
-        motion: between the regions.
-        passage: what it passes on its way; None: that does not count yet.
+        leg: index of the leg.
+        motion: motion between the regions.
+        passage: regions and lines on the way; None: not considered yet.
         known: bound so far [s].
-        most: more [s] is of no use.
+        most: bound beyond which improvement is useless [s].
     """
 
     leg: int
@@ -35,7 +35,7 @@ class Edge:
     most: float
 
     def bounded(self, stop: StopCondition) -> tuple[float, bool, int]:
-        """The bound [s], whether more tries would gain nothing, and the number of linear programs on the way."""
+        """The bound [s], whether further tries would gain nothing, and the number of linear programs."""
         counted = _Counted(stop)
         if not np.all(np.isfinite(self.motion.away.magnitude)):
             return self.known, True, 1
@@ -46,7 +46,7 @@ class Edge:
 
 @dataclass(eq=False)
 class _Counted:
-    """A stop that counts how often it is polled: once for each linear program."""
+    """Stopping condition that counts its polls: one per linear program."""
 
     stop: StopCondition
     programs: int = 0
@@ -58,14 +58,14 @@ class _Counted:
 
 @dataclass(eq=False)
 class Effort:
-    """Work that may be spent on bounds: a count, so that it is the same on every machine.
+    """Budget of work on bounds: a count, so that it is the same on every machine.
 
     Attributes:
-        left: linear programs, 0.02 to 0.1 s each; edges that are begun are finished.
-        stop: polled now and then; once it is true, what is proven so far is kept.
-        workers: processes at most; None: one per core. They make no difference to the bounds.
+        left: number of linear programs left, 0.02 to 0.1 s each; started edges are finished.
+        stop: stopping condition, polled regularly; once true, the bounds so far are kept.
+        workers: largest number of processes; None: one per core. The bounds do not depend on it.
         report: called with a line of text.
-        others: bound of the motions beside those that are worked on [s].
+        others: bound of the other motions [s].
     """
 
     left: float
@@ -78,11 +78,11 @@ class Effort:
         return self.left > 0 and not self.stop()
 
     def report_bound(self, bound: float) -> None:
-        """Report the bound so far [s] of the motions that are worked on."""
+        """Report the bound so far [s] of the motions under work."""
         self.report(f"proven: not below {self.others + bound:.4f} s; {max(self.left, 0):.0f} linear programs are left")
 
     def spent_on(self, edges: Sequence[Edge]) -> list[tuple[float, bool]]:
-        """Bounds of edges [s], and whether more tries would gain nothing."""
+        """Bounds of edges [s], and whether further tries would gain nothing."""
         found = list(in_processes([partial(edge.bounded, self.stop) for edge in edges], self.workers))
         self.left -= sum(programs for _, _, programs in found)
         return [(bound, done) for bound, done, _ in found]

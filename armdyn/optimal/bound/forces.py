@@ -1,4 +1,4 @@
-"""Enclosure of the rate of momentum over boxes of positions and velocities, within torque-speed curves, too."""
+"""Enclosure of the rate of momentum over boxes of positions and velocities, also within torque-speed curves."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from armdyn.optimal.bound.enclosure.interval import Interval, down, up
 from armdyn.optimal.bound.terms import Indices, Terms
 
 MOST_CORNERS = 9
-"""Joints up to which all 2ⁿ corners are tried; beyond, every product counts with its greatest size."""
+"""Largest number of joints for which all 2ⁿ corners are evaluated; beyond, every product has its largest size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """Forces over boxes.
+    """Forces over boxes of positions and velocities.
 
     Attributes:
         terms: inertia and gravity over the boxes of positions.
         v: velocities [rad/s or m/s], shape (boxes, nv).
-        torque: [N m or N], shape (boxes, nv).
-        friction: in the joints.
+        torque: torques [N m or N], shape (boxes, nv).
+        friction: joint friction.
     """
 
     terms: Terms
@@ -76,8 +76,8 @@ def range_of(v: Interval, linear: Interval, squares: Interval, turning: Interval
     Args:
         v: boxes of velocities, shape (boxes, nv).
         linear: shape (boxes, nv, m).
-        squares: a ≥ b, row by row, shape (boxes, pairs, m).
-        turning: by k, then by v, shape (boxes, nv, nv, m); None: zero.
+        squares: for a ≥ b, row by row, shape (boxes, pairs, m).
+        turning: indexed by k, then by v, shape (boxes, nv, nv, m); None: zero.
         weight: shape (boxes, nv, m).
     """
     import _armdyn_enclosure as enclosure
@@ -95,21 +95,21 @@ def _whole(table: Array) -> Array:
 
 
 _ROUNDED = 1e-9
-"""Part of the shares that is taken off, so that rounded they never exceed the whole."""
+"""Part by which the shares are reduced, so that after rounding their sum is at most the whole."""
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One line of all joints' torque-speed curves: |τ + s v| ≤ c is a torque of at most c, and a damping s.
+    """One line of all joints' torque-speed curves: |τ + s v| ≤ c is a torque of at most c with a damping s.
 
     For w ≥ 0 a torque's w τ is at most w (c - s v), for w < 0 at most -w (c + s v). So is any average over a joint's
-    lines, the limits that are the same at all speeds among them. Near the speed limit that is less than the largest
-    torque, wherever the proof prices velocity, too.
+    lines, including the limits that are the same at all speeds. Near the speed limit this is less than the largest
+    torque, in the parts of the proof that price velocity.
 
     Attributes:
         slope: s [N m s/rad or N s/m], shape (nv,).
         torque: τ + s v of all torques in the boxes [N m or N], shape (boxes, nv).
-        given: which joints have such a line, shape (nv,); of the others s is 0.
+        given: whether each joint has such a line, shape (nv,); otherwise s is 0.
     """
 
     slope: Array
@@ -118,7 +118,7 @@ class Line:
 
 
 def lines_of(actuators: ActuatorLimits, forces: Forces) -> tuple[Line, ...]:
-    """Lines of the torque-speed curves over boxes of velocities; none where torque limits are the same at all speeds.
+    """Lines of the torque-speed curves over boxes of velocities; empty if torque limits are the same at all speeds.
 
     Raises:
         SpecError: the actuators have no lines, see `ActuatorLimits.lines`.
@@ -126,7 +126,7 @@ def lines_of(actuators: ActuatorLimits, forces: Forces) -> tuple[Line, ...]:
     found, same, v = [], forces.torque, forces.v
     for slope, rest in zip(*actuators.lines, strict=True):
         given = np.isfinite(rest)
-        # Beyond the speed at which nothing is left to drive, a joint brakes with all its torque, but no more.
+        # Beyond its no-load speed a joint brakes with at most its whole torque.
         upper = np.maximum(rest, up(actuators.lower + up(slope * v.upper)))
         lower = np.minimum(-rest, down(actuators.upper + down(slope * v.lower)))
         torque = Interval(np.where(given, lower, same.lower), np.where(given, upper, same.upper))
@@ -135,7 +135,7 @@ def lines_of(actuators: ActuatorLimits, forces: Forces) -> tuple[Line, ...]:
 
 
 def shares_of(lines: Array, whole: Array) -> Array:
-    """Shares of the lines in multipliers w, shape (lines, nodes, nv); their sum over the lines is at most 1.
+    """Shares of the lines in multipliers w, shape (lines, nodes, nv); over the lines they sum up to at most 1.
 
     Args:
         lines: multipliers of the lines, shape (lines, nodes, nv).
@@ -148,15 +148,15 @@ def shares_of(lines: Array, whole: Array) -> Array:
 def rate_by_lines(
     actuators: ActuatorLimits, forces: Forces, w: Array, shares: Array, way: Interval, steps: Interval | None = None
 ) -> Interval:
-    """Enclosure of the greatest value of `Forces.rate`, where torques keep within torque-speed curves, too.
+    """Enclosure of the largest value of `Forces.rate`, with torques within torque-speed curves.
 
     Args:
-        actuators: with the curves.
-        forces: over boxes.
+        actuators: actuators with the curves.
+        forces: forces over boxes.
         w: multipliers, shape (boxes, nv, m).
-        shares: of the lines in them, shape (lines, boxes, nv, m).
+        shares: shares of the lines in the multipliers, shape (lines, boxes, nv, m).
         way: see `Forces.rate`.
-        steps: likewise.
+        steps: see `Forces.rate`.
     """
     if not shares.size:
         return forces.rate(w, way, steps)

@@ -1,17 +1,17 @@
-"""Boxes that enclose all joint positions which bring a frame to a pose, by interval branch and prune.
+"""Boxes that enclose all joint positions that bring a frame to a pose, by interval branch and prune.
 
 A frame is at its goal if the chain of joints closes: with the chain cut at a joint between, R_A, p_A the placement of
 that joint in the world, R_B, p_B the frame's in it, and R, p the goal's,
 
     R_Aᵀ (p − p_A) = p_B    and, with an orientation,    R_A = R R_Bᵀ,
 
-or R_Aᵀ R e = R_B e where the frame may turn about its axis e. In a region around the goal, p is off by the length of
-its largest deviations at most, and a direction by the angle of its own: by so much the equations may be violated.
-No term has joints of both halves, which leaves affine forms a small part of the second-order terms that the whole
-chain has. Full poses have further equations, of a few joints each: squared distances between joints' origins. Over a
-box every equation is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one joint, narrow the
-box or leave nothing of it (R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, 2009,
-chapter 8). What is neither empty nor small is cut in two.
+or R_Aᵀ R e = R_B e where the frame may turn about its axis e. In a region around the goal, p is off by at most the
+length of its largest deviations, and a direction by its angle; the equations may be violated by as much. No term has
+joints of both halves, so that affine forms have only a small part of the second-order terms of the whole chain. Full
+poses have further equations, of a few joints each: squared distances between joints' origins. Over a box every equation
+is c + Σ s_k ε_k ± r = 0; combinations of them, such as those that solve for one joint, narrow or empty the box (R. E.
+Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis, 2009, chapter 8). A box that is neither empty nor
+small is bisected.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ from armdyn.optimal.bound.rates import soonest
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
-"""Of every equation [m and of a rotation's entries]: inverse kinematics that end within `REACHED` are in the set,
+"""Tolerance of every equation [m and of a rotation's entries]: inverse kinematics within `REACHED` are in the set,
 whatever the lever between the cut and the frame (below 9 m)."""
 
 _NEAR = 1e-9
-"""Share of a turn by which limits are taken to allow one more, whatever rounding makes of it."""
+"""Share of a turn by which limits may admit a further turn, to cover rounding."""
 
 _SEAM = 0.1
-"""Where the circle of a joint is cut open, beside half a turn from the middle [rad]: arms often reach a pose at half a
-turn, which would lie on both sides of the cut."""
+"""Offset of the cut of a joint's circle from half a turn off the middle [rad]: arms often reach a pose at half a turn,
+which would lie on both sides of the cut."""
 
 _BATCH = 500
-"""Boxes that are evaluated at once: arrays of some 10 MB."""
+"""Number of boxes that are evaluated at once: arrays of some 10 MB."""
 
 
 @dataclass(frozen=True, eq=False)
 class Within:
-    """Joint positions that a motion between given ones may pass within the velocity limits in some time.
+    """Joint positions that a motion between given ones may pass within the velocity limits and a duration.
 
     Attributes:
-        ends: joint positions before and behind [rad or m], each of shape (nv,); none: all within limits.
-        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
-        position: limits [rad or m], each end of shape (nv,).
-        duration: [s].
+        ends: joint positions before and after [rad or m], each of shape (nv,); empty: all within limits.
+        velocity: velocity limits [rad/s or m/s], shape (nv,); infinite: no limit.
+        position: position limits [rad or m], each end of shape (nv,).
+        duration: duration of the motion [s].
     """
 
     ends: tuple[Array, ...]
@@ -65,7 +65,7 @@ class Within:
 
     @property
     def box(self) -> Interval:
-        """One box of them all, each end of shape (nv,), perhaps infinite."""
+        """Box of all these positions, each end of shape (nv,), possibly infinite."""
         box = self.position
         finite = np.isfinite(self.velocity)
         far = np.where(finite, up(np.where(finite, self.velocity, 1.0) * self.duration), np.inf)
@@ -78,7 +78,7 @@ class Within:
 
         Args:
             boxes: shape (boxes, nv).
-            turning: joints whose positions are meant modulo 2π, shape (nv,).
+            turning: whether a joint's positions are meant modulo 2π, shape (nv,).
         """
         total = np.zeros(len(boxes.lower))
         for q in self.ends:
@@ -88,12 +88,12 @@ class Within:
 
 @dataclass(frozen=True, eq=False)
 class GoalSet:
-    """The set of joint positions within limits that bring a frame to a pose, as far as motions may pass it in time.
+    """Set of the joint positions within limits that bring a frame to a pose and that motions may pass in time.
 
     Attributes:
-        dynamics: of the arm.
-        goal: where which frame is to be.
-        within: where motions may pass.
+        dynamics: dynamics of the arm.
+        goal: goal pose of a frame.
+        within: positions that motions may pass.
         policy: tuned numbers of the bound.
     """
 
@@ -104,7 +104,7 @@ class GoalSet:
 
     @cached_property
     def levers(self) -> Array:
-        """Rough distance that each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,)."""
+        """Approximate distance by which each joint moves the frame [m/rad or 1] or turns it [1], shape (nv,)."""
         robot, levers = self.dynamics.robot, np.zeros(self.dynamics.nv)
         beyond, offset = float(self.goal.oriented), robot.frame(self.goal.frame).placement.translation
         for joint in reversed(chain_to(robot, self.goal)):
@@ -114,7 +114,7 @@ class GoalSet:
         return levers
 
     def before(self, duration: float) -> GoalSet:
-        """The part of the set that motions of a given duration [s] may reach."""
+        """The part of the set that motions within a duration [s] may reach."""
         return replace(self, within=replace(self.within, duration=duration))
 
     @property
@@ -129,23 +129,23 @@ class GoalSet:
 
     @cached_property
     def turning(self) -> Flags:
-        """Joints that may turn by more than 2π: the set is the same after a turn, shape (nv,)."""
+        """Whether each joint may turn by more than 2π, so that the set repeats after a turn, shape (nv,)."""
         box = self.within.box
         return ~self.dynamics.robot.slides & (box.upper - box.lower > 2 * np.pi)
 
     @property
     def whole(self) -> Interval | None:
-        """One box, shape (1, nv), that holds the set up to whole turns; None if it is not bounded."""
+        """One box, shape (1, nv), that encloses the set up to whole turns; None if the set is not bounded."""
         box, ends = self.within.box, self.within.ends
         if np.any(np.isinf((box.upper - box.lower)[self.turning & np.isfinite(self.within.velocity)])):
-            return None  # after any number of turns
+            return None  # unbounded number of turns
         middle = (ends[0] if ends else np.zeros(self.dynamics.nv)) + _SEAM
         lower = np.where(self.turning, down(middle - np.pi), box.lower)
         upper = np.where(self.turning, up(middle + np.pi), box.upper)
         return Interval(lower[None], upper[None]) if np.all(np.isfinite(upper - lower)) else None
 
     def turned(self, boxes: Interval) -> list[tuple[Interval, Array]]:
-        """Boxes, shape (boxes, nv), after all whole turns that limits and time allow, and these turns, shape (nv,)."""
+        """Boxes, shape (boxes, nv), shifted by all whole turns within limits and time, and these turns, shape (nv,)."""
         inside, count = self.within.box, boxes.lower.shape[1]
         found = [(boxes, np.zeros(count))]
         around = boxes.around
@@ -166,12 +166,13 @@ class GoalSet:
         """Boxes that enclose the part of the goal set within given boxes, up to whole turns of joints.
 
         Args:
-            boxes: that hold it, shape (boxes, nv).
-            small: boxes in which no joint moves the frame by more than this [m, or rad of its orientation] are kept.
-            stop: asked now and then; once it is true, what is not yet examined is kept.
+            boxes: boxes that enclose it, shape (boxes, nv).
+            small: boxes in which no joint moves the frame by more than this [m, or rad of its orientation] are not
+                bisected.
+            stop: stopping condition, polled regularly; once true, unexamined boxes are kept.
 
         Returns:
-            The boxes, shape (boxes, nv), perhaps none.
+            Boxes, shape (boxes, nv), possibly none.
         """
         closing, levers, examined = closure(self.dynamics, self.goal), self.levers, 0
         kept: list[Interval] = [boxes[:0]]
@@ -186,7 +187,7 @@ class GoalSet:
             reach = (now.upper - now.lower) * levers
             widest = np.max(reach, axis=1, initial=0.0)
             wide = widest > small
-            # Cut is the joint with the largest part in what some equation leaves open, of those that are wide.
+            # Bisect, among the wide joints, the one with the largest part in some equation's range.
             shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
             cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
@@ -194,7 +195,7 @@ class GoalSet:
         return joined([*kept, boxes])
 
     def shrunk(self, boxes: Interval, stop: StopCondition) -> Interval:
-        """Shrink touching boxes, shape (boxes, nv), to about a point if they hold only an isolated joint position."""
+        """Shrink touching boxes, shape (boxes, nv), to almost a point if they enclose an isolated joint position."""
         few = replace(self, policy=replace(self.policy, most_boxes=self.policy.few))
         tiny = boxes if self.continuous else few.enclosed(boxes.around[None], self.policy.isolated, stop)
         small = len(tiny.lower) == 0 or np.max(tiny.around.radius) < self.policy.isolated
@@ -206,14 +207,14 @@ class GoalSet:
         joint = int(np.argmax((around.upper - around.lower) * self.levers))
         along = boxes.centre[:, joint]
         beyond = along > (around.lower[joint] + around.upper[joint]) / 2
-        if np.all(beyond == beyond[0]):  # boxes that lie one in another, nearly: in two all the same
+        if np.all(beyond == beyond[0]):  # nearly nested boxes: split them anyway
             beyond = np.argsort(np.argsort(along)) >= len(along) / 2
         return [part for part in (boxes[~beyond], boxes[beyond]) if len(part.lower)]
 
     def closure_over(self, box: Interval) -> Affine:
-        """The equations over one box, shape (nv,), as affine forms that hold zero where the frame is at its goal."""
+        """The equations over one box, shape (nv,), as affine forms that contain zero where the frame is at its goal."""
         forms = self._widened(closure(self.dynamics, self.goal).forms(box[:, None]))
-        own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances follow from these
+        own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances are redundant then
         return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
@@ -227,12 +228,12 @@ class GoalSet:
 
 
 def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Interval, NDArray[np.intp]]:
-    """Boxes narrowed to where equations may hold, and their indices; boxes without such a point are dropped.
+    """Narrow boxes to where equations may hold; return them and their indices, without the emptied ones.
 
     Args:
         boxes: shape (boxes, nv).
-        forms: of the equations, in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
-        numbers: of the policy.
+        forms: equations in ε of `EnclosedFunction.forms`: zero within `TOLERANCE`.
+        numbers: settings of the narrowing.
     """
     left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))
     boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
@@ -243,7 +244,7 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
     solved = np.linalg.solve(
         normal + damping[:, None, None] * np.eye(m), np.concatenate([slopes, centre[..., None]], 2)
     )
-    # Any combinations will do: for each joint the one that solves for it, then that of the error, then the rows alone.
+    # Any combinations are valid: per joint the one that solves for it, then that of the error, then single rows.
     w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
     sizes = np.abs(centre) + np.sum(np.abs(slopes), axis=2) + rest
     value, row, beside = (w @ centre[..., None])[..., 0], w @ slopes, (np.abs(w) @ rest[..., None])[..., 0]
@@ -273,7 +274,7 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
 
 
 def clusters(boxes: Interval, stop: StopCondition) -> list[Interval]:
-    """Groups of boxes, shape (boxes, nv), each of whose hull touches that of no other; a single one when stopped.
+    """Groups of touching boxes, shape (boxes, nv), with disjoint hulls; a single group when stopped.
 
     Thousands of boxes take seconds.
     """
@@ -292,12 +293,12 @@ def clusters(boxes: Interval, stop: StopCondition) -> list[Interval]:
 
 
 def is_closed(goal: GoalPose) -> bool:
-    """Whether equations enclose the joint positions that reach a goal: not where it is free along an axis."""
+    """Whether equations enclose the joint positions that reach a goal: not if its position is free along an axis."""
     return bool(np.all(np.isfinite(goal.deviations[:3])))
 
 
 def _halves(boxes: Interval, joint: NDArray[np.intp]) -> tuple[Interval, Interval]:
-    """Boxes, each cut in the middle of one joint's range."""
+    """Boxes, each bisected along one joint."""
     cut = np.arange(boxes.lower.shape[1]) == joint[:, None]
     middle = boxes.centre
     return Interval(boxes.lower, np.where(cut, middle, boxes.upper)), Interval(

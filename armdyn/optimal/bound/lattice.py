@@ -1,9 +1,9 @@
-"""Shortest path over boxes of joint positions, layer after layer, whose edges are bounds of legs.
+"""Shortest path over boxes of joint positions, layer by layer, with bounds of legs as edges.
 
-An edge has what velocity limits say, until the path needs it: then momentum improves it, and then what is passed on the
-way. Where nothing improves an edge of the path any more, its widest region is cut in two. The path's length is a valid
-bound all along. Edges of the shortest paths are improved together, in parallel processes: always so many, so that the
-number of processes makes no difference.
+An edge has the bound by velocity limits until the path uses it: then momentum improves the bound, then the regions on
+the way. If no edge of the path can be improved any more, its widest region is bisected. The path's length is a valid
+bound at any time. Edges of the shortest paths are improved together, in parallel processes: a fixed number of edges, so
+that the result does not depend on the number of processes.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.passing import Passage
 
 NOTHING, PASSAGE, MOMENTUM = range(3)
-"""Next improvement of an edge's bound: none, by the regions that are passed, or by momentum and then by these."""
+"""Next improvement of an edge's bound: none, by the regions on the way, or by momentum and then by these."""
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Joint positions at a stop: one, or those of a goal set within boxes that touch.
+    """Joint positions at a stop: a single one, or those of a goal set within touching boxes.
 
     Attributes:
         boxes: shape (boxes, nv).
-        goals: whose members count; None: all of the boxes.
-        turned: number of the part of the goal set, and by how many whole turns it is turned, shape (nv,); None: it is
-            no whole part.
+        goals: goal set of which only the members count; None: all positions in the boxes.
+        turned: index of the part of the goal set, and the whole turns by which it is shifted, shape (nv,); None: not a
+            whole part.
     """
 
     boxes: Interval
@@ -48,11 +48,11 @@ class Region:
 
     @property
     def hull(self) -> Interval:
-        """One box that holds all, each end of shape (nv,)."""
+        """Box that encloses the region, each end of shape (nv,)."""
         return self.boxes.around
 
     def end(self, v: Array | None) -> LegEnd:
-        """The region as an end of a leg, with velocities there."""
+        """The region as an end of a leg, with the velocities v."""
         hull = self.hull
         return LegEnd(hull, v, None if self.goals is None or self.is_point else self.goals.closure_over(hull))
 
@@ -67,7 +67,7 @@ class Region:
         return float(np.max(self.hull.radius))
 
     def halves(self, stop: StopCondition) -> list[Region]:
-        """The region split in two, perhaps tightened."""
+        """Bisect the region and tighten the halves, if possible."""
         if self.goals is None:
             return [self]
         boxes = self.boxes
@@ -87,7 +87,7 @@ def shortest_times(leg: BoundLeg, starts: Sequence[Region], goals: Sequence[Regi
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Regions, one per layer, and the bounds of the legs between them [s]."""
+    """Regions, one per layer, and bounds of the legs between them [s]."""
 
     at: tuple[int, ...]
     regions: tuple[Region, ...]
@@ -103,12 +103,12 @@ class Lattice:
     """Layers of regions, and bounds of the legs between any two of neighbouring layers.
 
     Attributes:
-        legs: one less than layers; their ends say the velocities there.
-        passages: what each leg passes on its way; None: nothing.
+        legs: legs, one less than layers, with the velocities at their ends.
+        passages: regions and lines that each leg passes; None: none.
         layers: regions of every stop.
         bounds: of every leg [s], shape (regions of its start, regions of its goal).
-        left: what may still improve them, likewise.
-        under_way: number among the edges that are being improved, or -1, likewise.
+        left: next improvement of each bound, likewise.
+        under_way: index among the edges under improvement, or -1, likewise.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Lattice:
         self.under_way = [np.full(own.shape, -1) for own in self.bounds]
 
     def path(self) -> Route | None:
-        """The shortest path; None: there is none."""
+        """The shortest path; None: no path."""
         return self._path(self.bounds)
 
     def _path(self, lengths: Sequence[Array]) -> Route | None:
@@ -146,7 +146,7 @@ class Lattice:
         return Route(tuple(at), regions, tuple(float(b[i]) for b, i in zip(self.bounds, pairwise(at), strict=True)))
 
     def improve(self, enough: float, effort: Effort) -> Route | None:
-        """Improve bounds of the shortest paths until they are long enough [s], as far as the effort goes."""
+        """Improve bounds of the shortest paths up to a length [s], within the effort."""
         while (path := self.path()) is not None and path.duration < enough and effort:
             effort.report_bound(path.duration)
             if not (edges := self.next_edges(enough, effort.stop)):
@@ -155,7 +155,7 @@ class Lattice:
         return self.path()
 
     def next_edges(self, enough: float, stop: StopCondition) -> list[Edge]:
-        """Edges of the shortest paths that are to be improved next, until these are long enough [s]; perhaps none."""
+        """Next edges of the shortest paths to improve, up to a length [s]; possibly none."""
         found: list[Edge] = []
         numbers = self.legs[0].policy
         while len(found) < numbers.at_once and not stop():
@@ -175,7 +175,7 @@ class Lattice:
         return found
 
     def _edge(self, k: int, path: Route, enough: float, number: int) -> Edge:
-        """A leg of the path as an edge being improved; its target makes the path long enough [s]."""
+        """A leg of the path as an edge to improve; its target makes the path long enough [s]."""
         leg, at = self.legs[k], path.at[k : k + 2]
         start, goal = path.regions[k].end(leg.start.v), path.regions[k + 1].end(leg.goal.v)
         points, passage = all(region.is_point for region in path.regions[k : k + 2]), self.passages[k]
@@ -190,12 +190,12 @@ class Lattice:
             motion=replace(leg, start=start, goal=goal, position=position, policy=policy),
             passage=passing,
             known=float(self.bounds[k][at]),
-            # Of all paths along this edge none has shorter others than the shortest path of all.
+            # The rest of any path along this edge is at least the rest of the shortest path.
             most=enough - path.duration + path.legs[k],
         )
 
     def learn(self, edges: Sequence[Edge], bounds: Sequence[tuple[float, bool]]) -> None:
-        """Record the bounds of edges [s], and whether more tries would gain nothing."""
+        """Record the bounds of edges [s], and whether further tries would gain nothing."""
         for number, (edge, (bound, done)) in enumerate(zip(edges, bounds, strict=True)):
             own = self.under_way[edge.leg] == number
             self.bounds[edge.leg][own] = np.maximum(self.bounds[edge.leg][own], bound)
@@ -204,9 +204,9 @@ class Lattice:
                 self.left[edge.leg][own] = PASSAGE
 
     def _turned_alike(self, k: int, at: tuple[int, ...]) -> tuple[Flags, Array]:
-        """Edges of a leg that are one edge turned at both ends alike, and by how many turns at most, shape (nv,).
+        """Edges of a leg that are the same edge, turned alike at both ends, and the largest turns, shape (nv,).
 
-        Only the position limits tell them apart: inertia and weight are the same after whole turns.
+        Only the position limits distinguish them: inertia and gravity are the same after whole turns.
         """
         sides, none = (self.layers[k], self.layers[k + 1]), np.zeros(self.legs[k].dynamics.nv)
         same = np.zeros((len(sides[0]), len(sides[1])), dtype=bool)
@@ -222,7 +222,7 @@ class Lattice:
         return same, np.max(np.abs(by[0][np.any(same, axis=1)]), axis=0)
 
     def _cut(self, path: Route, stop: StopCondition) -> bool:
-        """Split the widest region of the path; False if none is left to split."""
+        """Bisect the widest region of the path; False if none can be bisected."""
         sizes = [0.0 if one.is_point else one.size for one in path.regions]
         k = int(np.argmax(sizes))
         if sizes[k] == 0:
@@ -244,5 +244,5 @@ class Lattice:
 
 
 def _first(leg: BoundLeg) -> int:
-    """The method that improves a leg first: none between free velocities (velocity limits say all)."""
+    """The method that improves a leg first: none between free velocities, where velocity limits are exact."""
     return NOTHING if leg.start.v is None and leg.goal.v is None else MOMENTUM

@@ -1,4 +1,4 @@
-"""One leg of a motion: from one set of joint positions to the next, within limits."""
+"""Leg of a motion: from one set of joint positions to the next, within limits."""
 
 from dataclasses import dataclass
 
@@ -21,13 +21,13 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 
 @dataclass(frozen=True, eq=False)
 class LegEnd:
-    """Joint positions and velocities at an end of a leg.
+    """Set of joint positions, and velocities, at an end of a leg.
 
     Attributes:
-        q: box of joint positions [rad or m], each end of shape (nv,): a point, or many that bring a frame to a pose.
-        v: [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
-        equations: they hold at every joint position of the end, affine forms over the box, shape (m, 1); None: all of
-            the box.
+        q: box of joint positions [rad or m], each end of shape (nv,): a point, or a set that brings a frame to a pose.
+        v: velocities [rad/s or m/s], shape (nv,); None: any within the limits, as at a via point.
+        equations: affine forms over the box, shape (m, 1), that contain zero at every joint position of the end; None:
+            the whole box.
     """
 
     q: Interval
@@ -36,14 +36,14 @@ class LegEnd:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the arm rests there."""
+        """Whether the arm is at rest at the end."""
         return self.v is not None and not np.any(self.v)
 
     def least(self, weights: Array, combination: Array | None = None) -> float:
         """Smallest λᵀ q over all joint positions of the end, rounded down, λ of shape (nv,).
 
         Where equations d + S ε ± r = 0 hold, with q = c + ρ ε in the box, so do their combinations: for any w,
-        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). The best w is that of a small linear program; any other would do.
+        λᵀ q = λᵀ c + (λ ρ − Sᵀ w)ᵀ ε − wᵀ (d ± r). A small linear program finds the best w; any other is valid.
 
         Args:
             weights: λ.
@@ -62,7 +62,7 @@ class LegEnd:
 
 
 def _combination(sought: Array, centre: Array, slopes: Array, rest: Array) -> Array:
-    """The w for which Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w| is least, shape (m,)."""
+    """The minimiser w of Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w|, shape (m,)."""
     count, size = len(sought), float(np.max(np.abs(sought)))
     if size == 0:
         return np.zeros_like(centre)
@@ -82,15 +82,15 @@ class BoundLeg:
     """Motion between two sets of joint positions.
 
     Attributes:
-        dynamics: of the arm.
-        start: where the leg begins.
-        goal: where it ends.
-        velocity: limits, no less than the velocities at the ends, shape (nv,).
-        acceleration: limits [rad/s² or m/s²], infinite where there is none, shape (nv,).
-        jerk: likewise [rad/s³ or m/s³]; accelerations are zero where velocities are given.
-        torque_rate: likewise of the torques [N m/s or N/s]; where the arm rests they are what holds it.
-        position: limits that hold both ends, each end of shape (nv,).
-        torque: the limits of it.
+        dynamics: dynamics of the arm.
+        start: start of the leg.
+        goal: goal of the leg.
+        velocity: velocity limits [rad/s or m/s], at least the velocities at the ends, shape (nv,).
+        acceleration: acceleration limits [rad/s² or m/s²], shape (nv,); infinite: no limit.
+        jerk: jerk limits [rad/s³ or m/s³], likewise; accelerations are zero where velocities are given.
+        torque_rate: torque-rate limits [N m/s or N/s], likewise; at rest the torques hold the arm.
+        position: position limits, widened to both ends, each end of shape (nv,).
+        torque: torque limits.
         policy: tuned numbers of the bound.
     """
 
@@ -112,7 +112,7 @@ class BoundLeg:
 
     @cached_property
     def inertia(self) -> Interval:
-        """M at the start and at the goal [kg m²], all of it within their boxes, shape (2, nv, nv)."""
+        """M at the start and at the goal [kg m²], enclosed over their boxes, shape (2, nv, nv)."""
         terms = terms_over(self.dynamics, joined([self.start.q[None], self.goal.q[None]]))
         open_ = terms.inertia_slopes.magnitude
         beside = np.sum(open_, axis=1) + rounding(open_.shape[1], np.sum(open_, axis=1))
@@ -134,7 +134,7 @@ class BoundLeg:
         return float(np.max(self.kinematic))
 
     def alone(self, away: Interval) -> Array:
-        """Times that every joint takes by its own limits for a displacement [s], rounded down, shape (…, nv)."""
+        """Times of every joint by its own limits for a displacement [s], rounded down, shape (…, nv)."""
         times = np.maximum(down(away.mignitude / self.velocity), 0.0)
         if not (self.start.at_rest and self.goal.at_rest):
             return times
@@ -142,9 +142,9 @@ class BoundLeg:
 
 
 def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg, ...]:
-    """The legs of a problem, in order, as if it had no via regions: these only make motions slower.
+    """The legs of a problem, in order, without its via regions, which only make motions slower.
 
-    Poses and velocities may be typed a little beyond the limits; these are widened to hold them.
+    Poses and velocities may be slightly beyond the limits as given; the limits are widened to contain them.
     """
     nv, poses, limits = problem.robot.nv, problem.fixed_poses, problem.limits
     v_start, v_goal = problem.x_start[nv:], problem.x_goal[nv:]
@@ -171,7 +171,7 @@ def legs_of(problem: MinimumTimeProblem, policy: BoundPolicy) -> tuple[BoundLeg,
 
 
 def _rates(problem: MinimumTimeProblem) -> dict[str, Array]:
-    """Limits of accelerations, jerks and torque rates by the path constraints, infinite where there is none."""
+    """Limits of accelerations, jerks and torque rates by the path constraints; infinite: no limit."""
     names = {2: "acceleration", 3: "jerk"}
     found = dict.fromkeys((*names.values(), "torque"), np.full(problem.robot.nv, np.inf))
     for each in path_constraints_of(problem):

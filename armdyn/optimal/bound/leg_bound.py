@@ -1,4 +1,4 @@
-"""Lower bounds of one leg: boxes, multipliers and proof, iterated until the bound gains little."""
+"""Lower bounds of one leg: boxes, multipliers and proof, iterated until the bound converges."""
 
 from collections.abc import Sequence
 
@@ -16,9 +16,9 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
     """Lower bound on the duration of a leg [s], and the joint that decides it.
 
     Args:
-        leg: to one goal, or to all in a box.
-        stop: polled now and then; once it is true, the bound that is proven so far is returned.
-        known: a bound that is proven already [s].
+        leg: leg to one goal, or to all in a box.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
+        known: bound that is already proven [s].
     """
     alone = leg.alone(leg.away)
     known, joint = max(known, float(np.max(alone))), int(np.argmax(alone))
@@ -35,7 +35,7 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
 
 
 def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: StopCondition) -> tuple[float, int, bool]:
-    """Bound by cells for a motion of the duration known so far, its joint, and whether ramps fill the cells."""
+    """Bound by cells for a motion of the known duration, its joint, and whether ramps fill the cells."""
     cells, full, cut, numbers = Cells.of(leg, known / 2, longest), False, False, leg.policy
     for done in range(numbers.passes):
         if cells is None:
@@ -43,7 +43,7 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
         if stop():
             break
         forces = cells.forces(leg)
-        if done:  # the first boxes are too wide for a program to say much
+        if done:  # the first boxes are too wide for a useful program
             by = relaxed(leg, cells, forces, known)
             if by is None:
                 break
@@ -66,15 +66,15 @@ def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: 
     """Lower bound on the duration of a leg in phases [s].
 
     Args:
-        leg: between joint positions, or boxes of them.
-        phases: of it.
-        known: a bound that is proven already [s].
-        longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
-        stop: polled now and then; once it is true, the bound that is proven so far is returned.
+        leg: leg between joint positions, or boxes of them.
+        phases: phases of the leg.
+        known: bound that is already proven [s].
+        longest: duration up to which motions are covered [s], an upper limit of the bound.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
     """
     cells = Cells.in_phases(leg, phases, longest)
     if cells is not None and np.all(cells.elastic):
-        return known  # momentum says nothing of motions that may take no time
+        return known  # momentum gives no bound if motions may take no time
     cells = None if cells is None else cells.narrowed(leg, reached(leg, cells, cells.forces(leg)))
     if cells is None:
         return longest

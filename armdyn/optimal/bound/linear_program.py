@@ -1,4 +1,4 @@
-"""Linear programs that are put together from blocks, and the marginals of their equations."""
+"""Linear programs assembled from blocks, and the marginals of their equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,21 +14,21 @@ Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
 """Rows, columns and values of a matrix's entries."""
 
 _FURTHEST = 100.0
-"""Bound of unknowns without one: all are scaled to be about 1."""
+"""Bound of unbounded unknowns: all unknowns are scaled to about 1."""
 _MOST = 60
-"""Iterations; those that end take 12 to 25."""
+"""Iteration limit; solves that converge take 12 to 25."""
 
 
 @dataclass(eq=False)
 class LinearProgram:
-    """A linear program that is put together from blocks.
+    """Linear program assembled from blocks.
 
     Attributes:
-        bounds: of the unknowns, in parts.
-        costs: likewise.
+        bounds: bounds of the unknowns, in parts.
+        costs: costs of the unknowns, in parts.
         right: right sides of the equations, in parts.
         entries: rows, columns and values of the equations' matrix, in parts.
-        places: of the equations in the order in which they are eliminated, likewise.
+        places: order of elimination of the equations, in parts.
     """
 
     bounds: list[Array] = field(default_factory=list)
@@ -51,9 +51,9 @@ class LinearProgram:
         """Add equations with given right sides; returns their indices.
 
         Args:
-            right: sides.
-            place: of each in the order in which they are eliminated, broadcast to these. The time that this takes grows
-                with the distance between equations that have an unknown in common.
+            right: right sides.
+            place: order of elimination of each equation, broadcast to these. The run time grows with the distance
+                between equations with a common unknown.
         """
         first = sum(map(np.size, self.right))
         self.right.append(right)
@@ -71,10 +71,10 @@ class LinearProgram:
         self.entries.append((places[0].ravel(), places[1].ravel(), values.ravel()))
 
     def solved(self, tolerance: float) -> Array | None:
-        """Solve by the interior-point method of `_enclosure/`: the marginals of the equations; None if it fails.
+        """Marginals of the equations, by the interior-point method of `_enclosure/`; None without convergence.
 
         Args:
-            tolerance: of the cost, relative to 1 and to its size.
+            tolerance: tolerance of the cost, relative to 1 and to its size.
         """
         bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
         order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
@@ -86,17 +86,17 @@ class LinearProgram:
 def marginals_in_boxes(
     matrix: csc_matrix, right: Array, cost: Array, bounds: Array, tolerance: float
 ) -> tuple[bool, Array]:
-    """The marginals of the equations matrix x = right, at the x within bounds of the least cost.
+    """Marginals of the equations matrix x = right, at the minimiser x within bounds.
 
     Args:
-        matrix: rows that have an unknown in common are near each other, or among the last few.
-        right: sides of the equations.
-        cost: of each unknown.
-        bounds: of each unknown, finite, shape (unknowns, 2).
-        tolerance: of the cost, relative to 1 and to its size.
+        matrix: rows with a common unknown must be near each other, or among the last few.
+        right: right sides of the equations.
+        cost: cost of each unknown.
+        bounds: finite bounds of each unknown, shape (unknowns, 2).
+        tolerance: tolerance of the cost, relative to 1 and to its size.
 
     Returns:
-        Whether they are right to the tolerance, and the marginals; if not, those that proved the largest least cost.
+        Whether the tolerance was reached, and the marginals; else those with the best dual bound.
     """
     matrix.sort_indices()
     found, _, _, marginals = enclosure.solve(

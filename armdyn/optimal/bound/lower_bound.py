@@ -18,7 +18,7 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
 _ROUNDED = 1e-12
-"""Share of a time by which sums and quotients of a few floats are rounded down."""
+"""Share by which times are rounded down, to cover sums and quotients of a few floats."""
 
 
 @brief
@@ -27,9 +27,9 @@ class LowerBound:
     """Lower bound on the duration, proven by interval arithmetic.
 
     Attributes:
-        duration: [s].
-        joint: whose way and speed limit decide it; with via points, on the leg that takes longest.
-        kinematic: what the velocity limits alone say [s].
+        duration: lower bound [s].
+        joint: deciding joint, by its way and speed limit; with via points, on the longest leg.
+        kinematic: bound by the velocity limits alone [s].
     """
 
     duration: float
@@ -45,7 +45,7 @@ class LowerBound:
 def least_duration(
     problem: MinimumTimeProblem, stop: Callable[[], bool] | None = None, policy: BoundPolicy | None = None
 ) -> float | None:
-    """The bound of `lower_bound` [s]; None: none is known."""
+    """Duration of `lower_bound` [s]; None: unknown."""
     bound = lower_bound(problem, stop, policy)
     return None if bound is None else bound.duration
 
@@ -55,28 +55,28 @@ def lower_bound(
 ) -> LowerBound | None:
     """Prove a lower bound on the duration by the momentum equation, over boxes nested in time.
 
-    Limits of torque, torque-speed curves, limits of velocity, position, acceleration, jerk and torque rate count,
-    friction, via points and velocities at the ends.
-    Whatever else is asked only makes motions slower. The kinematic bound is all there is if a joint has no velocity
-    limit: nothing then bounds the Coriolis forces by which it may help others. With `goal_pose` the bound holds for the
+    The proof uses limits of torque, torque-speed curves, limits of velocity, position, acceleration, jerk and torque
+    rate, friction, via points and velocities at the ends. All other constraints only make motions slower. Only the
+    kinematic bound is available if a joint has no velocity
+    limit: nothing then bounds its Coriolis forces on other joints. With `goal_pose` the bound holds for the
     whole set of joint positions within the limits that reach the pose, with `wrap` for all ways round: it is not one of
     the sampled `goals` alone.
 
-    Far from both ends the boxes are wide, and what torque can do there is hardly limited. Where the fastest ramps send
-    other joints away from their goals the bound hence misses what turning these back costs: some 2 % in one of ten
-    random motions of a Panda, next to nothing in the others.
+    Far from both ends the boxes are wide, and torque limits have little effect on the bound. If the fastest ramps move
+    other joints away from their goals, the bound therefore misses the time for their return: some 2 % in one of ten
+    random motions of a Panda, almost nothing in the others.
 
     Args:
-        problem: as `solve_minimum_time` takes it.
-        stop: asked now and then; once it is true, what is proven so far is returned.
-        policy: tuned numbers; None: as they are. The bound holds with any.
+        problem: the minimum-time problem.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
+        policy: tuned numbers; None: the defaults. The bound is valid for any.
 
     Returns:
-        None if no joint that moves has a velocity limit, so that this bound says nothing.
+        None if no moving joint has a velocity limit, so that there is no bound.
 
     Raises:
-        ProblemError: problem is none, or stop no function.
-        BridgeError: the dynamics have an operation that is not known in intervals.
+        ProblemError: problem is no problem, or stop no function.
+        BridgeError: the dynamics have an operation without an interval extension.
     """
     stopped, numbers = stopper(stop), policy or BoundPolicy()
     if expect_problem(problem).goal_pose is None and len(problem.goals) > 1:
@@ -100,7 +100,7 @@ def lower_bound(
 
 
 def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: BoundPolicy) -> LowerBound | None:
-    """The least of the bounds of all ways round, those that velocity limits put nearest first; None: one has none."""
+    """The least bound of all ways round, in the order of their kinematic bounds; None: one has no bound."""
     least: LowerBound | None = None
     alone = [problem.variant(q_goal=q, wrap=False) for q in problem.goals]
     for one in sorted(alone, key=lambda one: one.duration_bound()):
@@ -119,8 +119,8 @@ def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: Bou
 def _other_turns(problem: MinimumTimeProblem) -> float:
     """Least time by velocity limits to any turn of the goal that is not among a problem's goals [s], rounded down.
 
-    Each joint's listed goals are a turn apart. A way that is not listed has some joint a turn further out, or is one of
-    those that `ways_round` leaves off behind the last of its list.
+    Each joint's listed goals are a turn apart. A goal that is not listed has some joint a turn further away, or is one
+    of those dropped by `ways_round` after the last of its list.
     """
     goals, fixed, speed = np.array(problem.goals), problem.fixed_poses, problem.limits.velocity
     begin, first, last = fixed[-2], goals.min(axis=0) - 2 * np.pi, goals.max(axis=0) + 2 * np.pi

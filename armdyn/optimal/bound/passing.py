@@ -1,4 +1,4 @@
-"""Lower bound of a leg that passes regions and follows lines to and from them: its phases alone, then all of it."""
+"""Lower bound of a leg through regions and along lines: first its single phases, then all of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,9 +23,9 @@ class Passage:
     """Regions and lines that a leg passes, in order.
 
     Attributes:
-        regions: passed at any velocity, in this order.
-        lines: regions in which a frame stays in a phase, from one of these to the next, by the phase's number. Those of
-            the first and of the last phase count.
+        regions: regions in order, passed at any velocity.
+        lines: regions in which a frame stays during a phase between two of these, by the phase's index. Only the lines
+            of the first and the last phase are used.
     """
 
     regions: tuple[BoundRegion, ...]
@@ -35,14 +35,14 @@ class Passage:
 def passing_bound(
     leg: BoundLeg, passage: Passage, known: float, longest: float, stop: StopCondition
 ) -> tuple[float, bool]:
-    """Lower bound on the duration of a leg that passes regions [s], and whether more tries would gain nothing.
+    """Lower bound on the duration of a leg through regions [s], and whether further tries would gain nothing.
 
     Args:
-        leg: between joint positions, or boxes of them.
-        passage: what it passes.
-        known: a bound that is proven already [s].
-        longest: no motion that takes longer [s] is spoken of: the bound is no more than that.
-        stop: polled now and then; once it is true, the bound that is proven so far is returned.
+        leg: leg between joint positions, or boxes of them.
+        passage: regions and lines on the way.
+        known: bound that is already proven [s].
+        longest: duration up to which motions are covered [s], an upper limit of the bound.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
     """
     numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_ahead) * known)
     phases = _phases(leg, passage, longest, stop)
@@ -54,7 +54,7 @@ def passing_bound(
         before, known = known, max(known, phased_bound(leg, phases, known, near, stop))
         if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
             break
-        # The nearer the longest motion spoken of, the smaller the boxes; where the bound is as much, there is more.
+        # The shorter the covered motions, the smaller the boxes; if the bound reaches them, try longer ones.
         near = min(longest, (known + near) / 2 if known < near else (1 + numbers.region_ahead) * known)
     return known, known < longest or known == begun
 
@@ -64,9 +64,9 @@ class _Event:
     """Boundary between two consecutive phases.
 
     Attributes:
-        region: of the frame.
-        box: of all joint positions there, each end of shape (nv,).
-        beside: of all joint positions in the phase along the line that leads there or away; None: there is no line.
+        region: region of the frame.
+        box: box of all joint positions in the region, each end of shape (nv,).
+        beside: box of all joint positions in the phase along the line to or from the region; None: no line.
     """
 
     region: BoundRegion
@@ -75,7 +75,7 @@ class _Event:
 
 
 def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[Phase] | None:
-    """The phases of motions that take no longer than some time [s]; None: there are no such motions."""
+    """Phases of motions of at most a duration [s]; None: no such motions exist."""
     events = _events(leg, passage, longest, stop)
     if events is None:
         return None
@@ -97,7 +97,7 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
 
 
 def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: StopCondition) -> float:
-    """Least time of the first or the last phase by itself [s], given the event at its other end."""
+    """Least time of the first or last phase by itself [s], given the event at its other end."""
     numbers = leg.policy
     known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
     known = max(known, phase.least)
@@ -120,10 +120,9 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
 
 
 def _events(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[_Event] | None:
-    """Where a motion meets its regions; None: it cannot in some time [s].
+    """Events at which a motion meets its regions; None: impossible within a duration [s].
 
-    A motion that follows a line into a region crosses the plane in front of the region on its way. The first time it
-    does so is the event.
+    A motion along a line into a region crosses the plane in front of the region. The event is its first crossing.
     """
     regions, count = passage.regions, len(passage.regions)
     found: list[_Event | None] = [None] * count
@@ -143,7 +142,7 @@ def _events(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
 def _on_line(
     leg: BoundLeg, line: BoundRegion, region: BoundRegion, ends: tuple[LegEnd, LegEnd], longest: float
 ) -> _Event | None:
-    """The event on a line from one of the leg's ends, the other end given; None: none is known."""
+    """Event on a line from one of the leg's ends, given the other end; None: unknown."""
     axis, goal, passed = line.free, line.goal, region.goal
     if axis is None or goal.frame != passed.frame:
         return None
@@ -163,7 +162,7 @@ def _on_line(
 
 
 def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCondition) -> Interval | None:
-    """A box of all joint positions in a region that a motion passes in some time [s]; None: there are none."""
+    """A box of all joint positions in a region that a motion passes within a duration [s]; None: there are none."""
     within = Within((leg.start.q.centre, leg.goal.q.centre), leg.velocity, leg.position, longest)
     goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
     boxes = goals.whole if goals.closed and not np.any(leg.start.q.radius) and not np.any(leg.goal.q.radius) else None
@@ -179,7 +178,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
 
 
 def _soonest(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
-    """Time before which velocity limits let no motion from an end of a leg be in a region [s], some time at most."""
+    """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
     never, reached = 0.0, most
     for _ in range(leg.policy.soonest_rounds):
         middle = (never + reached) / 2

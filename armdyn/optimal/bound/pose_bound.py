@@ -1,8 +1,9 @@
 """Lower bound on the duration to a goal pose, over all joint positions that reach it.
 
-Velocity limits say before which time none of them is reached (`GoalSet.enclosed`). For more, momentum bounds the time
-to all goals in a box at once. A goal that velocity limits put further away than some time T is not reached before T;
-those that are nearer are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole set.
+Velocity limits give a time before which none of them is reached (`GoalSet.enclosed`). Momentum improves on it by
+bounding the time to all goals in a box at once. A goal that velocity limits make unreachable within a time T is not
+reached before T; nearer goals are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole
+set.
 """
 
 from dataclasses import replace
@@ -23,26 +24,26 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     """Lower bound on the last leg's duration to any joint position that reaches the pose.
 
     Args:
-        problem: with a goal pose.
-        leg: its last leg, to any of the goals.
-        stop: polled now and then; once it is true, the bound that is proven so far is returned.
+        problem: problem with a goal pose.
+        leg: last leg of the problem, to any of the goals.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
 
     Returns:
-        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0 says nothing, as where
+        The bound [s], the joint that decides it, and the bound by velocity limits alone [s]; 0: no bound, as if
         the position is free along an axis.
     """
     numbers, pose = leg.policy, expect(problem.goal_pose, GoalPose, "goal_pose")
     within = Within((leg.start.q.lower,), leg.velocity, leg.position, np.inf)
     goals = GoalSet(leg.dynamics, pose, within, numbers)
     if not goals.closed:
-        return 0.0, 0, 0.0  # a position that is free along an axis closes no chain
+        return 0.0, 0, 0.0  # no closure equations with a position that is free along an axis
     nearby = (replace(leg, goal=replace(leg.goal, q=Interval.at(q))) for q in problem.goals)
     near = min(nearby, key=lambda one: one.shortest)
     kinematic = _kinematic(goals, near.shortest, stop)
     known, joint = kinematic, int(np.argmax(near.kinematic))
     if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
         return kinematic, joint, kinematic
-    # No bound of the set is above that of a goal in it; that goal may be far from the soonest one.
+    # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
     longest = min(leg_bound(near, stop)[0], known * numbers.furthest)
     for _ in range(numbers.times):
         if stop() or longest < known * (1 + numbers.near_enough):
@@ -57,12 +58,12 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
 
 
 def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
-    """The time before which velocity limits let no motion reach the pose [s], that of a goal given; 0 says nothing."""
+    """Time before which no motion within velocity limits reaches the pose [s], given a goal's time; 0: no bound."""
     known, boxes, numbers = 0.0, goals.before(near).whole, goals.policy
     for size in numbers.sizes:
         if boxes is None or stop():
             break
-        if len(boxes.lower) > numbers.few:  # too many to be made smaller: only what is reached soon
+        if len(boxes.lower) > numbers.few:  # too many to bisect: only those reached soon
             near = known + numbers.soon * (near - known)
         boxes = goals.before(near).enclosed(boxes, size, stop)
         known = max(known, float(np.min(goals.within.times(boxes, goals.turning), initial=near)))
@@ -70,9 +71,9 @@ def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
 
 
 def _before(goals: GoalSet, leg: BoundLeg, known: tuple[float, int], stop: StopCondition) -> tuple[float, int]:
-    """Bound by boxes of all goals that may be reached in the set's time, that time at most, and the joint that decides.
+    """Bound by boxes of all goals reachable in the set's time, at most that time, and the deciding joint.
 
-    The region with the least bound is improved first: by momentum, and then by cutting it in two.
+    The region with the least bound is improved first: by momentum, and then by bisection.
     """
     whole, longest = goals.whole, goals.within.duration
     if whole is None:

@@ -1,15 +1,15 @@
-"""A lower bound of a leg's duration, proven by multipliers.
+"""Proof of a lower bound of a leg's duration by multipliers.
 
-Of every motion within the cells' boxes, and for any multipliers w(t), continuous, and λ(t),
+For every motion within the cells' boxes and any multipliers w(t), continuous, and λ(t),
 
     ∫ λᵀ v dt = w(0)ᵀ p(0) − w(T)ᵀ p(T) + ∫ (λ + M ẇ)ᵀ v + wᵀ (τ + e) dt,
 
-for the integral of d/dt (wᵀ p) is between. λ is constant between nodes at which something is known of the positions,
-and jumps there, so that the left side is
+since the last terms are the integral of d/dt (wᵀ p). λ is constant between nodes at which positions are known, and
+jumps there, so that the left side is
 
     λ_last ᵀ q(T) − λ_first ᵀ q(0) + Σ_k (λ_before − λ_behind)ᵀ q_k,
 
-of which every term has its least value over the positions that its node admits. The integrand's supremum over a fixed
+each term of which has its least value over the positions of its node. The integrand's supremum over a fixed
 cell's boxes is convex in (w, ẇ): with w a polynomial within each cell, its mean at the control points is no less than
 its mean over the cell. In every elastic cell w is constant and the integrand at most some ρ. With H the sum of all
 fixed cells, S the integral's upper bound there, and c the time in the elastic ones, Λ ≤ S + max ρ c; hence c is bounded
@@ -38,11 +38,11 @@ class Multipliers:
 
     Attributes:
         way: λ in every cell, shape (n, nv) [1/rad or 1/m, with λᵀ Δq about 1, or s times as much].
-        momentum: w where fixed cells begin and end [1/(N m s), or s times as much], shape (fixed + 1, nv): linear
+        momentum: w at the nodes of the fixed cells [1/(N m s), or s times as much], shape (fixed + 1, nv): linear
             within these cells, constant in an elastic one between them.
-        speed: likewise of the limits of acceleration [s/rad or s/m, or s times as much]; zero where there is none.
-        shares: of `momentum` that counts by each line of the torque-speed curves, shape (lines, fixed + 1, nv).
-        combinations: of the equations at all n + 1 nodes, as of `LegEnd.least`; None: the best ones.
+        speed: multipliers of the acceleration limits, likewise [s/rad or s/m, or s times as much]; zero without limits.
+        shares: share of `momentum` for each line of the torque-speed curves, shape (lines, fixed + 1, nv).
+        combinations: combinations of the equations at all n + 1 nodes, see `LegEnd.least`; None: the best ones.
     """
 
     way: Array
@@ -52,7 +52,7 @@ class Multipliers:
     combinations: Sequence[Array | None]
 
     def ramp(self, leg: BoundLeg, cells: Cells) -> float:
-        """How long after the start, or before the goal, torque or acceleration still counts [s]: the longer one."""
+        """Time after the start, or before the goal, in which torque or acceleration matters [s]: the longer one."""
         torque = leg.torque.actuators.strongest
         most = np.max(accelerations(leg, cells), axis=0)
         worth = np.abs(self.momentum) @ torque + np.abs(self.speed) @ np.where(np.isfinite(most), most, 0.0)
@@ -66,10 +66,10 @@ def proven(leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | 
     """Proven lower bound on the duration of the leg's motions within the cells [s]; 0 proves nothing.
 
     Args:
-        leg: its ends.
-        cells: that speak of it.
-        forces: over the cells.
-        ends: what is known of the positions at the nodes.
+        leg: leg with its ends.
+        cells: cells of the leg.
+        forces: forces over the cells.
+        ends: known positions at the nodes.
         by: multipliers.
     """
     fixed, free, motors = cells.fixed, np.flatnonzero(cells.elastic), leg.torque.actuators
@@ -94,7 +94,7 @@ def proven(leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | 
 
 
 def _least_ways(ends: Sequence[LegEnd | None], by: Multipliers) -> Interval:
-    """Least ∫ λᵀ v dt over all positions at the nodes."""
+    """Least ∫ λᵀ v dt over the positions at the nodes."""
     none, total = np.zeros_like(by.way[:1]), Interval.at(0.0)
     jumps = np.concatenate([none, by.way]) - np.concatenate([by.way, none])
     for end, jump, combination in zip(ends, jumps, by.combinations, strict=True):
@@ -105,10 +105,10 @@ def _least_ways(ends: Sequence[LegEnd | None], by: Multipliers) -> Interval:
 
 
 def _controls(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> tuple[Array, Interval, Array]:
-    """Multipliers w at the control points of the fixed cells, their slopes in time, and the lines' shares.
+    """Multipliers w at the control points of the fixed cells, their time derivatives, and the lines' shares.
 
-    The control points are those of Bernstein's polynomials: w is linear, or quadratic where torque falls with speed, so
-    that what M ẇ differs from s w by is of second order in the cell's length, not of first.
+    The control points are those of Bernstein polynomials: w is linear, or quadratic for torque that falls with speed,
+    so that M ẇ − s w is of second order in the cell's length, not of first.
     """
     w, shares, lengths = by.momentum, by.shares, cells.lengths[cells.fixed, None]
     ends, steps = (w[:-1], w[1:]), _differences(w) / Interval.at(lengths)
@@ -134,5 +134,5 @@ def _differences(nodes: Array) -> Interval:
 
 
 def _finite(limits: Array) -> Array:
-    """Limits, 0 where there is none: its multiplier is 0, too."""
+    """Limits, with 0 for infinite ones: their multiplier is 0, too."""
     return np.where(np.isfinite(limits), limits, 0.0)

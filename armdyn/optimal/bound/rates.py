@@ -1,7 +1,7 @@
-"""Bounds by limits of rates: least times of joints, and ranges of accelerations and torques near the ends of a motion.
+"""Bounds by rate limits: least times of joints, and ranges of accelerations and torques near the ends of a motion.
 
-Where a motion begins and ends with no acceleration, and jerks are limited, an acceleration is no larger than the jerk's
-limit times the time since the nearer end. Likewise torques are no farther from what holds the arm at rest.
+If a motion begins and ends with zero acceleration under a jerk limit, an acceleration is at most the jerk limit times
+the time to the nearer end. Likewise torques stay near the holding torques at the ends.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 _ROUNDED = 1e-12
-"""Part of a time in closed form that is taken off: its twenty operations err by 1e-15 each."""
+"""Part by which a time in closed form is reduced: its twenty operations err by 1e-15 each."""
 
 
 def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
-    """Least times from rest to rest, with no acceleration at either end, of joints by themselves [s], rounded down.
+    """Least times of single joints from rest to rest, with zero acceleration at both ends [s], rounded down.
 
     The profile of seven phases: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008,
     section 3.4. All limits may be infinite.
@@ -39,7 +39,7 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
         rising = np.nan_to_num(
             acceleration / jerk, nan=np.inf
         )  # [s] to the greatest acceleration; 0 without jerk limits
-        full = velocity > acceleration * rising  # the greatest acceleration is reached on the way to the velocity limit
+        full = velocity > acceleration * rising  # the acceleration limit is reached before the velocity limit
         ramp = np.where(full, rising + velocity / acceleration, 2 * np.sqrt(velocity / jerk))
         cruising = way / velocity + ramp
         slower = (rising + np.sqrt(rising**2 + 4 * way / acceleration), np.cbrt(32 * way / jerk))
@@ -49,16 +49,16 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
 
 
 def soonest(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:
-    """Times by velocity limits from boxes to boxes [s], rounded down, of the shape that these have together but for nv.
+    """Times by velocity limits from boxes to boxes [s], rounded down, of their broadcast shape without nv.
 
     Args:
         starts: shape (…, nv).
         goals: likewise.
-        velocity: limits [rad/s or m/s], infinite where there is none, shape (nv,).
-        turning: joints whose positions are meant modulo 2π, less than two turns apart, shape (nv,); None: none.
+        velocity: velocity limits [rad/s or m/s], shape (nv,); infinite: no limit.
+        turning: whether a joint's positions are meant modulo 2π, less than two turns apart, shape (nv,); None: none.
     """
     found: Array = np.zeros(())
-    for joint, most in enumerate(velocity):  # one by one: there may be millions of pairs
+    for joint, most in enumerate(velocity):  # joint by joint: there may be millions of pairs
         way = goals[..., joint] - starts[..., joint]
         away = way.mignitude
         if turning is not None and turning[joint]:
@@ -85,7 +85,7 @@ def torques(leg: BoundLeg, cells: Cells) -> Interval:
         terms = terms_over(leg.dynamics, end.q[None])
         open_ = up(np.sum(terms.gravity_slopes.magnitude[0], axis=0))
         hold = terms.gravity[0] + Interval(-open_, open_)
-        held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else torques begin anywhere
+        held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else any initial torque
         if end.at_rest and np.all(held):
             room = up(since[:, None] * leg.torque_rate)
             found = found.meet(Interval(hold.lower - room, hold.upper + room))
@@ -93,6 +93,6 @@ def torques(leg: BoundLeg, cells: Cells) -> Interval:
 
 
 def _since_ends(cells: Cells) -> tuple[Array, Array]:
-    """Most time since the start, and to the goal, in every cell [s], rounded up, each of shape (n,)."""
+    """Largest time since the start, and to the goal, in every cell [s], rounded up, each of shape (n,)."""
     times = Interval.at(cells.times.upper)
     return times.running().upper[1:], times[::-1].running().upper[:0:-1]

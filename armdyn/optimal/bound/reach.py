@@ -1,12 +1,12 @@
 """Bounds of the velocities near the ends of a motion, by momentum, cell by cell.
 
-For any multipliers w, constant in time, wᵀM(q) v = wᵀp, and wᵀp has changed since the start by no more than its rate
-allows. The velocity of joint b is therefore, with e_b its unit vector,
+For any multipliers w, constant in time, wᵀM(q) v = wᵀp, and the change of wᵀp since the start is bounded by its rate
+The velocity of joint b is therefore, with its unit vector e_b,
 
     v_b(t) = wᵀp(t) + (e_b − M(q) w)ᵀ v(t),
 
-and every w bounds it. Those that are tried solve M_FF w_F = e_b for sets F of joints that are free while all others
-may be at their greatest speed: the slowest one alone, the two slowest, and so on.
+and every w gives a bound. The w tried here solve M_FF w_F = e_b for sets F of free joints, with all others at any speed
+up to their limits: F is the slowest joint alone, the two slowest, and so on.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
 
 _HUGE = 1e100
-"""Acceleration [rad/s² or m/s²] that stands for none: sums of infinite ones are not defined."""
+"""Acceleration [rad/s² or m/s²] that replaces infinity, whose sums are undefined."""
 
 
 @dataclass(frozen=True, eq=False)
 class End:
-    """One end of a leg, with time and motion counted from it.
+    """End of a leg, with time and motion measured from it.
 
     Attributes:
-        inertia: M there [kg m²], shape (nv, nv).
-        v: velocity there [rad/s or m/s], shape (nv,).
-        outward: 1 where time runs on from there, -1 where it runs back.
+        inertia: M at the end [kg m²], shape (nv, nv).
+        v: velocity at the end [rad/s or m/s], shape (nv,).
+        outward: 1 if time runs forward from the end, -1 if backward.
     """
 
     inertia: Interval
@@ -43,7 +43,7 @@ class End:
 
     @classmethod
     def at(cls, leg: BoundLeg, outward: int) -> End | None:
-        """A leg's start (outward 1) or goal (-1); None where any velocity is allowed."""
+        """A leg's start (outward 1) or goal (-1); None if any velocity is allowed."""
         v = (leg.start if outward > 0 else leg.goal).v
         return None if v is None else cls(leg.inertia[0 if outward > 0 else 1], v, outward)
 
@@ -60,7 +60,7 @@ def reached(leg: BoundLeg, cells: Cells, forces: Forces) -> Interval:
     for outward in (1, -1):
         end, own = End.at(leg, outward), np.arange(len(lower))[::outward]
         later = np.flatnonzero(cells.elastic[own[1:]])
-        own = own[: later[0] + 2] if later.size else own  # behind an elastic cell momentum may be anything
+        own = own[: later[0] + 2] if later.size else own  # beyond an elastic cell momentum is unbounded
         if end is not None:
             found = by_momentum(leg, end, times[own], forces[own])
             met = found.meet(_accelerated(end, times.upper[own], fastest[own]))
@@ -72,10 +72,10 @@ def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces) -> Int
     """Bounds of the velocities in consecutive cells, shape (k, nv).
 
     Args:
-        leg: of which the end is one.
-        end: where the first cell begins.
+        leg: leg with the end.
+        end: end at which the first cell begins.
         times: lengths of the cells [s], shape (k,).
-        forces: over the cells, in their order from the end.
+        forces: forces over the cells, in order from the end.
     """
     w, joint = multipliers(leg, end)
     units = np.zeros_like(w)
@@ -98,7 +98,7 @@ def _accelerated(end: End, times: Array, most: Array) -> Interval:
 
 
 def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
-    """Multipliers, shape (nv, m), and the joint that each is for, shape (m,)."""
+    """Multipliers, shape (nv, m), and the joint bounded by each, shape (m,)."""
     inertia = end.inertia.lower / 2 + end.inertia.upper / 2
     nv = len(inertia)
     torque = leg.torque.actuators.strongest
@@ -115,12 +115,12 @@ def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
 
 
 def at_ends(leg: BoundLeg, w: Array, speed: Array | None = None) -> Interval:
-    """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for the speeds that accelerations change, if there are multipliers.
+    """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for velocities under acceleration limits, if there are multipliers.
 
     Args:
-        leg: whose ends.
+        leg: leg with the ends.
         w: multipliers of the momentum at the nodes, shape (nodes, nv).
-        speed: of the speeds, likewise.
+        speed: multipliers of the velocities, likewise.
     """
     total = Interval.at(0.0)
     for outward, node in ((1, 0), (-1, -1)):

@@ -19,10 +19,10 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 
 @dataclass(frozen=True)
 class BoundRegion:
-    """Region of a frame, for bounds: all joint positions within it, and perhaps some beside it.
+    """Region of a frame, for bounds: encloses all joint positions within it.
 
     Attributes:
-        dynamics: of the arm.
+        dynamics: dynamics of the arm.
         goal: the region.
     """
 
@@ -31,19 +31,19 @@ class BoundRegion:
 
     @property
     def free(self) -> int | None:
-        """Number of the one axis along which the frame moves freely; None: there is none, or there are several."""
+        """Index of the one axis along which the frame moves freely; None: no such axis, or several."""
         axes = np.flatnonzero(np.isinf(self.goal.deviations[:3]))
         return int(axes[0]) if axes.size == 1 else None
 
     def forms(self, boxes: Interval, along: Interval | None = None) -> Affine:
-        """Affine forms over boxes, shape (boxes, nv), that hold zero where the frame is in the region.
+        """Affine forms over boxes, shape (boxes, nv), that contain zero where the frame is in the region.
 
         With Δ = log(Rᵀ R_frame) the deviation's rotation vector, the antisymmetric part of Rᵀ R_frame is
         Δ sin |Δ| / |Δ|, no component of which is larger than that of Δ.
 
         Args:
-            boxes: of joint positions [rad or m].
-            along: where along its free axis the frame is, in each box [m], shape (boxes,); None: anywhere.
+            boxes: boxes of joint positions [rad or m].
+            along: position of the frame along its free axis in each box [m], shape (boxes,); None: any.
 
         Returns:
             Shape (m, boxes).
@@ -51,7 +51,7 @@ class BoundRegion:
         function, moving = _deviations(self.dynamics, self.goal)
         forms, most = function.forms(boxes.turned((1, 0))), self.goal.deviations.copy()
         if self.goal.axis is not None:
-            most[3:] = np.inf  # deviations of an axis that may turn are others
+            most[3:] = np.inf  # deviations of a free axis are defined differently
         limit = np.repeat(most[:, None], len(boxes.lower), axis=1)
         middle = np.zeros_like(limit)
         if along is not None and self.free is not None:
@@ -63,7 +63,7 @@ class BoundRegion:
     def narrowed(
         self, boxes: Interval, policy: BoundPolicy, along: Interval | None = None, rounds: int | None = None
     ) -> Interval | None:
-        """Boxes narrowed to where the frame is in the region, shape (boxes, nv); None: it cannot be there in one."""
+        """Boxes narrowed to the frame in the region, shape (boxes, nv); None: impossible in some box."""
         for _ in range(policy.region_rounds if rounds is None else rounds):
             found = narrowed(boxes, self.forms(boxes, along), policy)[0]
             if len(found.lower) < len(boxes.lower):
@@ -78,7 +78,7 @@ class BoundRegion:
 
 @built_once(maxsize=32)
 def _deviations(dynamics: Dynamics, goal: GoalPose) -> tuple[EnclosedFunction, Flags]:
-    """Deviations along and about x, y, z [m and of a rotation's entries], and in which of them the frame moves."""
+    """Deviations along and about x, y, z [m and of a rotation's entries], and whether the frame moves in each."""
     q = ca.SX.sym("q", dynamics.nv)
     rotation, origin = dynamics.frame_placement(q, goal.frame)
     back = ca.SX(goal.pose.rotation.T.copy())

@@ -1,22 +1,22 @@
 """Linear relaxations that every motion within the limits satisfies, and their multipliers.
 
-Unknown are the mean velocities v_k of the cells. With M_k at the middle of a cell's box, momentum changes from one
-fixed cell to the next by what the forces' bounds allow over half of each, and over an elastic cell of length d between
-them by all of it, d [τ + e],
+The unknowns are the mean velocities v_k of the cells. With M_k at the middle of a cell's box, momentum changes from one
+fixed cell to the next by at most the forces' bounds over half of each cell, and over the whole of an elastic cell of
+length d between them, d [τ + e],
 
     M_k+1 v_k+1 − M_k v_k ∈ ½ Δt_k [τ + e]_k + ½ Δt_k+1 [τ + e]_k+1.
 
-What M leaves open within a box, beyond what is linear there, is a momentum of the cell's own within bounds. Limits of
-acceleration are rows of the same kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a
-damping. Nothing is proven by it, for M v is not linear and a solver rounds; its multipliers are what `proof.py` takes.
+The part of M that is not linear within a box adds a bounded momentum to each cell. Limits of acceleration are rows of
+the same kind, with the unit matrix as inertia; so are the lines of torque-speed curves, with a damping. This proves
+nothing, since M v is not linear and a solver rounds; the multipliers are the input of `proof.py`.
 
-Of a leg by itself the duration is given, and the share θ of the way that is made is greatest: Σ Δt_k v_k = θ Δq. Where
-θ < 1 the duration is too short. Between boxes of joint positions, Δq is that of their centres, and what is added within
-the boxes keeps the equations that hold at every end, to first order. Rows stand in the order of time, those of the way
-last: they make a narrow band and a border.
+For a leg by itself the duration is given, and the completed share θ of the way is maximised: Σ Δt_k v_k = θ Δq. If θ <
+1 the duration is too short. Between boxes of joint positions, Δq is that of their centres, and the offsets within the
+boxes satisfy the equations at every end, to first order. Rows are in the order of time, those of the way last: a narrow
+band and a border.
 
-Where regions are passed the elastic cells' ways and lengths are unknown, too, and the positions at the nodes at which
-something is known of them. The least sum of the lengths is sought.
+For a leg through regions the ways and lengths of elastic cells, and the known positions at nodes, are unknown, too. The
+sum of the lengths is minimised.
 """
 
 from collections.abc import Sequence
@@ -37,11 +37,11 @@ from armdyn.optimal.bound.rates import accelerations
 Indices = NDArray[np.intp]
 
 _FREE = 1e3
-"""Scaled rate of what has no limit in an elastic cell."""
+"""Scaled rate of an unlimited quantity in an elastic cell."""
 
 
 def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Multipliers | None:
-    """The multipliers of the program of a leg by itself, for a duration [s]; None if the solver finds none."""
+    """The multipliers of the program of a leg by itself, for a duration [s]; None without convergence."""
     program, kinds, k = LinearProgram(), _kinds(leg, cells, forces), cells.middle
     between = max(duration - np.sum(cells.lengths), 0.0)
     v = program.unknown(cells.v.lower.shape, cells.v.lower / leg.velocity, cells.v.upper / leg.velocity)
@@ -61,14 +61,14 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
 def relaxed_in_phases(
     leg: BoundLeg, cells: Cells, forces: Forces, ends: Sequence[LegEnd | None], scale: float
 ) -> Multipliers | None:
-    """The multipliers of the program of a leg that passes regions; None if the solver finds none.
+    """The multipliers of the program of a leg through regions; None without convergence.
 
     Args:
-        leg: its ends.
-        cells: that speak of it.
-        forces: over the cells.
-        ends: what is known of the positions at the nodes.
-        scale: a time [s], by which all times are divided.
+        leg: leg with its ends.
+        cells: cells of the leg.
+        forces: forces over the cells.
+        ends: known positions at the nodes.
+        scale: scale of all times [s].
     """
     program, kinds, speed = LinearProgram(), _kinds(leg, cells, forces), leg.velocity
     fixed, free = cells.fixed, np.flatnonzero(cells.elastic)
@@ -103,17 +103,18 @@ def relaxed_in_phases(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of one kind: how something changes from node to node, each scaled. Nodes are where fixed cells begin or end.
+    """Rows of one kind, scaled: changes of a quantity from node to node, nodes being the ends of fixed cells.
 
     Attributes:
-        onward: of the fixed cells' velocities, as shares of the limits, at their first nodes, shape (fixed, nv, nv).
-        back: likewise at their last nodes.
-        damping: that such velocities take of it in a second, shape (nv,).
-        rate: what is added to it in a second, in every cell, shape (cells, nv).
-        change: least and greatest change at each node by the fixed cells beside it, shape (2, nodes, nv).
-        given: what it begins and ends with, shape (nodes, nv).
-        scale: of a row, shape (nv,).
-        of_momentum: whether momentum is what changes, or the velocities.
+        onward: coefficients of the fixed cells' velocities, as shares of the limits, at their first nodes, shape
+            (fixed, nv, nv).
+        back: coefficients at their last nodes, likewise.
+        damping: decrease of the quantity per second by such velocities, shape (nv,).
+        rate: increase per second in every cell, shape (cells, nv).
+        change: least and largest change at each node by the adjacent fixed cells, shape (2, nodes, nv).
+        given: initial and final values, shape (nodes, nv).
+        scale: scale of a row, shape (nv,).
+        of_momentum: whether the quantity is momentum, not velocities.
     """
 
     onward: Array
@@ -138,7 +139,7 @@ def _kinds(leg: BoundLeg, cells: Cells, forces: Forces) -> list[_Rows]:
 
 
 def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
-    """Rows of a momentum M v, with M as each cell holds it, shape (cells, nv, nv), and bounds of its rate."""
+    """Rows of a momentum M v, with M of each cell, shape (cells, nv, nv), and bounds of its rate."""
     inertia, half = held.centre, cells.lengths[cells.fixed, None] / 2
     scale = np.abs(inertia[0]) @ leg.velocity
     moved, scaled = (
@@ -151,7 +152,7 @@ def _rows(leg: BoundLeg, cells: Cells, held: Interval, rate: Interval) -> _Rows:
         bound[1:] += half * force[cells.fixed]
     for at, v, sign in ((0, leg.start.v, 1.0), (-1, leg.goal.v, -1.0)):
         if v is None:
-            change[:, at] = np.array([-np.inf, np.inf])[:, None]  # an end of free velocity may take any impulse
+            change[:, at] = np.array([-np.inf, np.inf])[:, None]  # any impulse at an end of free velocity
         else:
             given[at] = sign * (inertia[at] @ v) / scale
     return _Rows(moved, -moved, np.zeros(scale.size), scaled, change, given, scale)
@@ -170,7 +171,7 @@ def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line) -> _Rows
 def _changes(
     program: LinearProgram, leg: BoundLeg, cells: Cells, forces: Forces, kinds: Sequence[_Rows], v: Indices
 ) -> Indices:
-    """Add the rows of all kinds, by the velocities of the fixed cells, shape (kinds, nodes, nv)."""
+    """Add the rows of all kinds for the velocities of the fixed cells; their indices, shape (kinds, nodes, nv)."""
     places = np.append(cells.fixed, len(cells.lengths))[:, None, None]
     rows = np.moveaxis(program.rows(np.stack([kind.given for kind in kinds], axis=1), places), 1, 0)
     left_open = np.einsum("bij,bj->bi", forces.terms.inertia.radius, cells.v.magnitude)[cells.fixed]
@@ -187,7 +188,7 @@ def _changes(
 
 
 def _within_times(program: LinearProgram, inner: Indices, rates: Interval, times: Indices, place: Indices) -> None:
-    """Add the rows by which something in elastic cells is within their times, shape (free, 1), multiplied by rates."""
+    """Add rows that bound a quantity in elastic cells by their times, shape (free, 1), multiplied by rates."""
     for sign, most in ((-1.0, -rates.lower), (1.0, rates.upper)):
         rows = program.rows(np.zeros(inner.shape), place[:, None])
         program.diagonal(rows, inner, sign)
@@ -198,7 +199,7 @@ def _within_times(program: LinearProgram, inner: Indices, rates: Interval, times
 def _multipliers(
     leg: BoundLeg, kinds: Sequence[_Rows], marginals: Array, way: Array, combinations: Sequence[Array | None]
 ) -> Multipliers:
-    """The multipliers from the marginals of all rows, shape (kinds, nodes, nv); none at an end of free velocity."""
+    """The multipliers from the marginals of all rows, shape (kinds, nodes, nv); zero at an end of free velocity."""
     found = -marginals / np.array([kind.scale for kind in kinds])[:, None]
     found[:, [k for k, end in ((0, leg.start), (-1, leg.goal)) if end.v is None]] = 0.0
     momenta = [own for own, kind in zip(found, kinds, strict=True) if kind.of_momentum]
@@ -228,10 +229,10 @@ def _way(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, durati
 def _within_end(
     program: LinearProgram, ways: Indices, k: int, end: LegEnd, scale: Array, place: int
 ) -> tuple[Indices, Array] | None:
-    """Where the k-th position that something is known of lies within its box.
+    """Position of the k-th known node within its box.
 
     Returns:
-        The rows of its equations, and the sizes by which these are divided; None: there are no equations.
+        The rows of its equations, and their scales; None: no equations.
     """
     radius = end.q.radius
     if not np.any(radius):

@@ -1,9 +1,9 @@
 """Inertia and gravity over boxes of joint positions, for the momentum equation.
 
-M(q) and g(q) are affine forms, so that what different entries of M owe to one and the same joint stays known. M's are
-the better of two: those that its own instructions give, and those that its slopes' give by Taylor's integral,
-M(c + δ) = M(c) + Σ δ_k ∫ ∂M/∂q_k(c + s δ) ds for s from 0 to 1, whose second derivatives are true ones: some third of
-what products of forms leave, until the box is so large that the third order counts.
+M(q) and g(q) are affine forms, which keep the dependence of different entries of M on the same joint. M's are the
+better of two: by M's own instructions, and by those of its derivatives in Taylor's integral, M(c + δ) = M(c) + Σ δ_k ∫
+∂M/∂q_k(c + s δ) ds for s from 0 to 1, whose second derivatives are exact: about a third of the remainder by products of
+forms, until the box is so large that the third order matters.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Terms over boxes: values at the centre, and slopes by ε, |ε_k| ≤ 1 at the box's faces.
+    """Inertia and gravity over boxes: values at the centre, and derivatives in ε, |ε_k| ≤ 1 at the box's faces.
 
     Attributes:
-        inertia: M at ε = 0 and all of it that is not linear in ε [kg m²], shape (boxes, nv, nv).
-        gravity: likewise g [N m], shape (boxes, nv).
+        inertia: M at ε = 0 including its nonlinear part in ε [kg m²], shape (boxes, nv, nv).
+        gravity: g at ε = 0, likewise [N m], shape (boxes, nv).
         inertia_slopes: ∂M_ab/∂ε_k [kg m²], shape (boxes, k, a, b).
         gravity_slopes: ∂g_a/∂ε_k [N m], shape (boxes, k, a).
         bends: ∂M_ab/∂q_k for a ≥ b, row by row, anywhere in the box [kg m²/rad], shape (boxes, pairs, k).
@@ -47,7 +47,7 @@ class Terms:
 
 
 def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
-    """The terms over boxes of joint positions [rad or m], shape (boxes, nv)."""
+    """Terms over boxes of joint positions [rad or m], shape (boxes, nv)."""
     n, boxes = dynamics.nv, len(q.lower)
     rows, columns = np.tril_indices(n)
     full = np.empty((n, n), dtype=np.intp)
@@ -74,24 +74,24 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
 
 
 def _constant(forms: Affine) -> Interval:
-    """Part of the affine forms that is not linear."""
+    """Constant and remainder of the affine forms."""
     return Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
 
 
 def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
-    """Affine forms of functions by the mean value theorem: values at the centres, gradients over the boxes.
+    """Affine forms of functions by the mean value theorem: values at the centres, derivatives over the boxes.
 
     Args:
-        at_centres: shape (functions, boxes).
+        at_centres: values at the centres, shape (functions, boxes).
         slopes: affine forms of ∂/∂q_1 of all functions, then of ∂/∂q_2, …: nv times as many.
-        radius: of the boxes, shape (nv, boxes).
+        radius: radii of the boxes, shape (nv, boxes).
     """
     count, (nv, boxes) = len(at_centres.lower), radius.shape
     linear = slopes.centre.reshape(nv, count, boxes) * radius[:, None]
     bent = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
     left = np.sum(slopes.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
-    bent = (bent + bent.transpose(2, 1, 0, 3)) / 4  # of ε_k ε_l, both orders
-    squares = np.einsum("kckb->cb", bent) / 2  # of ε_k², which is ½ ± ½
+    bent = (bent + bent.transpose(2, 1, 0, 3)) / 4  # coefficients of ε_k ε_l, both orders
+    squares = np.einsum("kckb->cb", bent) / 2  # coefficients of ε_k², which is ½ ± ½
     half = np.einsum("kckb->cb", np.abs(bent)) / 2
     size = np.sum(np.abs(bent), axis=(0, 2))
     rest = at_centres.radius + left + (size - half)

@@ -1,10 +1,10 @@
-"""Boxes of all joint positions that a frame may have on a line that it follows from a known end.
+"""Boxes of all joint positions of a frame on a line that it follows from a known end.
 
-The line is cut into slices. A box around the joint positions of a slice, wide beside them, is narrowed by the
-equations of line and slice. If what is left lies inside of the box, no motion leaves the box within the slice: at its
-face the frame would be off the line. Where two slices meet, what either holds of the plane between them lies in the
-box of the other, so that a motion that begins in one of the boxes is in the box of the slice in which its frame is, as
-long as it does not leave the slices.
+The line is divided into slices. A box around the joint positions of a slice, with a wide margin, is narrowed by the
+equations of line and slice. If the result lies inside the box, no motion leaves the box within the slice: at the box's
+face the frame would be off the line. The parts of two adjacent boxes in the plane between the slices lie in each
+other's box, so that a motion that begins in one of the boxes is in the box of its frame's slice, as long as it does not
+leave the slices.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from armdyn.optimal.bound.rates import soonest
 from armdyn.optimal.bound.region import BoundRegion
 
 _SLACK = 1e-6
-"""Share of a slice by which neighbours overlap, whatever rounding makes of their faces."""
+"""Share of a slice by which neighbours overlap, to cover rounding of their faces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,8 +31,8 @@ class Tube:
     """Boxes of joint positions along a line, from a known end to a plane across it.
 
     Attributes:
-        box: of all positions before the frame first meets the plane, each end of shape (nv,).
-        plane: of those in the plane, likewise.
+        box: box of all positions before the frame first meets the plane, each end of shape (nv,).
+        plane: box of the positions in the plane, likewise.
     """
 
     box: Interval
@@ -40,14 +40,14 @@ class Tube:
 
 
 def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, LegEnd], longest: float) -> Tube | None:
-    """The tube of a line; None: it cannot be told from other joint positions.
+    """The tube of a line; None: it cannot be separated from other joint positions.
 
     Args:
-        leg: its velocity limits and its policy.
+        leg: leg with velocity limits and policy.
         line: region with one free axis.
-        plane: where the plane lies along that axis [m]; the frame rests at 0.
-        ends: of the leg: where the frame rests on the line, and the other one.
-        longest: no motion from end to end takes longer [s].
+        plane: position of the plane along that axis [m]; the frame rests at 0.
+        ends: ends of the leg: the one with the frame at rest on the line, and the other one.
+        longest: largest duration from end to end [s].
     """
     end, other = (one.q for one in ends)
     slices = _slices(leg, line, plane, (end, other), longest)
@@ -64,8 +64,8 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
         if faces is None or not _inside(faces, neighbours):
             return None
     last = line.narrowed(inner[-1:], numbers, Interval(np.array([plane - beside]), np.array([plane + beside])))
-    # The line goes on behind the slices. A motion that comes to the outermost one has no time to go anywhere after it:
-    # of where it meets the plane then, if at all, nothing need be known.
+    # The line continues behind the slices. A motion that reaches the outermost slice has no time left after it:
+    # a later crossing of the plane need not be considered.
     if last is None or _time(leg, (end, inner[0], other)) < longest:
         return None
     return Tube(inner[1:].around, last[0])
@@ -79,9 +79,9 @@ def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
 def _slices(
     leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[Interval, Interval], longest: float
 ) -> tuple[Interval, Array, float, int] | None:
-    """Boxes around the slices, shape (m, nv), their middles along the line and their half width [m], and the end's one.
+    """Boxes of the slices, shape (m, nv), their middles and half width along the line [m], and the end's index.
 
-    They go from the plane to the end, whose slice has it in its middle, and on as far as there is time for.
+    They extend from the plane to the end, which is in the middle of its slice, and beyond as far as time allows.
     """
     numbers, count, (end, other) = leg.policy, max(round(abs(plane) / leg.policy.slice), 1), ends
     half = abs(plane) / (2 * count + 1)
@@ -104,7 +104,7 @@ def _slices(
 
 
 def _slid(leg: BoundLeg, line: BoundRegion, along: float, q: Array) -> Array | None:
-    """Joint positions near q with the frame at a distance along the line's free axis [m]; None if none are found."""
+    """Joint positions near q with the frame at a distance along the line's free axis [m]; None if not found."""
     at = line.goal.pose * pin.SE3(np.eye(3), along * np.eye(3)[expect(line.free, int, "line")])
     return slid(leg.dynamics.robot, GoalPose(line.goal.frame, at.homogeneous), q, np.zeros(len(q)), leg.torque)
 

@@ -1,9 +1,9 @@
 """Arrays of affine forms: first-order enclosures over a box, with a bound of the remainder.
 
-A form is c + Σ g_k ε_k ± r with every |ε_k| ≤ 1, ε_k the same in all forms: what is left is of second order in the
-box's size, where intervals are too wide to first order, for their operands forget that they hang together (L. de
-Figueiredo and J. Stolfi, Affine arithmetic: concepts and applications, Numerical Algorithms 37, 2004). Errors of
-rounding are part of r. Their arithmetic is in `_enclosure/affine_forms.cpp`.
+A form is c + Σ g_k ε_k ± r with every |ε_k| ≤ 1, ε_k the same in all forms: the overestimation is of second order in
+the box's size, where intervals, which lose the dependence of their operands, are of first order (L. de Figueiredo and
+J. Stolfi, Affine arithmetic: concepts and applications, Numerical Algorithms 37, 2004). Errors of rounding are part of
+r. Their arithmetic is in `_enclosure/affine_forms.cpp`.
 """
 
 from __future__ import annotations

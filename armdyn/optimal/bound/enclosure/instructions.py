@@ -1,6 +1,6 @@
-"""A CasADi Function evaluated in intervals or affine forms over many boxes at once, by the extension's C++.
+"""CasADi Functions evaluated in intervals or affine forms over many boxes at once, by the C++ extension.
 
-CasADi gives a Function of SX as a list of instructions, each of one operation on places in memory.
+CasADi lists the instructions of an SX Function, each one operation on places in memory.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ _OPERATIONS = {
          ca.OP_ADD, ca.OP_SUB, ca.OP_MUL)
     )
 }  # fmt: skip
-"""Operations in the inertia and gravity of an arm, and in their derivatives: numbers of `_enclosure/program.hpp`."""
+"""Operations in an arm's inertia and gravity and their derivatives: operation codes of `_enclosure/program.hpp`."""
 
 
 @dataclass(frozen=True, eq=False)
 class EnclosedFunction:
-    """A Function of one vector of n places with one dense vector of m places as its value.
+    """Function of one vector of n places with one dense vector of m places as its value.
 
     Attributes:
-        program: the extension's.
+        program: compiled program of the extension.
     """
 
     program: Any
 
     @classmethod
     def of(cls, function: ca.Function) -> EnclosedFunction:
-        """A Function of SX.
+        """Compile a Function of SX.
 
         Raises:
-            BridgeError: it has an operation that is not known here, or is of another shape.
+            BridgeError: the Function has an operation without an interval extension, or another shape.
         """
         import _armdyn_enclosure as enclosure
 
@@ -73,5 +73,5 @@ class EnclosedFunction:
         return Interval(*self.program.in_intervals(boxes.lower, boxes.upper))
 
     def forms(self, boxes: Interval) -> Affine:
-        """Affine forms of the value over boxes, shape (n, boxes); ε_k is how far coordinate k is from the middle."""
+        """Affine forms of the value over boxes, shape (n, boxes); ε_k: coordinate k, from -1 to 1 in the box."""
         return Affine(*self.program.in_affine_forms(boxes.centre, boxes.radius))

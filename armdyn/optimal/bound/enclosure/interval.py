@@ -1,9 +1,8 @@
 """Arrays of intervals, rounded outward.
 
-A sum, difference or product of floats is their nearest float, so that the next float outward, or the one beyond it,
-bounds it. Products of matrices and running sums take the a-priori bound instead (N. Higham, Accuracy and Stability of
-Numerical Algorithms, 2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes,
-u = 2⁻⁵³.
+A sum, difference or product of floats is rounded to nearest, so that the next float outward, or the one after, bounds
+it. Products of matrices and running sums use the a-priori bound instead (N. Higham, Accuracy and Stability of Numerical
+Algorithms, 2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes, u = 2⁻⁵³.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ _LEAST, _LARGEST = 5e-324, float(np.finfo(float).max)
 """Least and largest positive float."""
 
 _TINY = 1e-300
-"""Covers what underflows, whatever is summed up [the unit of the sum]."""
+"""Bound on underflow in sums [unit of the sum]."""
 
 _LIBRARY = 1e-15
-"""Error of a hyperbolic tangent of the mathematical library: 9 ulp of 1; vendors state 4 at most."""
+"""Error of the mathematical library's tanh: 9 ulp of 1; vendors state at most 4."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +35,7 @@ class Interval:
 
     Attributes:
         lower: lower ends, of any shape.
-        upper: upper ends, likewise; nowhere below.
+        upper: upper ends, likewise; not below the lower ends.
     """
 
     lower: Array
@@ -50,17 +49,17 @@ class Interval:
 
     @property
     def magnitude(self) -> Array:
-        """The largest |x| of each."""
+        """Largest |x| of each interval."""
         return np.maximum(np.abs(self.lower), np.abs(self.upper))
 
     @property
     def mignitude(self) -> Array:
-        """The smallest |x| of each."""
+        """Smallest |x| of each interval."""
         return np.maximum(np.maximum(self.lower, -self.upper), 0.0)
 
     @property
     def centre(self) -> Array:
-        """A float in the middle of each."""
+        """A float in the middle of each interval."""
         return np.asarray(np.minimum(np.maximum(self.lower / 2 + self.upper / 2, self.lower), self.upper))
 
     @property
@@ -99,12 +98,12 @@ class Interval:
         return Interval(down(self.lower), up(self.upper))
 
     def meet(self, other: Interval) -> Interval:
-        """Intersection; where rounding leaves it empty, the nearer ends."""
+        """Intersection; if empty by rounding, the nearer ends."""
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
         return Interval(np.minimum(lower, upper), np.maximum(lower, upper))
 
     def both(self, other: Interval) -> Interval:
-        """Intersection; empty where an end is above the other."""
+        """Intersection; empty if the lower end is above the upper one."""
         return Interval(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
 
     @property
@@ -155,9 +154,10 @@ class Interval:
         return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
 
     def led_by(self, ways: Interval) -> Interval:
-        """Tighten each box along the first axis by all boxes before it, plus the displacements from those to it.
+        """Tighten each box along the first axis by all boxes before it, plus the displacements to it.
 
-        Of the upper ends of a box and of all before it, each with the sum of the ways since, the least counts.
+        The least of a box's upper ends and those of all boxes before it, each plus the sum of the displacements since;
+        likewise for lower ends.
         """
         sizes = _from_zero(np.cumsum(ways.magnitude, 0))
         low, high = (_from_zero(np.cumsum(end, 0)) for end in (ways.lower, ways.upper))
@@ -177,7 +177,7 @@ def stacked(parts: Sequence[Interval], axis: int) -> Interval:
 
 
 def _hull(ends: Iterable[Array]) -> Interval:
-    """The interval around four arrays, rounded outward."""
+    """The interval hull of four arrays, rounded outward."""
     a, b, c, d = ends
     return Interval(
         down(np.minimum(np.minimum(a, b), np.minimum(c, d))), up(np.maximum(np.maximum(a, b), np.maximum(c, d)))
@@ -185,17 +185,17 @@ def _hull(ends: Iterable[Array]) -> Interval:
 
 
 def down(x: Array) -> Array:
-    """Round down to a float at most two below, see `_step`."""
+    """Round down by at most two floats, see `_step`."""
     return np.asarray(np.minimum(x - _step(x), _LARGEST))
 
 
 def up(x: Array) -> Array:
-    """Round up to a float at most two above."""
+    """Round up by at most two floats."""
     return np.asarray(np.maximum(x + _step(x), -_LARGEST))
 
 
 def _step(x: Array) -> Array:
-    """From each float to the next one at least, two of them at most, in a fifth of the time of `numpy.nextafter`.
+    """Step from each float to at least the next one and at most two, in a fifth of the time of `numpy.nextafter`.
 
     S. Rump, P. Zimmermann, S. Boldo, G. Melquiond, Computing predecessor and successor in rounding to nearest, BIT 49,
     2009: u (1 + 2 u) |x| + the least subnormal number.
@@ -214,7 +214,7 @@ def sum_down(numbers: Sequence[float]) -> float:
 def rounding(terms: int, sizes: Array) -> Array:
     """Upper bound on the rounding error of a sum of products, from the sum of their sizes.
 
-    Four times γ: that sum and what is done with the result are rounded, too.
+    Four times γ, because that sum and operations on the result are rounded, too.
     """
     return np.asarray(4 * (terms + 2) * _UNIT * sizes + _TINY)
 
