@@ -11,9 +11,7 @@ from contextvars import ContextVar
 from enum import Enum
 from inspect import Parameter
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_origin
-
-from typer.models import ArgumentInfo, OptionInfo
+from typing import Any, NamedTuple, get_args
 
 
 class _Invocation(NamedTuple):
@@ -86,7 +84,7 @@ def in_options(text: str) -> str:
     flags = {
         flag.lstrip("-").replace("-", "_"): (flag, name)
         for name, one in now.parameters.items()
-        if (flag := _flag(name, one.annotation))
+        if (flag := _flag(one.annotation))
     }
 
     def option_of(name: str) -> str:
@@ -114,43 +112,29 @@ def invocation() -> dict[str, object]:
     now = _RUNNING.get()
     if now is _NONE:
         return {}
-    given = [(name, one.annotation) for name, one in now.parameters.items() if is_given(name)]
-    first = sorted(given, key=lambda one: not _is_argument(one[1]))  # the order stays otherwise
-    words = ["armdyn", now.command, *(word for name, hint in first for word in _typed(name, hint, now.values[name]))]
+    given = [(_flag(one.annotation), now.values[name]) for name, one in now.parameters.items() if is_given(name)]
+    first = sorted(given, key=lambda one: one[0] != "")  # arguments; the order stays otherwise
+    words = ["armdyn", now.command, *(word for flag, value in first for word in _typed(flag, value))]
     return {
         "asked": {"command": shlex.join(words), "options": {name: plain(now.values[name]) for name in now.parameters}}
     }
 
 
-def _typed(name: str, hint: Any, value: object) -> list[str]:
-    """Words of the command line that give a parameter its value."""
+def _typed(flag: str, value: object) -> list[str]:
+    """Words of the command line that give an option, or the argument if the flag is empty, its value."""
     values = list(value) if isinstance(value, (list, tuple)) else [value]
-    if _is_argument(hint):
+    if not flag:
         return [_word(one) for one in values]
-    on, _, off = _flag(name, hint).partition("/")
+    on, _, off = flag.partition("/")
     if isinstance(value, bool):
         return [word for word in (on if value else off,) if word]
     return [word for one in values for word in (on, _word(one))]
 
 
-def _flag(name: str, hint: Any) -> str:
-    """Declaration of a parameter's option, such as "--arm" or "--motors/--no-motors"; empty for an argument."""
-    if _is_argument(hint):
-        return ""
-    info = next((info for info in _annotations(hint) if isinstance(info, OptionInfo)), None)
-    # Where it is annotated, typer keeps the first name as the default.
-    names = (
-        [] if info is None else [each for each in (info.default, *(info.param_decls or ())) if isinstance(each, str)]
-    )
-    return names[0] if names else f"--{name.replace('_', '-')}"
-
-
-def _annotations(hint: Any) -> tuple[Any, ...]:
-    return get_args(hint)[1:] if get_origin(hint) is not None else ()
-
-
-def _is_argument(hint: Any) -> bool:
-    return any(isinstance(info, ArgumentInfo) for info in _annotations(hint))
+def _flag(hint: Any) -> str:
+    """Declaration of an option, such as "--arm" or "--motors/--no-motors"; empty for an argument."""
+    declared = get_args(hint)[1].param_decls  # as `options.groups` annotates parameters
+    return str(declared[0]) if declared else ""
 
 
 def _word(value: object) -> str:

@@ -8,7 +8,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from armdyn.cli.console import Terminal, table
-from armdyn.cli.layout import place
+from armdyn.cli.help_page import place
 from cli.command import app
 
 COMMANDS = [command.callback.__name__.replace("_", "-") for command in app.registered_commands]

@@ -49,9 +49,7 @@ def options():
 
 
 def _flags(callback):
-    return [
-        invocation._flag(name, hint) for name, hint in callback.__annotations__.items() if invocation._flag(name, hint)
-    ]
+    return [invocation._flag(hint) for hint in callback.__annotations__.values() if invocation._flag(hint)]
 
 
 @pytest.mark.slow

@@ -66,7 +66,7 @@ def option(metavar: str, about: str, *, default: Any = None, name: str = "", **m
         more: further arguments of `typer.Option`.
     """
     names = (name,) if name else ()
-    return field(default=default, metadata={"option": typer.Option(*names, metavar=metavar, help=about, **more)})
+    return field(default=default, metadata={"option": typer.Option(..., *names, metavar=metavar, help=about, **more)})
 
 
 def flag(about: str, **more: Any) -> Any:
@@ -109,8 +109,7 @@ def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Par
     declared = copy(one.metadata["option"])
     if isinstance(declared, OptionInfo):
         declared.rich_help_panel = declared.rich_help_panel or panel
-        if one.default is False and declared.default is ...:  # it has no name of its own; typer adds --no-… to that
-            declared.param_decls = (f"--{name.replace('_', '-')}",)
+        declared.param_decls = declared.param_decls or (f"--{name.replace('_', '-')}",)
     default = Parameter.empty if one.default is MISSING else one.default
     yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, declared])
 
