@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import time
 from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
@@ -92,8 +93,6 @@ def doctor(
 
 def _built(robot: ad.Robot) -> float:
     """Build a robot's machine code, if it is not there, and say how long that took [s]."""
-    import time
-
     from armdyn.optimal.flat.equations import torque_equations
 
     started = time.perf_counter()

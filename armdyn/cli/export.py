@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from armdyn.models import Robot
     from armdyn.trajectory import Samples, Trajectory
 
-_KINDS = "|".join(FORMATS)
+KINDS = "|".join(FORMATS)
 _ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
 _DEFAULT_RATE = 1000.0
 """Rows per second of a table or message [Hz]."""
@@ -38,7 +38,7 @@ _MODEL_RATE = 4000.0
 class RowOptions:
     """The format, its rate, and its folder."""
 
-    format: str = option(_KINDS, _ABOUT_KINDS, default="csv")
+    format: str = option(KINDS, _ABOUT_KINDS, default="csv")
     rate: str | None = option(
         "HZ|own",
         "Rows per second; own: the motion's own samples. By default the preset's; else 500 of urscript and ur-rtde, "

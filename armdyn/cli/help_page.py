@@ -116,15 +116,13 @@ def _called(param: Any) -> str:
 
 def _usual(param: Any) -> str:
     """Default of an option, if one is to be shown."""
-    shown = param.show_default if isinstance(param.show_default, str) else ""
-    value = param.default
-    silent = param.show_default is False or value is None or value is False or value in ((), [], "") or callable(value)
     if param.required:
         return " [dim](required)[/]"
-    if shown:
-        return f" [dim](default: {escape(shown)})[/]"
-    flag = getattr(param, "is_flag", False)
-    return "" if silent or flag else f" [dim](default: {escape(str(value))})[/]"
+    shown, value = param.show_default, param.default
+    if not isinstance(shown, str):
+        silent = shown is False or value is None or value is False or value in ((), [], "") or callable(value)
+        shown = "" if silent or getattr(param, "is_flag", False) else str(value)
+    return f" [dim](default: {escape(shown)})[/]" if shown else ""
 
 
 def _panel(name: str, rows: list[RenderableType]) -> RenderableType:

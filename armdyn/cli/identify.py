@@ -22,7 +22,7 @@ from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
-from armdyn.files import attributes
+from armdyn.files import attributes, write_whole
 
 if TYPE_CHECKING:
     from armdyn.identification.equations import What
@@ -172,7 +172,6 @@ def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path)
 
 def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder: Path) -> list[Path]:
     """The files: the identified robot with its likely arms, the report, the facts."""
-    from armdyn.files import write_whole
     from armdyn.show.identification import write_identification
     from armdyn.show.page.facts import Facts
     from armdyn.show.results import result_head, save_results

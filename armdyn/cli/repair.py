@@ -38,8 +38,7 @@ def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | N
     if found.refusal:
         answer.facts |= {"success": False, "message": found.refusal}
         answer.code = NOT_USABLE
-    for shown in [_table(found.inertias)] if found.inertias else ["all inertias are physical"]:
-        console.print(shown)
+    console.print(_table(found.inertias) if found.inertias else "all inertias are physical")
     for line in _proposals(found):
         console.print(escape(line))
     if written:

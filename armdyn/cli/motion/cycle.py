@@ -8,10 +8,12 @@ from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, answering, console, cut_short, escape, facts_table, table, working
-from armdyn.cli.export import sampled, usual_rate
+from armdyn.cli.export import KINDS, sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
+from armdyn.cli.motion.requirements import requirements_of
 from armdyn.cli.motion.words import missing_words
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, option
 from armdyn.cli.options.results import ResultOptions, Written
@@ -29,7 +31,6 @@ _STEPS = "steps.csv"
 _COLUMNS = ("step", "what", "carries", "time [s]", "share", "decided by", "what would help")
 _NUMBERS = ("step", "time [s]", "share")
 _MOST_COSTS = 8
-_KINDS = "|".join(FORMATS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +62,7 @@ def cycle(
     ),
     search: CycleSearchOptions,
     format: list[str] | None = option(  # noqa: A002  # the option's name
-        _KINDS,
+        KINDS,
         "Format of the motion for a controller or a simulator, as of armdyn export; may be given again. By default "
         "csv.",
         rich_help_panel=OUTPUT,
@@ -152,15 +153,11 @@ def _write_example(path: Path, answer: Answer) -> None:
 
 
 def _formats(given: Sequence[str] | None) -> tuple[str, ...]:
-    from armdyn.arguments import one_of
-
     return tuple(dict.fromkeys(one_of(name, tuple(FORMATS), "--format") for name in given or ["csv"]))
 
 
 def _largest_gap(text: str | None) -> float | None:
     """The gap of --require, as a part of the lower bound; None: nothing is required."""
-    from armdyn.cli.motion.requirements import requirements_of
-
     if text is None:
         return None
     if not text.startswith("gap:"):

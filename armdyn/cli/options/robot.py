@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.options.groups import ROBOT, argument, option
+from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
 from armdyn.parsing.numbers import numbers
@@ -195,12 +196,7 @@ class PayloadPlace:
         Raises:
             ProblemError: its place is given, but neither mass nor shape; or a shape is none.
         """
-        if self.payload_shape:
-            from armdyn.cli.options.path_constraints import obstacles_of
-
-            shapes = obstacles_of(self.payload_shape, "--payload-shape")
-        else:
-            shapes = ()
+        shapes = obstacles_of(self.payload_shape, "--payload-shape") if self.payload_shape else ()
         if not mass and not shapes and (self.payload_frame or self.payload_com):
             raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
         centre = (0.0, 0.0, 0.0) if self.payload_com is None else numbers(self.payload_com, "--payload-com")

@@ -89,9 +89,7 @@ class ProblemOptions:
         """
         name = self.robot.robot
         if kind_of_file(name) in ("problem", "study"):
-            refuse_with_a_file(
-                name, self.goal, self.payload, self.robot.part, self.joints, self.controller, self.path_constraints
-            )
+            refuse_with_a_file(name, self)
             file = problem_file(name)
             return file.made(), file.options
         arm = self.joints.fit(self.robot.read(self.payload.carried()))
@@ -119,7 +117,7 @@ class ArmOptions:
         name = self.robot.robot
         if kind_of_file(name) not in ("problem", "study"):
             return None
-        refuse_with_a_file(name, self.poses, self.payload, self.robot.part, self.joints)
+        refuse_with_a_file(name, self)
         return problem_file(name)
 
     @cached_property

@@ -6,22 +6,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rich.table import Table
+
+import armdyn as ad
 from armdyn.cli.console import Answer, console, errors, escape, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
+from armdyn.cli.sweeps.study import ROWS, SweepResults
+from armdyn.optimal.answer.summary import reserve_summary
+from armdyn.optimal.problem.stop import stopping
+from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
+from armdyn.studies.continuation import chain
+from armdyn.studies.executors.local import in_process
+from armdyn.studies.rows import StudyRow, row_store
+from armdyn.studies.run import CaseRun
+from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, motion_from
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    import armdyn as ad
-    from armdyn.cli.sweeps.study import SweepResults
-    from armdyn.studies.rows import StudyRow
-    from armdyn.studies.tasks.task import CaseResult
-
-ROWS = "study.sqlite"
 _SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
 """Facts of the study's row that are columns of the table."""
 
@@ -44,9 +47,6 @@ def run_payloads(
         results: files that are written.
         answer: filled in.
     """
-    from armdyn.optimal.answer.summary import reserve_summary
-    from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
-
     first = next(iter(problems.values()))
     arm, figure = first.robot, not results.no_figure
     folder = results.output.folder("sweep", name, [ROWS, *map(motion_name, problems), *table_names(figure=figure)])
@@ -90,15 +90,6 @@ def _solved(
     folder: Path, problems: Mapping[float, ad.MinimumTimeProblem], options: ad.MinimumTimeOptions, progress: Any
 ) -> tuple[list[StudyRow], list[Path]]:
     """Rows and files of motions, by payload; after Ctrl-C with the motion that was found so far."""
-    from armdyn.optimal.problem.stop import stopping
-    from armdyn.show.figures.payload_sweep import motion_name
-    from armdyn.studies.continuation import chain
-    from armdyn.studies.executors.local import in_process
-    from armdyn.studies.rows import row_store
-    from armdyn.studies.run import CaseRun
-    from armdyn.studies.tasks.task import INTERRUPTED as STOPPED
-    from armdyn.studies.tasks.task import motion_from
-
     files: dict[int, Path] = {}
     partial: dict[int, StudyRow] = {}
     robots = [one.robot for one in problems.values()]
@@ -108,7 +99,7 @@ def _solved(
         files[k] = replace(motion, model_hash=robots[k].model_hash).save(folder / names[k])
 
     def keep(row: StudyRow, result: CaseResult) -> None:
-        if row.status == STOPPED:
+        if row.status == INTERRUPTED:
             partial[row.k] = row
         if result.value.success:
             save(row.k, result.value.trajectory)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, facts_table, progress_bar
 from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
+from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
     from armdyn.studies.executors.executor import ExecutorOf
@@ -44,9 +46,6 @@ class StudyOptions:
         Raises:
             ProblemError: the scheduler's address is none, or workers are given, too.
         """
-        from functools import partial
-
-        from armdyn.errors import ProblemError
         from armdyn.studies.executors.local import local_executor
 
         if self.scheduler is None:

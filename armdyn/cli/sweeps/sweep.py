@@ -15,7 +15,6 @@ from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import problem_file, refuse_with_a_file
-from armdyn.cli.sweeps.payloads import run_payloads
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
@@ -124,6 +123,8 @@ def sweep(
             return
         if study != StudyOptions():
             raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
+        from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
+
         required = requirements_of(require or ())
         problems, options = _problems(poses, payloads, robot, joints)
         run_payloads(robot.robot, problems, search.options(options), required, results, answer)
