@@ -24,20 +24,19 @@ _NOTHING = 5e-7
 """Smallest difference between two durations [s]: the accuracy of the motions."""
 
 
-def cycle_summary(
-    solution: CycleSolution, before: Cycle | None = None, costs: Sequence[CycleCost] = ()
-) -> dict[str, Any]:
+def cycle_summary(solution: CycleSolution, before: Cycle, costs: Sequence[CycleCost]) -> dict[str, Any]:
     """A solved cycle as JSON values: null where a number is not known; docs/json.md has the keys.
 
     Args:
         solution: of a cycle.
-        before: the cycle before its jobs were put in order, whose numbers the steps get; None: the solution's.
+        before: the cycle before its jobs were put in order, whose numbers the steps get.
         costs: of `cycle_costs`.
     """
     cycle = solution.cycle
-    order = _numbers(before or cycle, cycle)
+    order = _numbers(before, cycle)
     whole = len(solution.legs) == len(cycle.moves)
     steps = list(_steps(solution, costs, order))
+    largest = sorted(costs, key=lambda cost: -abs(cost.saved or 0.0))
     return {
         "success": solution.success and solution.usable,
         "status": str(solution.status),
@@ -49,7 +48,7 @@ def cycle_summary(
         "order": order,
         "steps": steps,
         "decides": [asdict(one) for one in solution.shares],
-        "costs": [_cost(cost, _number(cost.step, order)) for cost in sorted(costs, key=_size)],
+        "costs": [_cost(cost, _number(cost.step, order)) for cost in largest],
         "checks": [{"name": name, "holds": holds, "said": said} for name, holds, said in _checks(solution)],
         "parts": list(_parts(cycle, steps)),
         "solve_time": round(solution.solve_time, 3),
@@ -69,10 +68,6 @@ def _numbers(before: Cycle, cycle: Cycle) -> list[int]:
 def _number(step: int, order: Sequence[int]) -> int:
     """Number of a step in the cycle before it was ordered; 0, and that of the way back, are unchanged."""
     return order[step - 1] if 1 <= step <= len(order) else step
-
-
-def _size(cost: CycleCost) -> float:
-    return -abs(cost.saved or 0.0)
 
 
 def _cost(cost: CycleCost, number: int) -> dict[str, Any]:

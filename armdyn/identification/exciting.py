@@ -67,15 +67,15 @@ class ExcitingOptions:
     self_collision: bool = False
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     clearance: float = 0.005
-    preset: ControllerPreset | None = None
+    preset: ControllerPreset | None = checked(
+        expect, None, kind=ControllerPreset, hint='ControllerPreset.named("ur5e")'
+    )
 
     def __post_init__(self) -> None:
         check_fields(self)
         if not 0 < number(self.margin, "margin") <= 1:
             raise ProblemError(f"margin is {self.margin}; it is a part of the limits, above 0 and at most 1")
         object.__setattr__(self, "obstacles", check_scene(several(self.obstacles, "obstacles"), self.clearance))
-        if self.preset is not None:
-            expect(self.preset, ControllerPreset, "preset", 'ControllerPreset.named("ur5e")')
 
 
 def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptions | None = None) -> Trajectory:

@@ -116,9 +116,7 @@ class Run:
         return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
 
 
-def run_of(
-    robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str = "", hold: TorqueHold = "linear"
-) -> Run:
+def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: str, hold: TorqueHold) -> Run:
     """Judge a simulated loop.
 
     Args:

@@ -45,6 +45,11 @@ class Values:
     source: str
     where: str
 
+    @classmethod
+    def of_all(cls, root: Element, tag: str, source: str) -> "Values":
+        """The attributes of all elements of a kind directly inside another; of several the last counts."""
+        return cls(dict(pair for one in root.findall(tag) for pair in one.attrib.items()), source, f"<{tag}>")
+
     def numbers(self, key: str, least: int, most: int | None = None) -> list[float]:
         """A number of finite numbers; empty if the attribute is missing.
 

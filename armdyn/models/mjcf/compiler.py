@@ -48,14 +48,11 @@ class Compiler:
         Raises:
             UrdfError: one is none, or changes the bodies in a way that armdyn does not know.
         """
-        given: dict[str, str] = {}
-        for compiler in root.findall("compiler"):
-            given |= compiler.attrib
-        values = Values(given, source, "<compiler>")
+        values = Values.of_all(root, "compiler", source)
         values.word("coordinate", ("local",))
         if values.number("settotalmass", -1.0) >= 0:
             raise UrdfError(source, "settotalmass rescales all bodies; give them their masses", "<compiler>")
-        eulerseq = given.get("eulerseq", "xyz")
+        eulerseq = values.given.get("eulerseq", "xyz")
         if not re.fullmatch("[xyzXYZ]{3}", eulerseq):
             raise UrdfError(source, "eulerseq is not three of x, y, z", "<compiler>")
         first, last = values.numbers("inertiagrouprange", 2) or (0.0, np.inf)
@@ -76,10 +73,7 @@ def gravity(root: Element, source: str) -> Array:
     Raises:
         UrdfError: it is not three numbers, or the arm is in a fluid.
     """
-    given: dict[str, str] = {}
-    for option in root.findall("option"):
-        given |= option.attrib
-    values = Values(given, source, "<option>")
+    values = Values.of_all(root, "option", source)
     for key in ("density", "viscosity"):
         if values.number(key, 0.0):
             raise UrdfError(source, f"{key}: armdyn knows no drag of a fluid", "<option>")

@@ -17,12 +17,9 @@ from armdyn.models.mjcf.classes import ACTUATORS, Classes, Values
 from armdyn.models.mjcf.compiler import Compiler, gravity
 from armdyn.models.reading.from_pinocchio import Reading, read_model, rename
 from armdyn.models.reading.urdf_xml import clipped
-from armdyn.models.values.joint_limits import JointLimits
 
 
-def read_mjcf_arm(
-    root: Element, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
-) -> Reading:
+def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
     """Pinocchio's model of the arm that an MJCF describes; torque limits are the actuators', velocity limits infinite.
 
     Args:
@@ -37,21 +34,21 @@ def read_mjcf_arm(
         SpecError: a lock or the arm does not fit it.
     """
     classes, compiler = Classes.of(root, source), Compiler.of(root, source)
-    bare = Bare(classes, compiler, None if arm is not None else frozenset(lock or {}))
+    bare = Bare(classes, compiler, None if arm is not None else frozenset(lock))
     model = _parsed(bare.text(root), source)
     model.name = root.get("model") or "MuJoCo Model"
     rename(model, _own_names(bare.called))
     model.gravity.linear = gravity(root, source)
     limits = effort_limits(root, classes, bare.joints, compiler.automatic)
-    reading = read_model(
-        model, source, {joint: at for joint, at in (lock or {}).items() if joint not in bare.free}, arm
-    )
-    check_moving(bare.joints, list(reading.model.names)[1:], root, source)
+    reading = read_model(model, source, {joint: at for joint, at in lock.items() if joint not in bare.free}, arm)
+    moving = list(reading.model.names)[1:]
+    check_moving(bare.joints, moving, root, source)
     _refuse_loops(reading.model, root, source)
     if any(body.get("gravcomp", "0") not in ("0", "0.0") for body in root.iter("body")):
         what = "gravcomp is left out: gravity acts in full, and the motors hold it"
         warnings.warn(f"{source}: {what}", ArmdynWarning, stacklevel=4)
-    return replace(reading, limits=_limits(reading.limits, list(reading.model.names)[1:], limits))
+    lower, upper = np.array([limits[name] for name in moving]).T
+    return replace(reading, limits=replace(reading.limits, effort_lower=lower, effort_upper=upper))
 
 
 def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str, float]]:
@@ -99,12 +96,6 @@ def _own_names(called: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     """Names in the MJCF, by those that joints and frames were written with."""
     own = {written: name for names in called.values() for name, written in names.items()}
     return own | {f"{written}_fixed": f"{name}_fixed" for name, written in called["body"].items()}
-
-
-def _limits(own: JointLimits, joints: list[str], efforts: Mapping[str, tuple[float, float]]) -> JointLimits:
-    """A model's limits, with torque limits that may be one-sided."""
-    pairs = np.array([efforts[name] for name in joints])
-    return replace(own, effort_lower=pairs[:, 0], effort_upper=pairs[:, 1])
 
 
 def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:

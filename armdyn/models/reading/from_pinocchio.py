@@ -53,9 +53,7 @@ class Reading:
     repaired: str = ""
 
 
-def read_model(
-    model: pin.Model, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
-) -> Reading:
+def read_model(model: pin.Model, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
     """The arm inside a model; the model itself stays unchanged.
 
     Args:
@@ -69,7 +67,7 @@ def read_model(
         UrdfError: the model has numbers that no arm has, or nothing moves.
         SpecError: a lock or the arm does not fit it.
     """
-    return arm_of(model, source, locked_joints(model, source, lock or {}, arm), arm)
+    return arm_of(model, source, locked_joints(model, source, lock, arm), arm)
 
 
 def locked_joints(

@@ -20,9 +20,7 @@ _SINGULAR = 1e-10
 """Scaled mass matrices with a smaller eigenvalue are singular."""
 
 
-def read_arm(
-    text: str, source: str, lock: Mapping[str, float] | None = None, arm: tuple[str, str] | None = None
-) -> Reading:
+def read_arm(text: str, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
     """Pinocchio's model of the arm that a URDF describes.
 
     Args:
@@ -37,7 +35,7 @@ def read_arm(
         SpecError: a lock or the arm does not fit it.
     """
     root, mimics, model = _whole(text, source)
-    locked = locked_joints(model, source, lock or {}, arm, mimics)
+    locked = locked_joints(model, source, lock, arm, mimics)
     free = {i for i, name in enumerate(model.names) if i and name not in locked}
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
     check_inertias(root, source, moving)
@@ -89,11 +87,7 @@ def configuration(model: pin.Model, q: ArrayLike) -> Array:
 
 def configurations(model: pin.Model) -> Callable[[Array], Array]:
     """Function from joint coordinates q, shape (nv,), to Pinocchio's configuration, for inner loops."""
-    return _same if model.nq == model.nv else partial(pin.integrate, model, pin.neutral(model))
-
-
-def _same(q: Array) -> Array:
-    return q
+    return (lambda q: q) if model.nq == model.nv else partial(pin.integrate, model, pin.neutral(model))
 
 
 def check_inertia(model: pin.Model, source: str) -> None:

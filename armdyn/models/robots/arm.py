@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, numbers, several, shown, text
+from armdyn.arguments import check_fields, checked, expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
@@ -65,17 +65,17 @@ class Arm:
         options: with which it was read.
     """
 
-    name: str
-    model: pin.Model
-    limits: JointLimits
+    name: str = checked(text, name="name of a robot", error=SpecError)
+    model: pin.Model = checked(expect, kind=pin.Model, name="model of a robot", hint=f"use {READERS}", error=SpecError)
+    limits: JointLimits = checked(expect, kind=JointLimits, name="limits of a robot", error=SpecError)
     joint_names: tuple[str, ...]
     urdf: str = field(repr=False)
     source: str
     package_dirs: tuple[str, ...] = ()
     locked: Mapping[str, float] = field(default_factory=dict)
     repaired: str = ""
-    payload: Payload | None = None
-    tip: str = TIP
+    payload: Payload | None = checked(expect, None, kind=Payload, hint="Payload(mass=…)", error=SpecError)
+    tip: str = checked(text, TIP, name="tip of a robot", error=SpecError)
     friction: JointFriction = field(default_factory=JointFriction)
     origin: RobotSource | None = field(default=None, repr=False)
     options: RobotOptions = field(default_factory=RobotOptions, repr=False)
@@ -87,11 +87,8 @@ class Arm:
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        text(self.name, "name of a robot", error=SpecError)
+        check_fields(self)
         text(self.urdf, "urdf of a robot", error=SpecError)
-        text(self.tip, "tip of a robot", error=SpecError)
-        expect(self.model, pin.Model, "model of a robot", f"use {READERS}", error=SpecError)
-        expect(self.limits, JointLimits, "limits of a robot", error=SpecError)
         expect(self.friction, JointFriction, "friction of a robot", error=SpecError)
         expect(self.locked, Mapping, "locked of a robot", error=SpecError)  # type: ignore[type-abstract]
         several(self.package_dirs, "package_dirs of a robot", error=SpecError)
@@ -103,8 +100,6 @@ class Arm:
         expect(self.options, RobotOptions, "options of a robot", error=SpecError)
         if self.origin is not None:
             expect(self.origin, RobotSource, "origin of a robot", error=SpecError)
-        if self.payload is not None:
-            expect(self.payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""

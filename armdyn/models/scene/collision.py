@@ -100,12 +100,12 @@ class CollisionModel:
             ProblemError: the robot has no geometry, or a mesh of it cannot be read.
         """
         self.robot, self.obstacles = robot, tuple(obstacles)
-        scene = scene_geometry(robot, self.obstacles, self_collision, allowed)
-        self.pairs = tuple((scene.names[i], scene.names[j]) for i, j in scene.pairs)
+        names, solids, pairs = scene_geometry(robot, self.obstacles, self_collision, allowed)
+        self.pairs = tuple((names[i], names[j]) for i, j in pairs)
         known = {frozenset(pair) for pair in touching}
         self.touching = np.flatnonzero([frozenset(pair) in known for pair in self.pairs])
-        self.joints: Index = np.array([one["joint"] for one in scene.solids], dtype=int)[scene.pairs]
-        self._scene = compiled_scene(robot, scene.solids, scene.pairs, self.touching)
+        self.joints: Index = np.array([one["joint"] for one in solids], dtype=int)[pairs]
+        self._scene = compiled_scene(robot, solids, pairs, self.touching)
 
     def is_free(self, q: ArrayLike, least: Array | float = 0.0) -> bool:
         """Whether no pair overlaps at joint positions q [rad or m], shape (nv,).

@@ -1,7 +1,6 @@
 """Solids of an arm among obstacles as `_collision/`, in C++, takes them, and the pairs of them that could touch."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import coal
@@ -102,28 +101,10 @@ _MOUNTED = 0.01
 """Distance [m]: tool or payload and the link on a neighbouring joint that are nearer in as many poses touch, too."""
 
 
-@dataclass(frozen=True, eq=False)
-class SceneGeometry:
-    """Solids and the pairs of them whose distance counts.
-
-    Attributes:
-        names: of the link or obstacle that each solid is part of; the arm's come first.
-        solids: as of `solids.py`, likewise.
-        pairs: indices of the two solids of every pair, shape (pairs, 2).
-    """
-
-    names: tuple[str, ...]
-    solids: tuple[dict[str, Any], ...]
-    pairs: Index
-
-
 def scene_geometry(
-    robot: Robot,
-    obstacles: Sequence[Obstacle] = (),
-    self_collision: bool = False,
-    allowed: Collection[tuple[str, str]] = (),
-) -> SceneGeometry:
-    """Build the geometry of a scene.
+    robot: Robot, obstacles: Sequence[Obstacle], self_collision: bool, allowed: Collection[tuple[str, str]]
+) -> tuple[list[str], list[dict[str, Any]], Index]:
+    """Solids of a scene and the pairs of them whose distance counts.
 
     Pairs of links are those of `apart`; links that do not move are not compared with obstacles.
 
@@ -133,17 +114,21 @@ def scene_geometry(
         self_collision: whether pairs of links count.
         allowed: pairs of names, in any order, that may touch.
 
+    Returns:
+        Names of the link or obstacle that each solid is part of, the arm's first; the solids; indices of the two
+        solids of every pair, shape (pairs, 2).
+
     Raises:
         ProblemError: the robot has no geometry, or a mesh of it cannot be read.
     """
     own, others = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
     pairs = list(apart(robot)) if self_collision else []
     pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(others))]
-    names = (*(body.name for body in own), *(name for name, _ in others))
+    names = [*(body.name for body in own), *(name for name, _ in others)]
     touching = {frozenset(pair) for pair in allowed}
     kept = [(i, j) for i, j in pairs if frozenset((names[i], names[j])) not in touching]
-    solids = (*_own_solids(robot), *(obstacle_solid(*solid) for _, solid in others))
-    return SceneGeometry(names, solids, np.array(kept, dtype=int).reshape(-1, 2))
+    solids = [*_own_solids(robot), *(obstacle_solid(*solid) for _, solid in others)]
+    return names, solids, np.array(kept, dtype=int).reshape(-1, 2)
 
 
 @built_once(maxsize=16)

@@ -72,9 +72,9 @@ class ArmSpec:
 
     name: str
     links: tuple[LinkSpec, ...]
-    position_limit: float = float(np.pi)
-    velocity_limit: float = 1000.0
-    effort_limit: float = 3.0
+    position_limit: float = checked(number, float(np.pi), unit="rad", sign="positive", error=SpecError)
+    velocity_limit: float = checked(number, 1000.0, unit="rad/s", sign="positive", error=SpecError)
+    effort_limit: float = checked(number, 3.0, unit="N m", sign="positive", error=SpecError)
 
     def __post_init__(self) -> None:
         if not re.fullmatch(_XML_TEXT, text(self.name, "name of an arm", error=SpecError)):
@@ -84,8 +84,7 @@ class ArmSpec:
             raise SpecError("links is empty: an arm needs at least one link")
         links = tuple(expect(link, LinkSpec, f"links[{i}] of an arm", error=SpecError) for i, link in enumerate(links))
         object.__setattr__(self, "links", links)
-        for field, unit in (("position_limit", "rad"), ("velocity_limit", "rad/s"), ("effort_limit", "N m")):
-            number(getattr(self, field), field, unit=unit, sign="positive", error=SpecError)
+        check_fields(self)
 
     @classmethod
     def paper(cls, arm: PlanarArmName) -> Self:

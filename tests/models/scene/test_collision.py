@@ -134,7 +134,7 @@ def test_distances_are_those_of_coal_through_pinocchio():
     geometry += [(0, *solid) for one in obstacles for solid in one.solids()]
     for k, (joint, placement, shape) in enumerate(geometry):
         solids.addGeometryObject(pin.GeometryObject(str(k), joint, pin.SE3(placement), shape))
-    for i, j in scene_geometry(robot, obstacles, True).pairs:
+    for i, j in scene_geometry(robot, obstacles, True, ())[2]:
         solids.addCollisionPair(pin.CollisionPair(int(i), int(j)))
     data, found = robot.model.createData(), pin.GeometryData(solids)
     poses = np.random.default_rng(4).uniform(robot.limits.position_lower, robot.limits.position_upper, (40, robot.nv))
