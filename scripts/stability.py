@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+from gain_regions import plot_regions
 
 import armdyn as ad
 from armdyn.control.loop.loop import VELOCITIES
 from armdyn.control.stability.region import gain_plane
 from armdyn.paper import GAINS, example
-from armdyn.show.figures.loops import plot_regions
 from armdyn.show.plots import save_figure
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -11,9 +11,10 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.stability.region import GainRegion, gain_plane
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
-from armdyn.show.figures.loops import plot_regions
 from pid_loops import example
+from scripts_of import script
 
+plot_regions = script("gain_regions").plot_regions
 KP, KD = np.geomspace(1, 300, 40), np.geomspace(0.01, 50, 40)
 
 
