@@ -1,7 +1,7 @@
-"""Contacts with velocity limits that another joint's torque holds, read from a mesh.
+"""Contacts with velocity limits that another joint's torque maintains, detected on a mesh.
 
-The joint's own torque is full meanwhile. The other torque looks like a singular arc, but is whatever keeps the
-velocity.
+The joint's own torque is saturated during the contact. The other torque looks like a singular arc, but is determined by
+the velocity limit.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from armdyn.trajectory import Trajectory
 
 @dataclass(frozen=True)
 class SpeedContact:
-    """A contact with a velocity limit that another joint's torque holds.
+    """Contact with a velocity limit that another joint's torque maintains.
 
     Attributes:
-        arc: number of the arc that it is.
-        joint: number of the joint on its limit.
+        arc: index of the contact's arc.
+        joint: index of the joint on its limit.
         limit: the velocity limit.
-        press: limit that the joint's own torque is on.
-        other: number of the joint whose torque holds it there.
-        begin: of the contact [s].
-        end: of it [s].
-        tangent: whether the other torque comes from its limit without a jump, and whether it goes to one without.
+        press: active limit of the joint's own torque.
+        other: index of the joint whose torque maintains the contact.
+        begin: start of the contact [s].
+        end: end of the contact [s].
+        tangent: whether the other torque is continuous at the start, and at the end of the contact.
     """
 
     arc: int
@@ -41,14 +41,14 @@ class SpeedContact:
     tangent: tuple[bool, bool]
 
     def bound_in(self, structure: SwitchingStructure, motion: Trajectory, near: float) -> SwitchingStructure:
-        """Bind the other joint's torque to the contact, so that it holds this joint on its velocity limit.
+        """Bind the other joint's torque to the contact, so that the torque maintains the velocity limit.
 
-        Both joints change at one time at either end. Where no torque jumps the velocity stays as it is besides.
+        Both joints change their modes at the same time. Where no torque jumps, the velocity is stationary there, too.
 
         Args:
-            structure: with the joint on its limit by its own torque, and the other torque free.
-            motion: its states.
-            near: two changes no farther from each other are at one time [s].
+            structure: structure with the contact maintained by the joint's own torque, and the other torque free.
+            motion: motion with the states.
+            near: distance within which two changes are simultaneous [s].
         """
         keeps = self.joint, self.press
         first, last = (keeps if tangent else None for tangent in self.tangent)
@@ -75,12 +75,12 @@ class SpeedContact:
 def speed_contacts(
     shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory
 ) -> tuple[list[Arc], list[SpeedContact]]:
-    """Contacts with velocity limits held by another joint's torque, and the arcs, cut where these begin and end.
+    """Contacts with velocity limits maintained by another joint's torque, and the arcs, split at their ends.
 
     Args:
         shooting: the shooting problem.
-        arcs: of a mesh refined at its switches: a full torque counts before a velocity limit there.
-        motion: its states and torques.
+        arcs: arcs of a mesh refined at its switches, where a saturated torque precedes a velocity limit.
+        motion: motion with states and torques.
     """
     out, found, begin = list[Arc](), list[SpeedContact](), 0.0
     duration = sum(arc.duration for arc in arcs)

@@ -1,4 +1,4 @@
-"""Contacts with a limit of position that another joint's torque holds, while the joint's own torque is full."""
+"""Contacts with position limits that another joint's torque maintains, while the joint's own torque is saturated."""
 
 from dataclasses import replace
 
@@ -15,18 +15,18 @@ from armdyn.optimal.switching.signs import WrongSign, worst_stretch
 def with_carried_touches(
     extremal: Extremal, wrong: list[WrongSign], refused: set[object]
 ) -> tuple[SwitchingStructure, tuple[int, int]] | None:
-    """The structure with touches that become a contact, held by a joint whose torque is on the wrong limit about them.
+    """The structure with touches merged into a contact, maintained by a joint with a wrong torque limit around them.
 
-    A touch bends the switching functions of the other joints: where one of them asks for the other limit just then, and
-    for the first one beside, its torque is to hold the joint that touches.
+    A touch deflects the switching functions of the other joints: if one of them requires the opposite limit at the
+    touch, and the present one around it, its torque should maintain the contact.
 
     Args:
-        extremal: whose touches they are.
-        wrong: stretches on the wrong limit, the worst first.
-        refused: pairs of joints, the one that touches and the other, of which nothing came.
+        extremal: extremal with the touches.
+        wrong: stretches on the wrong limit, worst first.
+        refused: pairs of joints, the touching one and the other, that failed before.
 
     Returns:
-        The structure and its pair; None if there is none.
+        The structure and its pair; None without such a contact.
     """
     for j in dict.fromkeys(one.joint for one in wrong):
         found = _carried_touches(extremal, [one for one in wrong if one.joint == j], refused)
@@ -70,11 +70,11 @@ def _held(
     """The structure with a contact in place of touches.
 
     Args:
-        extremal: whose structure it is.
-        touch: one of them.
-        ends: when the contact begins and ends [s].
-        carrier: joint whose torque holds it.
-        press: torque limit that the joint in contact is on.
+        extremal: extremal of the structure.
+        touch: one of the touches.
+        ends: start and end of the contact [s].
+        carrier: joint whose torque maintains the contact.
+        press: active torque limit of the joint in contact.
     """
     structure, (begin, end) = extremal.structure, ends
     near = extremal.shooting.policy.contacts.near * structure.duration
@@ -87,7 +87,7 @@ def _held(
         elif change.joint == touch.joint and (change.mode if change.touch else structure.modes()[k][change.joint]) is (
             touch.mode
         ):
-            gone.append(k)  # a touch, or the end of a contact that goes on as this one
+            gone.append(k)  # a touch, or the end of a contact that continues as this one
     contact = replace(touch, touch=False, carrier=Carrier(carrier, press, after))
     more = [(begin, contact), (end, Change(touch.joint, press))]
     return edited(extremal.rollout, structure, gone, more).without(())
@@ -98,7 +98,7 @@ def _within(structure: SwitchingStructure, begin: float, end: float, near: float
 
 
 def _on_limits(structure: SwitchingStructure, joint: int, begin: float, end: float, near: float) -> bool:
-    """Whether a joint's torque is saturated between two times [s], so that it may hold another joint instead."""
+    """Whether a joint's torque is saturated between two times [s], so that it may carry another joint instead."""
     first = int(np.searchsorted(structure.times, begin - near))
     modes = [structure.modes()[first][joint]]
     modes += [change.mode for change in _within(structure, begin, end, near) if change.is_of(joint)]

@@ -1,4 +1,4 @@
-"""Contacts with limits of position and velocity: whether torques can hold them, and whether limits push."""
+"""Corrections of contacts with position and velocity limits: by torque limits and by the sign of the multiplier."""
 
 from dataclasses import dataclass
 
@@ -16,19 +16,19 @@ from armdyn.optimal.task.policy.switching import ContactPolicy
 
 
 def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[SwitchingStructure]:
-    """Structures without the parts of a contact that cannot be held or should be released, the likeliest first.
+    """Structures without the infeasible or suboptimal parts of a contact, likeliest first.
 
-    Where a joint takes more torque than it has, its torque is full: on a velocity limit another joint's torque may hold
-    it, a limit of position it only touches. A contact whose multiplier has the wrong sign is let go: inward torque
-    takes the joint off, outward torque brings it back, a bounce. Off a velocity limit the joint is slowed down and sped
-    up again.
+    Where a contact needs more torque than the joint has, the joint's torque is saturated: on a velocity limit another
+    joint's torque may maintain the contact; a position limit is only touched. A contact whose multiplier has the wrong
+    sign is released: inward torque moves the joint off, outward torque brings it back, a bounce. On a velocity limit
+    the joint is decelerated and accelerated again.
 
     Args:
-        extremal: whose contacts are looked at, one at a time.
-        is_extremal: it is one, so that its costates say what would rather be let go.
+        extremal: extremal with contacts, which are checked one by one.
+        is_extremal: whether the costates are an extremal's, so that their signs count.
 
     Returns:
-        None of them where every contact is as it should be.
+        Structures; empty if all contacts are correct.
     """
     structure = extremal.structure
     held = [s for s in structure.segments() if s.begin >= 0 and structure.changes[s.begin].mode in TOWARDS]
@@ -61,11 +61,11 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
 
 @dataclass(frozen=True)
 class _Weak:
-    """Part of a contact in which the torque would have to exceed its limit.
+    """Part of a contact that needs a torque beyond its limit.
 
     Attributes:
-        part: from where to where, from 0 to 1.
-        mode: the limit that the torque is beyond.
+        part: start and end, from 0 to 1.
+        mode: the exceeded torque limit.
     """
 
     part: tuple[float, float]
@@ -74,13 +74,13 @@ class _Weak:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A contact at the stages of its intervals.
+    """Torques and multipliers of a contact at the stages of its intervals.
 
     Attributes:
-        s: where they are in it, from 0 to 1, shape (m,).
-        torque: from −1 at the lower limit to 1 at the upper, shape (m,).
-        multiplier: of the limit in the time of the contact [s/rad], outward, shape (m,).
-        blows: the same at once, at the knots, both ends included, shape (knots,).
+        s: places of the stages in the contact, from 0 to 1, shape (m,).
+        torque: torque from −1 at the lower to 1 at the upper limit, shape (m,).
+        multiplier: outward density of the limit's multiplier over the contact [s/rad], shape (m,).
+        blows: impulses of the multiplier at the knots, including both ends, shape (knots,).
         numbers: tuned numbers of contacts.
     """
 
@@ -92,7 +92,7 @@ class Contact:
 
     @classmethod
     def of(cls, extremal: Extremal, whole: SampledExtremal, segment: Segment) -> "Contact | None":
-        """Contact of a segment; None: the segment takes no time."""
+        """Contact of a segment; None: the segment has no length."""
         structure, limits = extremal.structure, extremal.shooting.problem.limits
         change = structure.changes[segment.begin]
         begin, end = structure.span(segment)
@@ -110,7 +110,7 @@ class Contact:
         knots = range(int(own[0]), int(own[-1]) + 2)
         blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
         place = i
-        if change.mode in VELOCITY:  # a limit of velocity is entered and left without a blow
+        if change.mode in VELOCITY:  # no impulse at the ends of a contact with a velocity limit
             place, blows = len(structure.first) + i, [0.0] * len(knots)
         return cls(
             ((t - begin) / (end - begin)).ravel(),
@@ -122,7 +122,7 @@ class Contact:
 
     @property
     def weak(self) -> _Weak | None:
-        """First part in which a torque would have to exceed its limit, and that limit; None if none would."""
+        """First part that needs a torque beyond its limit, and that limit; None without any."""
         beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * self.numbers.excess)
         if not beyond.size:
             return None
@@ -139,11 +139,12 @@ class Contact:
         """First part in which the limit's multiplier has the wrong sign; None without such a part.
 
         Args:
-            largest: of its pulls, of a limit of velocity of those of all the joint's contacts, as certificates have it.
+            largest: largest multiplier of the contact, for a velocity limit of all the joint's contacts, as in the
+                certificate.
         """
         least = -self.numbers.inward * largest
         inward = self.multiplier < least
-        for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # another joint's touch is felt here, too
+        for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # also impulses by another joint's touch
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
             begin, end = self._part(stretches(np.flatnonzero(inward))[0])
@@ -163,13 +164,13 @@ class Contact:
 def _let_go(
     extremal: Extremal, segment: Segment, part: tuple[float, float], steps: list[tuple[float, Mode]]
 ) -> SwitchingStructure:
-    """Structure in which a part of a contact is released.
+    """Structure with a part of a contact released.
 
     Args:
-        extremal: whose structure it is.
+        extremal: extremal of the structure.
         segment: the contact.
-        part: of it, from 0 to 1.
-        steps: torques instead, from when on in that part.
+        part: part of the contact, from 0 to 1.
+        steps: torque modes instead, with their start times in that part.
     """
     structure = extremal.structure
     contact = structure.changes[segment.begin]

@@ -1,4 +1,4 @@
-"""An extremal as phases: motion, costates and state limits' multipliers at the stages of intervals."""
+"""Extremals as phases: motion, costates and multipliers of state limits at the stages of intervals."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,16 +16,16 @@ from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.task.tableau import differentiation
 
 NODES = np.append(0.0, TABLEAU.c)
-"""The start of an interval and its stages, as parts of it."""
+"""Places of an interval's start and stages, as parts of the interval."""
 
 _DIFFERENTIATION = differentiation(NODES)
 
 
 def phases_of(extremal: Extremal) -> Phases:
-    """The arcs of an extremal with its costates, for certificates and sensitivities.
+    """Arcs of an extremal with its costates, for certificates and sensitivities.
 
     Args:
-        extremal: rollout with its costates.
+        extremal: extremal with rollout and costates.
     """
     numbers = extremal.shooting.policy.arcs
     problem, whole = extremal.shooting.problem, SampledExtremal.of(extremal)
@@ -58,22 +58,22 @@ def phases_of(extremal: Extremal) -> Phases:
 
 @dataclass(frozen=True, eq=False)
 class SampledExtremal:
-    """An extremal at the start and the stages of intervals, with costates of the whole arm.
+    """An extremal at the starts and stages of intervals, with the whole arm's costates.
 
-    The rollout's own costates are those of an arm whose held joints cannot move. Held joints take theirs back: η so
-    that their switching functions are zero. The costate is p + η ∂v, on a limit of position less η̇ ∂q, and the limit
-    pulls with η̇ on the velocity, or with −η̈ on the position (Hartl, Sethi and Vickson, SIAM Review 37, 1995: indirect
-    and direct adjoining).
+    The rollout's own costates are those of an arm whose held joints are locked. The held joints' costates follow from
+    zero switching functions, by multipliers η: the costate is p + η ∂v, on a position limit minus η̇ ∂q, and the limit
+    acts on the velocity's costate with η̇, or on the position's with −η̈ (Hartl, Sethi and Vickson, SIAM Review 37,
+    1995: indirect and direct adjoining).
 
     Attributes:
         t: knots [s], shape (K + 1,).
         x: (q, v), shape (K, stages + 1, 2 nv).
-        tau: torques, those that hold a joint included, shape (K, stages + 1, nv).
+        tau: torques, including those that hold a joint, shape (K, stages + 1, nv).
         costate: ρ, shape (K, stages + 1, 2 nv).
         switching: S, shape (K, stages + 1, nv).
-        state_multipliers: of held limits on ρ per second, shape (K, stages + 1, 2 nv).
-        position: joints on a limit of position, shape (K, nv).
-        velocity: on one of velocity, likewise.
+        state_multipliers: multipliers of active state limits, per second, shape (K, stages + 1, 2 nv).
+        position: whether a joint is on a position limit, shape (K, nv).
+        velocity: whether a joint is on a velocity limit, likewise.
     """
 
     t: Array
@@ -87,7 +87,7 @@ class SampledExtremal:
 
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
-        """Of an extremal."""
+        """Sample an extremal."""
         grid, robot = _Grid.of(extremal.rollout), extremal.shooting.problem.robot
         at = _At.of(extremal, grid)
         costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
@@ -97,12 +97,12 @@ class SampledExtremal:
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Intervals of steps.
+    """Grid of intervals that consist of steps.
 
     Attributes:
         t: knots [s], shape (K + 1,).
-        step: that the start and the stages of intervals are in, shape (K, stages + 1).
-        part: of the step that they are at, likewise.
+        step: index of the step at the start and the stages of intervals, shape (K, stages + 1).
+        part: place within that step, likewise.
     """
 
     t: Array
@@ -111,7 +111,7 @@ class _Grid:
 
     @classmethod
     def of(cls, rollout: Rollout) -> Self:
-        """Group a rollout's steps into intervals, of one step where a torque is free; skip arcs that take no time."""
+        """Group a rollout's steps into intervals, of one step where a torque is free; skip arcs without length."""
         first: list[int] = []
         count: list[int] = []
         curved = np.any(rollout.torques.free_mask > 0, axis=1)
@@ -137,11 +137,11 @@ class _At:
         x: (q, v), shape (..., 2 nv).
         rate: ẋ, likewise.
         p: costates of the rollout, likewise.
-        tau: torques, of held joints 0, shape (..., nv).
+        tau: torques, 0 for held joints, shape (..., nv).
         inertia: M(q), shape (..., nv, nv).
-        position: joints held on a limit of position, shape (K, nv).
-        velocity: on one of velocity, likewise.
-        holder: numbers of the joints whose torques hold them; of those that are not held their own, likewise.
+        position: whether a joint is held on a position limit, shape (K, nv).
+        velocity: whether a joint is held on a velocity limit, likewise.
+        holder: index of the joint whose torque holds each joint; its own index if not held, likewise.
     """
 
     x: Array
@@ -155,7 +155,7 @@ class _At:
 
     @classmethod
     def of(cls, extremal: Extremal, grid: _Grid) -> Self:
-        """Of an extremal."""
+        """Sample an extremal on a grid."""
         rollout, robot = extremal.rollout, extremal.shooting.problem.robot
         step, part, n = grid.step.ravel(), grid.part.ravel(), robot.nv
         x, state_transition, rate = _carried(rollout, step, part)
@@ -197,7 +197,7 @@ def _carried(rollout: Rollout, step: Index, part: Array) -> tuple[Array, Array, 
 
 
 def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
-    """Costates of the whole arm, and the limits' multipliers per second, both of the shape of `_At.x`."""
+    """Costates of the whole arm, and the limits' multipliers per second, both of `_At.x`'s shape."""
     costate, state_multipliers = at.p.copy(), np.zeros_like(at.p)
     for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
         held = np.flatnonzero(at.position[k] | at.velocity[k])

@@ -1,4 +1,4 @@
-"""From arcs of a mesh to structures: short stretches off all limits are bang arcs, long ones may be singular arcs."""
+"""Switching structures from a mesh's arcs: short stretches off all limits are bang arcs, long ones may be singular."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,15 +20,15 @@ from armdyn.trajectory import Trajectory
 def structures_of(
     shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory, sure: bool = False
 ) -> Iterator[SwitchingStructure]:
-    """First structures: all arcs bang arcs; then, if any, long stretches off all limits as singular arcs.
+    """Initial structures: all arcs bang arcs; then, if any, long stretches off all limits as singular arcs.
 
-    First of all, those that hold another joint on its velocity limit as what they are.
+    Before these: structures with torques that keep other joints on their velocity limits.
 
     Args:
         shooting: the shooting problem.
-        arcs: of a mesh.
-        motion: its states and torques.
-        sure: what is off all limits on the mesh is a singular arc: it is tried alone.
+        arcs: arcs of a mesh.
+        motion: motion with states and torques.
+        sure: whether all stretches off all limits are surely singular arcs: only that structure is tried.
     """
     numbers = shooting.policy.singular
     if sure:
@@ -42,7 +42,7 @@ def structures_of(
 
 
 def _at_speed(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory) -> Iterator[SwitchingStructure]:
-    """Structure in which torques hold other joints on their velocity limits; none without such contacts."""
+    """Structure in which torques hold other joints on their velocity limits; empty without such contacts."""
     numbers = shooting.policy
     cut, contacts = speed_contacts(shooting, arcs, motion)
     if not contacts:
@@ -58,7 +58,7 @@ def _at_speed(shooting: ShootingProblem, arcs: Sequence[Arc], motion: Trajectory
 
 
 def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
-    """Which joints are in which arcs on a stretch off all limits as long as this part of all, shape (arcs, nv)."""
+    """Whether each joint is, in each arc, in a stretch off all limits of at least a part of all, shape (arcs, nv)."""
     free = np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
     lengths = np.array([arc.duration for arc in arcs])
     for i in range(free.shape[1]):
@@ -68,7 +68,7 @@ def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
 
 
 def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, motion: Trajectory) -> SwitchingStructure:
-    """The structure with singular controls for its free torques, each begun by a change."""
+    """The structure with singular controls for its free torques, each starting at a change."""
     numbers = shooting.policy.singular
     starting = [i for i, mode in enumerate(structure.first) if mode is Mode.FREE]
     if starting:
@@ -100,9 +100,9 @@ def banged(arcs: Sequence[Arc], shares: Array, left: Flags | None = None) -> lis
     """Replace free torques by bang arcs of the same mean.
 
     Args:
-        arcs: perhaps with joints on no limit.
-        shares: of its range that a joint's torque is above the lower limit in an arc, in the mean, shape (arcs, nv).
-        left: whose torques are left free, likewise; None: nobody's.
+        arcs: arcs, possibly with joints on no limit.
+        shares: mean height of a joint's torque above its lower limit in an arc, over its range, shape (arcs, nv).
+        left: whether a torque stays free, likewise; None: no torque.
     """
     out: list[Arc] = []
     for k, arc in enumerate(arcs):
@@ -139,11 +139,11 @@ def shares_of(problem: MinimumTimeProblem, arcs: Sequence[Arc], motion: Trajecto
 
 
 def _pieces(before: Mode | None, after: Mode | None, share: float) -> tuple[Mode, list[tuple[float, Mode]]]:
-    """Bang arcs in place of a free stretch: the first mode, and the later ones with their times as fractions."""
+    """Bang arcs in place of a free stretch: the first mode, and the later ones with their relative times."""
     share = min(max(share, 0.02), 0.98)
     first = before if before in BANG else OPPOSITE.get(after, Mode.UPPER) if after is not None else Mode.UPPER
     own = share if first is Mode.UPPER else 1 - share
     other = OPPOSITE[first]
-    if after is first:  # there and back
+    if after is first:  # to the other limit and back
         return first, [(own / 2, other), (1 - own / 2, first)]
     return first, [(own, other)]

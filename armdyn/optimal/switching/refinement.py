@@ -26,10 +26,10 @@ class RefinedExtremal:
     """Result of refining a structure.
 
     Attributes:
-        extremal: the best; at the worst a motion that lands within its limits; None: there was none.
-        wrong: by how much H would fall at worst on the other limit; infinite: it is no extremal.
-        why: what it lacks, for people; "": nothing.
-        reached: the structure at which a stop ended the refinement; None: it came to an end, or was to try others.
+        extremal: the best extremal, else a motion that lands within its limits; None: neither.
+        wrong: largest decrease of H on the other limit; infinite: not an extremal.
+        why: violated condition, in words; "": none.
+        reached: the structure when the refinement was stopped; None: it finished, or other structures were next.
     """
 
     extremal: Extremal | None
@@ -38,11 +38,11 @@ class RefinedExtremal:
     reached: SwitchingStructure | None = None
 
     def or_else(self, linear: LinearizedRollout | None, why: str) -> Self:
-        """This result; if no extremal is known, that of the fastest motion that reaches the goal within its limits.
+        """This result if it has an extremal; else the fastest motion that reaches the goal within its limits.
 
         Args:
             linear: the motion, if there is one.
-            why: it is not.
+            why: reason why that motion is no extremal.
         """
         if np.isfinite(self.wrong) or linear is None or not within_limits(linear.rollout):
             return self if self.extremal else replace(self, why=why)
@@ -52,12 +52,12 @@ class RefinedExtremal:
 
 
 def shooting_problem(task: Task, motion: Trajectory) -> ShootingProblem:
-    """Integrator of a task's structures near a motion."""
+    """Shooting problem of a task's structures near a motion."""
     return ShootingProblem.of(task, _flow(task), motion)
 
 
 def prepare_switching(task: Task) -> None:
-    """Build the integrator of structures before a fork, so that every worker has it."""
+    """Build the flow before a fork, so that every worker has it."""
     if not task.stop:
         _flow(task)
 
@@ -71,8 +71,8 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
 
     Args:
         shooting: the shooting problem.
-        structure: to begin with.
-        stop: asked before every step.
+        structure: initial structure.
+        stop: stopping condition, polled before every step.
     """
     best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
     numbers = shooting.policy.switching
@@ -100,7 +100,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
         wrong = [] if limited else wrong_signs(found, numbers.least)
         carried = with_carried_touches(found, wrong, others.refused)
         if contacts:
-            best = best.or_else(found.linear, "limits of position are not settled")
+            best = best.or_else(found.linear, "the position limits did not converge")
             others.add(contacts, carried[1] if carried else None)
             structure = carried[0] if carried else others.next()
             continue
@@ -109,12 +109,12 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
         stale = 0 if worst < numbers.better * best.wrong else stale + 1
         if worst < best.wrong:
             best = RefinedExtremal(
-                found, worst, "the switching structure did not settle" if worst > numbers.least else ""
+                found, worst, "the switching structure did not converge" if worst > numbers.least else ""
             )
         if worst <= numbers.least or stale > numbers.patience:
             return best
         longer = with_bang_arcs(found, numbers.least) or with_longer_control(found, numbers.least)
-        if longer is not None:  # what a singular control that is too short leaves wrong beside it goes with it
+        if longer is not None:  # wrong signs next to a too short singular control vanish with it
             structure = with_signs(found, [one for one in wrong if one.value > idle], longer)
             continue
         if not wrong:
@@ -130,7 +130,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
 def _tried(
     shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
-    """The extremal of a structure within a part of the budget, and whether the attempt was given up."""
+    """The extremal of a structure within a part of the budget, and whether the attempt was abandoned."""
     if not waiting or not isinstance(stop, Budget):
         found = fastest(shooting, structure, stop)
         return found, bool(stop)
@@ -142,11 +142,11 @@ def _tried(
 
 
 class _Others:
-    """Stack of alternative switching structures, tried when one leads to nothing.
+    """Stack of alternative switching structures, tried when the current one fails.
 
     Attributes:
-        left: the structures, the next one last, each with what is refused once it is tried.
-        refused: joints whose singular arcs, and pairs of joints whose carried contacts, led to nothing.
+        left: the structures, the next one last, each with the reason that is refused once it is tried.
+        refused: joints whose singular arcs, and pairs of joints whose carried contacts, failed.
     """
 
     def __init__(self) -> None:
@@ -155,19 +155,19 @@ class _Others:
         self._seen = dict[StructureKey, float]()
 
     def add(self, structures: list[SwitchingStructure], reason: object = None) -> None:
-        """Add structures to be tried next, the likeliest first, with the reason to try them."""
+        """Add structures to try next, likeliest first, with the reason to try them."""
         self.left = [each for each in self.left if each[0] not in structures]
         self.left += [(structure, None) for structure in reversed(structures[1:])]
         self.left += [(structure, reason) for structure in structures[:1]]
 
     def next(self) -> SwitchingStructure:
-        """The structure to be tried next."""
+        """Remove and return the next structure."""
         structure, reason = self.left.pop()
         self.refused.add(reason)
         return structure
 
     def of_contacts(self, found: Extremal) -> list[SwitchingStructure]:
-        """Structures with corrected contacts; none if the structure is known, and no shorter than it was."""
+        """Structures with corrected contacts; empty if the structure is known and no faster than before."""
         key, duration = found.structure.key, found.structure.duration
         known = self._seen.get(key, np.inf)
         self._seen[key] = min(duration, known)
@@ -175,11 +175,11 @@ class _Others:
         return [] if left else with_contacts(found)
 
     def singular_of(self, found: Extremal, wrong: list[WrongSign]) -> tuple[SwitchingStructure, object] | None:
-        """A structure with a singular arc in place of wrong signs, and its joint; None: none is left.
+        """A structure with a singular arc in place of wrong signs, and its joint; None: no such structure is left.
 
         Args:
             found: the extremal.
-            wrong: its stretches on the wrong limit, the worst first.
+            wrong: its stretches on the wrong limit, worst first.
         """
         left = [one for one in wrong if one.joint not in self.refused]
         smooth = with_singular(found, left) if left else None
@@ -187,13 +187,13 @@ class _Others:
 
 
 def leaves_idle(extremal: Extremal, tolerance: float) -> bool:
-    """Whether some joint's motion is undetermined by the minimum time for more than half of the duration.
+    """Whether minimum time leaves some joint's motion undetermined for more than half of the duration.
 
-    Such a joint is better moved gently than from limit to limit.
+    Such a joint should rather move smoothly than bang-bang.
 
     Args:
-        extremal: whose joints are all on limits.
-        tolerance: of what H feels of a torque, against the 1 that time costs.
+        extremal: extremal with all joints on limits.
+        tolerance: tolerance of the torques' effect on H, relative to time's 1.
     """
     rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     ranges = limits.actuators.width

@@ -13,16 +13,16 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 @dataclass(frozen=True)
 class WrongSign:
-    """A stretch on which a joint's torque is on the wrong limit.
+    """Stretch with a joint's torque on the wrong limit.
 
     Attributes:
-        value: by how much H would fall at worst, against the 1 that time costs.
-        joint: its number.
-        mode: the limit that it is on.
-        begin: of the stretch [s].
-        end: of it [s].
-        worst: when it is worst [s].
-        carried: the joint is on a limit of position that another joint's torque holds it on.
+        value: largest decrease of H on the other limit, relative to time's 1.
+        joint: index of the joint.
+        mode: the present limit.
+        begin: start of the stretch [s].
+        end: end of the stretch [s].
+        worst: time of the largest decrease [s].
+        carried: whether another joint's torque holds the joint on a position limit.
     """
 
     value: float
@@ -35,17 +35,17 @@ class WrongSign:
 
 
 def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
-    """Stretches on which the switching function's sign asks for the other limit, the worst first.
+    """Stretches on which the switching function has the sign of the other limit, worst first.
 
     Args:
-        extremal: its costates and switching functions.
-        least: by how much H must fall for that.
+        extremal: extremal with costates and switching functions.
+        least: least decrease of H.
     """
     rollout, limits = extremal.rollout, extremal.shooting.problem.limits
     modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
     found, carriers = list[WrongSign](), extremal.structure.carriers()
     shortest = extremal.shooting.policy.descent.vanished * extremal.structure.duration
-    lasting = np.bincount(rollout.arc, weights=rollout.h)[rollout.arc] > shortest  # else between changes at one time
+    lasting = np.bincount(rollout.arc, weights=rollout.h)[rollout.arc] > shortest  # not between simultaneous changes
     for i in range(len(extremal.structure.first)):
         own = [modes[a][i] for a in rollout.arc]
         sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
@@ -63,7 +63,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
 
 
 def worst_stretch(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
-    """Begin and end [s] of the worst stretch, with those of its joint that are no farther from it than a time [s]."""
+    """Start and end [s] of the worst stretch, merged with its joint's stretches within a time [s] of it."""
     own, begin, end = [one for one in wrong if one.joint == wrong[0].joint], wrong[0].begin, wrong[0].end
     for _ in own:
         near = [one for one in own if one.begin <= end + apart and one.end >= begin - apart]
@@ -83,18 +83,18 @@ def _torque_modes(structure: SwitchingStructure) -> list[list[Mode]]:
 def with_signs(
     extremal: Extremal, wrong: list[WrongSign], structure: SwitchingStructure | None = None
 ) -> SwitchingStructure:
-    """Structure with a short bang arc on the other limit where the switching function asks for it.
+    """Structure with a short bang arc on the other limit where the switching function has the wrong sign.
 
     Args:
-        extremal: what lacks it.
-        wrong: the worst first.
-        structure: the extremal's with other things mended; None: its own.
+        extremal: extremal with the wrong signs.
+        wrong: stretches on the wrong limit, worst first.
+        structure: the extremal's structure with other corrections; None: without.
     """
     more: list[tuple[float, Change]] = []
     for one in wrong:
         if one.value < extremal.shooting.policy.switching.worse * wrong[0].value:
             break
-        if one.carried:  # it is on its limit of position, and another joint's torque answers for it
+        if one.carried:  # on its position limit, carried by another joint's torque
             continue
         half = (one.end - one.begin) / 8
         middle = min(max(one.worst, one.begin + half), one.end - half)
@@ -106,7 +106,7 @@ def with_signs(
 def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
     """Structure without touches whose multiplier has the wrong sign; None if all are right.
 
-    A limit of velocity that is met for no time at all is touched, too.
+    A velocity limit that is active for zero time counts as a touch.
     """
     if (slow := _without_idle_speeds(extremal)) is not None:
         return slow

@@ -1,4 +1,4 @@
-"""Singular arcs: where a switching function hovers about zero, a singular control takes the place of bang arcs."""
+"""Singular arcs: bang arcs are replaced by a singular control where a switching function stays near zero."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -18,11 +18,11 @@ from armdyn.optimal.task.policy.switching import SingularPolicy
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
-    """Structure with a singular arc where the worst joint's switching function stays near zero; None if it never does.
+    """Structure with a singular arc where the worst joint's switching function stays near zero; None: nowhere.
 
     Args:
-        extremal: whose torques are all on limits, or free where no other would be.
-        wrong: its stretches on the wrong limit, the worst first.
+        extremal: extremal whose torques are on limits, or singular.
+        wrong: its stretches on the wrong limit, worst first.
     """
     structure, worst, numbers = extremal.structure, wrong[0], extremal.shooting.policy.singular
     begin, end = worst_stretch(wrong, numbers.apart * structure.duration)
@@ -42,11 +42,11 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
 
 
 def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure | None:
-    """Structure with more coefficients where singular arcs' switching functions are not zero; None if none needs more.
+    """Structure with further coefficients where singular arcs' switching functions are not zero; None: not needed.
 
     Args:
-        extremal: with free torques.
-        least: by how much H may fall.
+        extremal: extremal with free torques.
+        least: tolerated decrease of H.
     """
     structure, numbers = extremal.structure, extremal.shooting.policy.singular
     changes = list(structure.changes)
@@ -58,11 +58,11 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
 
 
 def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | None:
-    """The structure with bang arcs on limits where free torques are held on them; None: none is.
+    """The structure with bang arcs where free torques stay on their limits; None without such torques.
 
     Args:
-        extremal: with free torques.
-        least: by how much H must rise off a limit.
+        extremal: extremal with free torques.
+        least: least increase of H off a limit.
     """
     structure, now = extremal.structure, extremal.structure
     for k, change in reversed(list(enumerate(structure.changes))):
@@ -78,13 +78,13 @@ def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | Non
 
 @dataclass(frozen=True, eq=False)
 class _FreeTorque:
-    """A free torque at the starts and ends of its steps in turn.
+    """Free torque at the starts and ends of its steps, in order.
 
     Attributes:
-        joint: its number.
-        t: [s], shape (samples,).
-        fall: its switching function times its range: by how much H falls from limit to limit, likewise.
-        slack: what it is from its upper and its lower limit, as parts of its range, shape (2, samples).
+        joint: index of the joint.
+        t: times [s], shape (samples,).
+        fall: decrease of H from limit to limit: switching function times range, likewise.
+        slack: distance from the upper and the lower limit, as parts of the range, shape (2, samples).
         numbers: tuned numbers of singular arcs.
     """
 
@@ -96,7 +96,7 @@ class _FreeTorque:
 
     @classmethod
     def of(cls, extremal: Extremal, k: int) -> Self:
-        """The free torque that a change begins."""
+        """Sample the free torque that starts at a change."""
         rollout, joint = extremal.rollout, extremal.structure.changes[k].joint
         limits = rollout.shooting.problem.limits
         own = np.flatnonzero((rollout.arc > k) & (rollout.arc <= extremal.structure.end_of(k)))
@@ -108,10 +108,10 @@ class _FreeTorque:
         return cls(joint, t, switching * (high - low), slack, extremal.shooting.policy.singular)
 
     def held(self, least: float) -> list[tuple[float, float, Mode]]:
-        """Stretches on which the torque is to stay on a limit it has reached: begin, end [s], and the limit.
+        """Stretches on which the torque should stay on a limit it has reached: start, end [s], and the limit.
 
         Args:
-            least: by how much H rises off the limit at most.
+            least: tolerated increase of H off the limit.
         """
         out: list[tuple[float, float, Mode]] = []
         for mode, sign, slack in ((Mode.UPPER, -1, self.slack[0]), (Mode.LOWER, 1, self.slack[1])):
@@ -122,7 +122,7 @@ class _FreeTorque:
 
 
 def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:
-    """A segment of a free torque cut into bang arcs and singular controls, with their times."""
+    """A segment of a free torque split into bang arcs and singular controls, with their times."""
     structure, joint = extremal.structure, extremal.structure.changes[k].joint
     numbers = extremal.shooting.policy.singular
     now, stop = structure.span(Segment(k, structure.end_of(k)))
@@ -140,7 +140,7 @@ def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode
 
 
 def idle_fall(extremal: Extremal, k: int) -> float:
-    """By how much H would fall at worst if the free torque that a change begins went to a limit."""
+    """Largest decrease of H if the free torque that starts at a change moved to a limit."""
     structure, rollout = extremal.structure, extremal.rollout
     joint, limits = structure.changes[k].joint, rollout.shooting.problem.limits
     own = (rollout.arc > k) & (rollout.arc <= structure.end_of(k))
@@ -155,7 +155,7 @@ def idle_fall(extremal: Extremal, k: int) -> float:
 
 
 def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end: float) -> frozenset[int]:
-    """Other joints whose torques jump between two times [s]."""
+    """Other joints with torques that jump between two times [s]."""
     return frozenset(
         change.joint
         for change, time in zip(structure.changes, structure.times, strict=True)
@@ -164,13 +164,13 @@ def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end:
 
 
 def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int) -> SingularControl:
-    """The polynomial nearest to a joint's torque between two times [s].
+    """Least-squares polynomial of a joint's torque between two times [s].
 
     Args:
-        extremal: its torques.
-        joint: its number.
-        ends: the two times.
-        few: coefficients of the fit.
+        extremal: extremal with the torques.
+        joint: index of the joint.
+        ends: the two times [s].
+        few: number of coefficients.
     """
     rollout, numbers = extremal.rollout, extremal.shooting.policy.singular
     t = np.linspace(*ends, numbers.samples + 2)[1:-1]
@@ -185,14 +185,14 @@ def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int
 def control_near(
     shooting: ShootingProblem, joint: int, tau: Array, leaping: frozenset[int], few: int
 ) -> SingularControl:
-    """A short singular control near a joint's torque, within its limits.
+    """A short singular control fitted to a joint's torque, within its limits.
 
     Args:
         shooting: the shooting problem.
-        joint: its number.
-        tau: of all joints at even places of the segment [N m], shape (samples, nv).
-        leaping: others that change within it.
-        few: coefficients of its polynomial.
+        joint: index of the joint.
+        tau: torques of all joints at evenly spaced places of the segment [N m], shape (samples, nv).
+        leaping: other joints that jump within the segment.
+        few: number of coefficients of the polynomial.
     """
     limits, unit, numbers = shooting.problem.limits, shooting.torque_unit[joint], shooting.policy.singular
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]

@@ -1,4 +1,4 @@
-"""Joints on a velocity limit that another joint's torque keeps there, while their own torque is on its limit."""
+"""Velocity limits that another joint's torque maintains, while the joint's own torque is saturated."""
 
 from dataclasses import replace
 
@@ -14,19 +14,19 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 def kept_at_speed(
     extremal: Extremal, segment: Segment, part: tuple[float, float], press: Mode
 ) -> SwitchingStructure | None:
-    """Structure in which another joint's torque keeps a joint at its velocity limit while its own is saturated.
+    """Structure in which another joint's torque keeps a joint at its velocity limit while its own torque is saturated.
 
-    Where no torque jumps, at the beginning or at the end, the joint's velocity stays as it is with the other torque on
-    its limit: stationarity of the duration alone would lead away from there, as it is longest there.
+    Without a jump of torques at the start or the end, the joint's acceleration is zero there with the other torque on
+    its limit: stationarity of the duration alone would lead away, as the duration is largest there.
 
     Args:
-        extremal: whose structure it is.
+        extremal: extremal of the structure.
         segment: the joint on its velocity limit.
-        part: of the segment in which it takes more torque than it has, from 0 to 1.
-        press: the torque limit that it is on there.
+        part: part of the segment that needs more torque than the joint has, from 0 to 1.
+        press: the joint's active torque limit in that part.
 
     Returns:
-        It; None: it is on a limit of position, or no other joint's torque is on a limit.
+        The structure; None on a position limit, or without another joint's torque on a limit.
     """
     structure = extremal.structure
     joint, (start, stop) = structure.changes[segment.begin].joint, structure.span(segment)
@@ -68,16 +68,16 @@ def kept_at_speed(
 def left_at_speed(
     extremal: Extremal, structure: SwitchingStructure, segment: Segment, part: tuple[float, float] | None = None
 ) -> SwitchingStructure | None:
-    """Structure in which a joint leaves its velocity limit, where another joint's torque holds it there.
+    """Structure in which a joint leaves its velocity limit, where another joint's torque maintains it.
 
     Args:
-        extremal: of which the states are.
-        structure: its own, or that with another joint's torque.
-        segment: of the extremal's: the joint on its velocity limit.
-        part: of it that is let go, from 0 to 1; None: what another joint's torque keeps.
+        extremal: extremal with the states.
+        structure: the extremal's structure, or one with another joint's torque.
+        segment: the extremal's segment of the joint on its velocity limit.
+        part: part of the segment to release, from 0 to 1; None: the part maintained by another joint's torque.
 
     Returns:
-        It; None: no other joint's torque keeps it there, in that part.
+        The structure; None if no other joint's torque maintains the limit in that part.
     """
     contact = extremal.structure.changes[segment.begin]
     start, stop = extremal.structure.span(segment)
@@ -86,7 +86,7 @@ def left_at_speed(
         after = structure.end_of(k) if change.keeps and change.keeps[0] == contact.joint else structure.size
         if after == structure.size or structure.times[after] < begin or structure.times[k] > end:
             continue
-        assert change.keeps is not None  # noqa: S101 - else there is no end
+        assert change.keeps is not None  # noqa: S101 - guaranteed by the end found
         last, first, final = structure.changes[after], float(structure.times[k]), float(structure.times[after])
         a, b = (min(begin, first), max(end, final)) if part else (first, final)
         off = replace(contact, mode=change.keeps[1], tangent=change.tangent, tied=False)
@@ -96,11 +96,11 @@ def left_at_speed(
             more.append((first, replace(last, tangent=None, tied=False)))
         elif last.tangent is None:
             more.append((final, last))
-        if part and first < end < final and change.tangent is None:  # only its first part
+        if part and first < end < final and change.tangent is None:  # only the first part
             gone, b, on = {k}, end, replace(on, tangent=None)
             more.append((b, on))
             more.append((b, replace(change, tied=True)))
-        elif part and first < begin < final and last.tangent is None:  # only its last
+        elif part and first < begin < final and last.tangent is None:  # only the last
             before = structure.modes()[k][change.joint]
             gone = {after}
             more = [(begin, replace(last, mode=before)), (begin, replace(off, tangent=None, tied=True)), (final, last)]

@@ -1,1 +1,1 @@
-"""Structures of limits carried through by an integrator, and their fastest times."""
+"""Extremals: switching structures, integrated and optimised in their switching times."""

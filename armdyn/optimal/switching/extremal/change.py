@@ -1,4 +1,4 @@
-"""Events of a switching structure: a joint's mode changes, a limit is touched, another joint's torque holds a joint."""
+"""Events of a switching structure: a mode changes, a limit is touched, another joint's torque holds a joint."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ from armdyn.optimal.switching.extremal.singular_control import SingularControl
 
 @dataclass(frozen=True)
 class Carrier:
-    """Another joint whose torque keeps a joint on its limit of position, while that joint's own torque is full.
+    """Joint whose torque keeps another joint on its position limit, while that joint's own torque is saturated.
 
     Attributes:
-        joint: number of the other joint.
-        press: torque limit that the held joint is on meanwhile.
-        after: mode of the other joint when the contact ends.
+        joint: index of the carrying joint.
+        press: active torque limit of the held joint.
+        after: mode of the carrying joint after the contact.
     """
 
     joint: int
@@ -23,18 +23,19 @@ class Carrier:
 
 @dataclass(frozen=True)
 class Change:
-    """A change of one joint's mode at one time.
+    """Change of one joint's mode at one time.
 
     Attributes:
-        joint: its number.
-        mode: what it is in from then on; of a touch, the limit that it meets and leaves at once.
-        touch: it keeps the mode that it was in.
-        control: of a free torque; else none.
-        carrier: the joint that holds this one on a limit of position; None: its own torque does.
-        keeps: of a torque that keeps another joint on its velocity limit: that joint, and the torque limit it is on.
-        tangent: a joint and a torque limit: with this torque, and the others' on their limits, the joint's velocity
-            stays as it is; else none.
-        tied: it comes at the time of the change before.
+        joint: index of the joint.
+        mode: mode from then on; for a touch, the touched limit.
+        touch: whether the change is a touch: the joint keeps its mode.
+        control: singular control of a free torque; else None.
+        carrier: joint that holds this one on a position limit; None: its own torque does.
+        keeps: joint that this one's torque keeps on its velocity limit, and that joint's active torque limit; else
+            None.
+        tangent: a joint and a torque limit: with this torque, and the others' on their limits, that joint's
+            acceleration is zero; else None.
+        tied: whether the change is simultaneous with the one before.
     """
 
     joint: int
@@ -53,11 +54,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Segment:
-    """A joint's time in one mode.
+    """Time of a joint in one mode.
 
     Attributes:
-        begin: number of the change that begins it; -1: the start.
-        end: of the one that ends it; as many as there are changes: the goal.
+        begin: index of the change at its beginning; -1: the start.
+        end: index of the change at its end; the number of changes: the goal.
     """
 
     begin: int

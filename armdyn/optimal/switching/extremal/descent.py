@@ -1,9 +1,9 @@
-"""Times of a structure that are fastest: down the manifold of motions that end in the goal.
+"""Optimisation of a structure's times: descent on the manifold of motions that reach the goal.
 
-Every step goes along the tangent, as far as a quadratic model of the Lagrangian is trusted, and is brought back by
+Every step goes along the tangent, as far as a quadratic model of the Lagrangian is trusted, and is projected back by
 Newton's method with the least change (Absil, Mahony and Sepulchre, Optimization Algorithms on Matrix
 Manifolds, 2008, chapter 7). The duration falls from one motion to the next. Changes of different joints pass each
-other freely: torques that act on different joints commute, so that nothing jumps where they do.
+other freely: torques of different joints commute, so that nothing jumps when changes pass.
 """
 
 from dataclasses import dataclass, replace
@@ -23,17 +23,17 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 
 @dataclass(frozen=True, eq=False)
 class Extremal:
-    """Motion that is stationary: no small change of its switching times shortens it.
+    """Stationary motion: no small change of its switching times shortens it.
 
     Attributes:
-        linear: it, and how it answers to its times.
+        linear: the rollout with its derivatives in the times.
     """
 
     linear: LinearizedRollout
 
     @property
     def costates(self) -> tuple[Array, Array]:
-        """At the starts and ends of the steps, each of shape (steps, 2 nv)."""
+        """Costates at the starts and ends of the steps, each of shape (steps, 2 nv)."""
         return self.linear.costates
 
     @property
@@ -64,11 +64,11 @@ class Extremal:
 
 @dataclass(frozen=True, eq=False)
 class NoExtremal:
-    """A structure that led to no extremal.
+    """A structure without an extremal.
 
     Attributes:
-        why: for people.
-        linear: the motion that it came to; None: none.
+        why: the reason, in words.
+        linear: the last motion; None: no motion.
     """
 
     why: str
@@ -76,12 +76,12 @@ class NoExtremal:
 
 
 def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> Extremal | NoExtremal:
-    """The extremal near a structure.
+    """Find the extremal near a structure.
 
     Args:
         shooting: the shooting problem.
-        structure: times and states that need not fit each other.
-        stop: asked before every step.
+        structure: initial structure; times and states may be inconsistent.
+        stop: stopping condition, polled before every step.
     """
     linear = landed(shooting, structure)
     if linear is None:
@@ -94,7 +94,7 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
             return NoExtremal(stop.word, linear)
         model = Model.of(linear)
         if not np.all(np.isfinite(model.quadratic.hessian)):
-            return NoExtremal("the motion beside it leaves what numbers can hold", linear)
+            return NoExtremal("the motion next to it overflows", linear)
         if linear.gradient_norm <= numbers.flat:
             return Extremal(linear)
         step = model.step(radius)
@@ -111,7 +111,7 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
             step = model.step(radius)
         if gained > 0.7 * step.promised and step.bound:
             radius *= 2.5
-        assert after is not None  # noqa: S101 - else nothing is gained
+        assert after is not None  # noqa: S101 - otherwise there was no gain
         linear = _without_vanished(shooting, _within_limits(shooting, linear, step.by, after))
     return NoExtremal(f"{numbers.steps} steps did not reach an extremal", linear)
 
@@ -119,13 +119,13 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
 def _within_limits(
     shooting: ShootingProblem, linear: LinearizedRollout, by: Array, after: LinearizedRollout
 ) -> LinearizedRollout:
-    """The motion after a step; if that exceeds position limits, the step is shortened until it touches them.
+    """The motion after a step, shortened to touch position limits if the motion exceeds these.
 
     Args:
         shooting: the shooting problem.
-        linear: before the step.
-        by: what the unknowns change by in it.
-        after: after it.
+        linear: motion before the step.
+        by: step of the unknowns.
+        after: motion after the step.
     """
     there, low, high, numbers = after, 0.0, 1.0, shooting.policy.descent
     for _ in range(numbers.halves):
@@ -142,7 +142,7 @@ def _within_limits(
 
 
 def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
-    """The motion with touches of the position limits that it exceeds, if such a motion is near."""
+    """The motion with touches of the position limits that it exceeds, if there is one nearby."""
     numbers, overlooked = shooting.policy.descent, shooting.policy.rollout.beyond
     for _ in range(numbers.touches):
         beyond = beyond_position(linear.rollout)
@@ -156,14 +156,14 @@ def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> Linearize
 
 
 def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
-    """The same structure with the gaps between its arcs closed, which rounding leaves.
+    """Close the gaps between a structure's arcs that rounding leaves.
 
     Args:
-        extremal: whose arcs begin where the ones before end to 1e-9; an arm in the open carries that on and on.
-        offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
+        extremal: extremal whose arcs join to 1e-9, an error that an unstable arm amplifies.
+        offset: offset of the end state from the goal, (q, v), shape (2 nv,).
 
     Returns:
-        It; as it was, if nothing in one piece is near.
+        The extremal; unchanged if no motion without gaps is near.
     """
     shooting = replace(extremal.rollout.shooting, offset=offset)
     linear = landed(shooting, extremal.structure, shooting.policy.descent.again, in_one=True)
@@ -171,11 +171,11 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
 
 
 def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
-    """Solve the same structure with twice the steps; None if it has the most already, or no extremal is found.
+    """Solve the same structure with twice the steps; None at the largest number of steps, or without an extremal.
 
     Args:
-        extremal: whose steps are too long.
-        stop: asked before every step along a tangent.
+        extremal: extremal with too long steps.
+        stop: stopping condition, polled before every step along a tangent.
     """
     shooting = extremal.rollout.shooting.finer(extremal.rollout)
     if shooting is not None and isinstance(stop, Budget):
@@ -191,9 +191,9 @@ def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) ->
 
 
 def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
-    """The motion without segments of no length, and without touches within contacts.
+    """The motion without segments of zero length, and without touches within contacts.
 
-    On a limit of velocity they stay: a joint may have to meet it just where its torque switches.
+    On velocity limits they stay: a joint may have to reach the limit just as its torque switches.
     """
     structure, numbers = linear.rollout.structure, shooting.policy.descent
     lengths = lengths_of(structure) @ structure.unknowns

@@ -1,8 +1,8 @@
-"""The flow of an arm under constant torques, its derivatives, and the switching functions.
+"""Flow of an arm under constant torques, its derivatives, and the switching functions.
 
-A joint that is held keeps its velocity: the others move as if it were no joint. It may be held by its own torque or by
-that of another joint, which is whatever that takes. Steps are Cooper and Verner's method
-of eighth order (Some explicit Runge-Kutta methods of high order, SIAM J. Numer. Anal. 9, 1972).
+A held joint keeps its velocity: the other joints move as if it were locked. It is held by its own torque or another
+joint's, which takes the required value. Steps are Cooper and Verner's method of eighth order (Some explicit Runge-Kutta
+methods of high order, SIAM J. Numer. Anal. 9, 1972).
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from armdyn.locks import built_once
 from armdyn.optimal.program.interval import only_present
 
 STEPS = 96
-"""That one call rollouts: an arm that turns by a third of a radian in each is then right to 1e-9."""
+"""Number of steps in one call of `rollout`: steps of a third of a radian are accurate to 1e-9."""
 
 
 def _tableau() -> tuple[Array, Array]:
@@ -55,11 +55,11 @@ class Flow:
 
     Attributes:
         rollout: (x, own, begins, h, τ at the start, τ at the end, free_mask, held, body) -> ends of `STEPS` steps,
-            shape (2 nv, STEPS); what they answer to their starts, ∂end/∂start, each as a column, shape
-            (2 nv, 2 nv STEPS); what they answer to a torque along `free_mask`, at the start and at the end, shape
+            shape (2 nv, STEPS); ∂end/∂start of each, shape
+            (2 nv, 2 nv STEPS); ∂end/∂(torque along `free_mask`) at the start and at the end, shape
             (2 nv, 2 STEPS); and ẋ at the ends, shape (2 nv, STEPS). A step starts where the one before ended or,
             where `begins` is 1, at its own x; its torque is linear. The last eight have a column for each step. `held`
-            has 3 nv rows: 1 for joints that their own torques hold, for one that another's holds, for that other.
+            has 3 nv rows: 1 for joints held by their own torques, for one held by another's, for that other.
         switching: (q, p, held, body), 2 STEPS columns each -> S = ∂(pᵀẋ)/∂τ, shape (nv, 2 STEPS).
         rate: (x, τ, free_mask, held, body) -> ẋ, ∂ẋ/∂x and ∂ẋ/∂τ along `free_mask`, at one state.
     """
@@ -69,12 +69,12 @@ class Flow:
     rate: ca.Function
 
     def rolled_out(self, own: Array, begins: Array, *columns: Array) -> tuple[Array, Array, Array, Array]:
-        """`rollout` for any multiple of `STEPS` steps, a row for each step.
+        """Evaluate `rollout` for any multiple of `STEPS` steps, a row for each step.
 
         Args:
-            own: states that steps begin with, shape (steps, 2 nv).
-            begins: 1 where they do, shape (steps,); the first does.
-            columns: the other inputs of `rollout` but the first, a row for each step.
+            own: initial states of steps, shape (steps, 2 nv).
+            begins: 1 where a step uses its own initial state, shape (steps,); 1 for the first.
+            columns: the other inputs of `rollout`, a row for each step.
         """
         size, previous = own.shape[1], np.zeros(own.shape[1])
         parts: list[list[Array]] = []
@@ -87,7 +87,7 @@ class Flow:
         return ends, state_transition, torque_sensitivities.reshape(-1, 2, size).transpose(0, 2, 1), rates
 
     def switchings(self, *columns: Array) -> Array:
-        """`switching` for any multiple of 2 `STEPS` rows."""
+        """Evaluate `switching` for any multiple of 2 `STEPS` rows."""
         starts = range(0, len(columns[0]), 2 * STEPS)
         parts = [_called(self.switching, *(each[first : first + 2 * STEPS] for each in columns)) for first in starts]
         return np.concatenate([part for (part,) in parts])
@@ -99,7 +99,7 @@ def _called(function: ca.Function, *rows: Array) -> list[Array]:
     given = [np.ascontiguousarray(each, float) for each in rows]
     found = [np.empty(function.size_out(i)[::-1]) for i in range(function.n_out())]
     for i, each in enumerate(given):
-        buffer.set_arg(i, each.reshape(-1).data)  # type: ignore[call-arg]  # the stubs know C++'s alone
+        buffer.set_arg(i, each.reshape(-1).data)  # type: ignore[call-arg]  # the stubs have only C++'s signature
     for i, each in enumerate(found):
         buffer.set_res(i, each.reshape(-1).data)  # type: ignore[call-arg]
     evaluate()
@@ -108,11 +108,11 @@ def _called(function: ca.Function, *rows: Array) -> list[Array]:
 
 @built_once(maxsize=64)
 def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
-    """The flow of an arm.
+    """Build or load the flow of an arm.
 
     Args:
-        dynamics: with a free last body.
-        compile_mode: whether as machine code, see `compiled`.
+        dynamics: dynamics with a symbolic last body.
+        compile_mode: mode for `compiled`.
     """
     rate, switching = _functions(dynamics)
     n = dynamics.nv
@@ -170,7 +170,7 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
 
     def accelerated(torque: ca.SX) -> ca.SX:
-        """Accelerations by a torque and by the reaction of the joint that carries it."""
+        """Accelerations by a torque and by the reaction of the carrying joint."""
         alone = ca.ldl_solve(free * torque, *factors)
         return alone - by_carrier * ca.dot(lifted, alone) / reach
 

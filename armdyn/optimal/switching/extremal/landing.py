@@ -9,9 +9,9 @@ from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.extremal.trust_region import null_space
 
 _RANK = 1e-12
-"""Of the largest singular value: rounding, of equations that an arm in the open answers to a millionfold."""
+"""Relative tolerance of singular values: rounding, in equations that an unstable arm amplifies a millionfold."""
 _TIED = 1e-12
-"""Of the duration: a change that comes earlier than the one before by no more has not passed it, but for rounding."""
+"""Relative time by which a change may precede the one before by rounding, without having passed it."""
 
 
 def landed(
@@ -22,15 +22,15 @@ def landed(
     in_one: bool = False,
     tied: bool = False,
 ) -> LinearizedRollout | None:
-    """Nearest motion that reaches the goal and keeps its held limits; None if none is near.
+    """Nearest motion that reaches the goal and satisfies its active state limits; None if none is near.
 
     Args:
         shooting: the shooting problem.
-        structure: to begin with.
-        rounds: of Newton's method; None: as many as from a mesh's states.
-        joined: its changes whose states are not theirs, see `Rollout.of`.
-        in_one: none are, now and later: the motion stays in one piece.
-        tied: changes at one time stay together.
+        structure: initial structure.
+        rounds: rounds of Newton's method; None: as many as from a mesh's states.
+        joined: changes with states from the arc before, see `Rollout.of`.
+        in_one: whether the motion has no gaps throughout.
+        tied: whether simultaneous changes stay so.
     """
     numbers, joined = shooting.policy.descent, np.ones(structure.size, bool) if in_one else joined
     rounds = numbers.rounds if rounds is None else rounds
@@ -41,7 +41,7 @@ def landed(
         if not rollout.finite:
             return None
         linear, structure, budget = LinearizedRollout.of(rollout), rollout.structure, shooting.budget
-        if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow where each does not
+        if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow even if no arc does
             return None
         if linear.infeasible <= numbers.closed:
             return linear
@@ -60,8 +60,8 @@ def landed(
 def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
     """First-order correction of gaps and misses, and the fraction of it that keeps every segment's length positive.
 
-    The least change, of the times as parts of the duration and of the states: an arm in the open answers to a time a
-    millionfold, and a least change of the times alone would throw it about.
+    The least change, of the times as parts of the duration and of the states: an unstable arm amplifies a time a
+    millionfold, and a least change of the times alone would be erratic.
     """
     structure, planes, now = linear.rollout.structure, linear.planes, linear.planes.now
     numbers = linear.rollout.shooting.policy.descent
@@ -73,7 +73,7 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
     least = np.where(planes.lengths, numbers.kept * now, 0.0)
     held: list[int] = []
     first = now.size - len(planes.orders)
-    least[first:] = -np.inf  # in which order changes come, the equations decide
+    least[first:] = -np.inf  # the equations determine the order of changes
     if tied:
         held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * structure.duration)]
         least[held] = 0.0
@@ -104,12 +104,12 @@ def _least_change(equations: Array, right: Array, changes: Array, moved: Array) 
 
 
 def moved_by(linear: LinearizedRollout, by: Array, part: float) -> tuple[SwitchingStructure, Flags]:
-    """Structure with shifted times and the states that fit them, and the changes whose order has changed.
+    """Structure with shifted times and matching states, and the changes whose order has changed.
 
     Args:
-        linear: where it stands.
-        by: what the unknowns change by.
-        part: of the gaps that is closed.
+        linear: the linearised motion.
+        by: step of the unknowns.
+        part: part of the gaps to close.
     """
     structure = linear.rollout.structure
     states = structure.states + (linear.reach[:-1] @ by + part * linear.gap[:-1])

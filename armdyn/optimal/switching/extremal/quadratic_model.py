@@ -15,15 +15,16 @@ from armdyn.optimal.switching.extremal.trust_region import RANK, TIGHT, Quadrati
 
 @dataclass(frozen=True, eq=False)
 class LinearizedRollout:
-    """A rollout to first order: corrections that close its gaps, and its conditions, by its times.
+    """Rollout to first order in its times: corrections that close its gaps, and its conditions.
 
     Attributes:
-        rollout: what is linearised.
-        reach: by the unknowns, what the states at the changes and at the end change by, shape (m + 1, 2 nv, width).
-        gap: the same with the unknowns as they are, so that arcs join, shape (m + 1, 2 nv).
-        jacobian: of the equations, in parts of `Rollout.unit`, shape (equations, width): the goal, and what is held.
-        residual: likewise, gaps closed, shape (equations,).
-        open: the largest gap, likewise.
+        rollout: the linearised rollout.
+        reach: derivatives of the states at the changes and at the end in the unknowns, shape (m + 1, 2 nv, width).
+        gap: changes of these states that close the gaps at fixed unknowns, shape (m + 1, 2 nv).
+        jacobian: Jacobian of the equations (goal and active state limits), in parts of `Rollout.unit`, shape
+            (equations, width).
+        residual: residual of the equations with closed gaps, likewise, shape (equations,).
+        open: largest gap, likewise.
     """
 
     rollout: Rollout
@@ -61,12 +62,12 @@ class LinearizedRollout:
 
     @property
     def infeasible(self) -> float:
-        """The largest of gaps and equations, in parts of `Rollout.unit`."""
+        """Largest gap or residual of an equation, in parts of `Rollout.unit`."""
         return max(self.open, float(np.max(np.abs(self.residual))))
 
     @cached_property
     def planes(self) -> "Planes":
-        """Quantities that must not become negative: segments' lengths, free torques' distances from their limits."""
+        """Quantities that must stay nonnegative: segments' lengths, free torques' distances from their limits."""
         structure, lengths, (slack, by_room) = (
             self.rollout.structure,
             lengths_of(self.rollout.structure),
@@ -86,7 +87,7 @@ class LinearizedRollout:
 
     @cached_property
     def _response(self) -> tuple[float, Array]:
-        """Norm of the reduced gradient less the active planes' part; multipliers of all equations."""
+        """Norm of the reduced gradient without the active planes' part; multipliers of all equations."""
         gradient = np.zeros(self.jacobian.shape[1])
         gradient[self.rollout.structure.size] = 1.0
         tight = self.planes.rows[self.planes.now <= TIGHT]
@@ -96,7 +97,7 @@ class LinearizedRollout:
 
     @property
     def gradient_norm(self) -> float:
-        """Norm of the duration's reduced gradient, less the components held by active limits and empty segments."""
+        """Norm of the duration's reduced gradient, without components blocked by active limits and empty segments."""
         return self._response[0]
 
     @property
@@ -125,9 +126,9 @@ class LinearizedRollout:
 
     @property
     def drift(self) -> float:
-        """By how much H drifts at most on an arc on which no torque is free: the integrator's error.
+        """Largest drift of H on an arc without free torques: the integrator's error.
 
-        Where one is free it drifts, too, as long as its switching function is not zero.
+        With a free torque H also drifts while the torque's switching function is not zero.
         """
         rollout = self.rollout
         hamiltonian = np.sum(self.costates[1] * rollout.rate, axis=1)
@@ -138,11 +139,11 @@ class LinearizedRollout:
     def hessian(self, tangents: Array) -> Array:
         """Hessian of the Lagrangian along tangents, by finite differences of its gradient, shape (k, k).
 
-        The gradient is taken by times and states together: arcs are short, so that no large terms have to cancel,
-        as they do where states follow from times.
+        The gradient is taken in times and states together: arcs are short, so that no large terms cancel, as they would
+        with states as functions of the times.
 
         Args:
-            tangents: of the unknowns, shape (k, width).
+            tangents: tangents in the unknowns, shape (k, width).
         """
         rollout = self.rollout
         states = np.einsum("asz,kz->kas", self.reach[:-1], tangents)
@@ -157,13 +158,13 @@ class LinearizedRollout:
 
 
 def _gradient(rollout: Rollout, costates: tuple[Array, Array]) -> tuple[Array, Array]:
-    """The Lagrangian's by the unknowns, shape (width,), and by the changes' states, shape (m, 2 nv), less constants."""
+    """Gradient of the Lagrangian in the unknowns, shape (width,), and in the changes' states, shape (m, 2 nv)."""
     p, (whole, by) = costates[1][rollout.last], rollout.arcs
     return np.einsum("as,asz->z", p, by), np.einsum("aij,ai->aj", whole, p)[1:]
 
 
 def lengths_of(structure: SwitchingStructure) -> Array:
-    """Jacobian of the segments' lengths by the unknowns, shape (segments, width)."""
+    """Jacobian of the segments' lengths in the unknowns, shape (segments, width)."""
     segments: list[Segment] = list(structure.segments())
     out = np.zeros((len(segments), structure.width))
     for row, segment in zip(out, segments, strict=True):
@@ -175,14 +176,14 @@ def lengths_of(structure: SwitchingStructure) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Numbers that must not become negative.
+    """Quantities that must stay nonnegative, linearised.
 
     Attributes:
-        now: lengths of segments [s], what free torques are from their limits [`torque_unit`], and times
+        now: lengths of segments [s], distances of free torques from their limits [`torque_unit`], and times
             between changes [s]; shape (n,).
-        rows: by the unknowns, shape (n, width).
-        lengths: which are lengths, shape (n,).
-        orders: the last of them are times between these changes, whose order matters [s].
+        rows: derivatives in the unknowns, shape (n, width).
+        lengths: whether a quantity is a length, shape (n,).
+        orders: pairs of changes whose order matters: their times apart [s] are the last quantities.
     """
 
     now: Array
@@ -193,12 +194,12 @@ class Planes:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """Along the tangent.
+    """Step along the tangent space.
 
     Attributes:
-        by: what the unknowns change by.
-        promised: what the duration falls by, by the model [s].
-        bound: the model's trust ends it.
+        by: step of the unknowns.
+        promised: decrease of the duration predicted by the model [s].
+        bound: whether the trust region limits the step.
     """
 
     by: Array
@@ -220,12 +221,12 @@ class Model:
 
     @classmethod
     def of(cls, linear: LinearizedRollout) -> Self:
-        """At a motion."""
+        """Model at a motion."""
         gradient = linear.tangents[:, linear.rollout.structure.size]
         return cls(linear, QuadraticForm(gradient, linear.hessian(linear.tangents)))
 
     def step(self, radius: float) -> Step:
-        """Best step within a radius [s] that keeps every segment's length from becoming negative."""
+        """Best step within a radius [s] that keeps all segments' lengths nonnegative."""
         planes, tangents, rollout = self.linear.planes, self.linear.tangents, self.linear.rollout
         short = rollout.shooting.policy.descent.short * rollout.structure.duration
         long = planes.lengths & (planes.now >= short)

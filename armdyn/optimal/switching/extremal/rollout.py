@@ -1,4 +1,4 @@
-"""A structure carried through by the integrator, and how it answers to its times."""
+"""Rollout: a switching structure integrated in steps, with its derivatives in the switching times."""
 
 from dataclasses import dataclass, replace
 from heapq import heapify, heapreplace
@@ -25,16 +25,16 @@ class ShootingProblem:
     """Shooting problem: dynamics, limits and end state.
 
     Attributes:
-        problem: its limits, start and goal.
+        problem: problem with limits, start and goal.
         policy: tuned numbers.
-        flow: of its arm.
-        body: the ten dynamic parameters of the last body.
-        torque_unit: what a coefficient of 1 in a singular control is [N m], shape (nv,): as much as
-            a change's time that is moved by a second.
-        offset: how far beside the goal it is to end, in (q, v), shape (2 nv,).
-        steps: of a rollout.
-        layers: where steps are short since dry friction turns around; None: nowhere.
-        budget: what rollouts spend their steps of; None: nobody counts.
+        flow: flow of the arm.
+        body: dynamic parameters of the last body, shape (10,).
+        torque_unit: torque of a coefficient of 1 in a singular control [N m], shape (nv,): weighs as much as a shift of
+            a change by a second.
+        offset: offset of the end state from the goal, (q, v), shape (2 nv,).
+        steps: number of steps of a rollout.
+        layers: density of steps in layers of dry friction; None: no such layers.
+        budget: budget of integrator steps; None: not counted.
     """
 
     problem: MinimumTimeProblem
@@ -53,7 +53,7 @@ class ShootingProblem:
         return self.steps // self.policy.rollout.per_arc
 
     def finer(self, near: "Rollout | None" = None) -> Self | None:
-        """Shooting problem with twice the steps, placed for a motion nearby; None if it has the most already."""
+        """The problem with twice the steps, placed for a nearby motion; None at the largest number of steps."""
         if self.steps >= self.policy.rollout.finest * STEPS:
             return None
         layers = self.layers if near is None else self._layers_of(near.motion)
@@ -64,33 +64,33 @@ class ShootingProblem:
 
     @classmethod
     def of(cls, task: Task, flow: Flow, motion: Trajectory) -> Self:
-        """Shooting problem of a task, to be solved near a motion."""
+        """Make a task's shooting problem near a motion."""
         unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * motion.duration)
         own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
         return replace(own, layers=own._layers_of(motion))
 
     @property
     def end(self) -> Array:
-        """(q, v) to end in, shape (2 nv,)."""
+        """End state (q, v), shape (2 nv,)."""
         return np.asarray(self.problem.x_goal + self.offset)
 
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """The arcs of a structure, each from its own start, in steps.
+    """Arcs of a structure, integrated in steps, each arc from its own initial state.
 
     Attributes:
         shooting: the shooting problem.
         structure: the arcs.
-        arc: which arc a step is in, shape (steps,); every arc has some.
-        part: of its arc that a step is, likewise.
+        arc: index of each step's arc, shape (steps,); no arc is empty.
+        part: part of its arc that each step is, likewise.
         h: lengths of the steps [s], shape (steps,).
         start: states at the steps' starts, shape (steps, 2 nv).
-        end: at their ends, likewise.
+        end: states at the steps' ends, likewise.
         state_transition: ∂end/∂start, shape (steps, 2 nv, 2 nv).
         rate: ẋ at the ends, shape (steps, 2 nv).
-        torque_sensitivity: ∂end/∂τ at the steps' starts and ends, of free torques, shape (steps, 2 nv, 2, nv).
-        torques: what moves it.
+        torque_sensitivity: ∂end/∂τ of free torques at the steps' starts and ends, shape (steps, 2 nv, 2, nv).
+        torques: torques of the steps.
     """
 
     shooting: ShootingProblem
@@ -117,9 +117,9 @@ class Rollout:
 
         Args:
             shooting: the shooting problem.
-            structure: of `ShootingProblem.most_arcs` at most.
-            joined: changes whose states are not theirs, but where the arc before ends, shape (m,); None: none.
-            steps: which arc each step is in, and its part of that arc, shape (steps,); None: the longest have most.
+            structure: structure with at most `ShootingProblem.most_arcs` arcs.
+            joined: whether a change's state is the end of the arc before, shape (m,); None: all have their own states.
+            steps: index of each step's arc, and its part of that arc, shape (steps,); None: in proportion to lengths.
         """
         lengths = np.diff(np.concatenate([[0.0], structure.times, [structure.duration]]))
         curved = np.array([Mode.FREE in modes for modes in structure.modes()])
@@ -140,7 +140,7 @@ class Rollout:
         torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
         for free_mask in torques.layers:
             end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)
-            with np.errstate(invalid="ignore"):  # of motions that diverge: `finite` tells
+            with np.errstate(invalid="ignore"):  # diverging motions: see `finite`
                 torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
         if joined is not None and np.any(joined):
@@ -160,26 +160,26 @@ class Rollout:
 
     @cached_property
     def times(self) -> Array:
-        """Where steps start and end [s], shape (steps + 1,)."""
+        """Times at the steps' ends, from the start on [s], shape (steps + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.h)])
 
     @property
     def motion(self) -> Trajectory:
-        """The states at the steps' ends."""
-        n, lasting = self.shooting.problem.robot.nv, np.append(True, np.diff(self.times) > 0)  # else rounding
+        """Motion through the states at the steps' ends."""
+        n, lasting = self.shooting.problem.robot.nv, np.append(True, np.diff(self.times) > 0)  # without rounding
         x, tau = np.vstack([self.start[:1], self.end])[lasting], self.torques.tau
         return Trajectory(self.times[lasting], x[:, :n], x[:, n:], np.vstack([tau[0][:1], tau[1]])[lasting])
 
     @cached_property
     def held_states(self) -> list[tuple[int, int, float]]:
-        """Conditions of state limits: number of the change, place in (q, v), and the value there."""
+        """Conditions of active state limits: index of the change, index in (q, v), and the value there."""
         n, limits = self.shooting.problem.robot.nv, self.shooting.problem.limits
         out: list[tuple[int, int, float]] = []
         modes = self.structure.modes()
         for k, change in enumerate(self.structure.changes):
             i, mode = change.joint, change.mode
             if mode is modes[k][i] and mode in POSITION:
-                continue  # it is there already
+                continue  # already satisfied
             if mode in POSITION:
                 bound = limits.position_upper if mode is Mode.POSITION_UPPER else limits.position_lower
                 out += [(k, i, float(bound[i])), (k, n + i, 0.0)]
@@ -189,10 +189,10 @@ class Rollout:
 
     @cached_property
     def tangents(self) -> list[tuple[int, Array, float]]:
-        """Accelerations that are to be zero: number of the change, ∂/∂(q, v), and the value, as a part of `unit`.
+        """Zero-acceleration conditions: index of the change, ∂/∂(q, v), and the value, as a part of `unit`.
 
-        In the time of the motion. Where a joint's torque leaves its limit, or reaches it, while the joint is on its
-        velocity limit, and no torque jumps.
+        Accelerations per the motion's duration. They hold where a joint's torque leaves or reaches its limit without a
+        jump while the joint is on its velocity limit.
         """
         n, limits, modes = self.shooting.problem.robot.nv, self.shooting.problem.limits, self.structure.modes()
         out: list[tuple[int, Array, float]] = []
@@ -214,15 +214,15 @@ class Rollout:
 
     @cached_property
     def unit(self) -> Array:
-        """Units of (q, v): a radian, and the largest speed, shape (2 nv,)."""
+        """Scales of (q, v): a radian, and the largest speed, shape (2 nv,)."""
         n = self.shooting.problem.robot.nv
         return np.repeat([1.0, max(1e-3, float(np.max(np.abs(self.end[:, n:]))))], n)
 
     def switching(self, costates: tuple[Array, Array]) -> Array:
-        """The switching functions at the starts and the ends of all steps, shape (2 steps, nv).
+        """Switching functions at the starts and ends of all steps, shape (2 steps, nv).
 
         Args:
-            costates: p there, each of shape (steps, 2 nv).
+            costates: costates p at starts and ends, each of shape (steps, 2 nv).
         """
         n, held = self.shooting.problem.robot.nv, np.tile(self.torques.kept, (2, 1))
         body = np.tile(self.shooting.body, (len(held), 1))
@@ -235,7 +235,7 @@ class Rollout:
         arcs = np.arange(self.structure.size + 1)
         first, onward = np.append(0, self.last[:-1] + 1), self._onward
         by = np.zeros((arcs.size, self.start.shape[1], self.structure.width))
-        by[arcs, :, arcs] = self.rate[self.last]  # constant torques: a longer arc goes on as it ended
+        by[arcs, :, arcs] = self.rate[self.last]  # constant torques: a longer arc continues with its final rate
         by[arcs[1:], :, arcs[:-1]] = -self.rate[self.last[1:]]
         curved = np.any(self.torques.free_mask[first] > 0, axis=1)
         if np.any(curved):
@@ -255,10 +255,10 @@ class Rollout:
         return onward
 
     def _curved(self, own: Index) -> Array:
-        """∂(end of a step)/∂(unknowns) from its own start, where a torque is free, shape (steps, 2 nv, width).
+        """∂(end of a step)/∂(unknowns) from the step's own start, with a free torque, shape (steps, 2 nv, width).
 
         Args:
-            own: numbers of such steps.
+            own: indices of such steps.
         """
         torques, arc, h = self.torques, self.arc[own], self.h[own, None]
         before, after = self.torque_sensitivity[own, :, 0], self.torque_sensitivity[own, :, 1]
@@ -273,26 +273,26 @@ class Rollout:
 
     @cached_property
     def slack(self) -> tuple[Array, Array]:
-        """Distances of free torques from both limits [`torque_unit`], and slopes by the unknowns, (rows, width)."""
+        """Distances of free torques from both limits [`torque_unit`]; derivatives in the unknowns, (rows, width)."""
         return self.torques.slack(self.shooting.problem.limits, self.shooting.torque_unit)
 
     def perturbed(self, by: Array, states: Array) -> Self:
-        """The rollout with other unknowns and states, in the same arcs and steps.
+        """Integrate with other unknowns and states, in the same arcs and steps.
 
         Args:
-            by: what the unknowns change by, shape (width,).
-            states: what the changes' states change by, shape (m, 2 nv).
+            by: step of the unknowns, shape (width,).
+            states: step of the changes' states, shape (m, 2 nv).
         """
         there = self.structure.moved(by, self.structure.states + states, in_order=False)
         return type(self).of(self.shooting, there, steps=(self.arc, self.part))
 
 
 def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[Index, Array]:
-    """Arc of each step, and its place in that arc from 0 to 1.
+    """Distribute steps over arcs: arc of each step, and its place in that arc from 0 to 1.
 
-    Some for every arc, more where a torque is free, most for the longest.
-    Twice as many steps where curved arcs would take more than half of them: else the others would not be followed.
-    Where friction has layers steps lie by these, as many of one length as the certificate takes together.
+    Each arc has some, more with a free torque, most the longest one. Twice as many steps are used if curved arcs would
+    take more than half of them. In layers of friction steps are placed by density, in groups of equal steps as the
+    certificate merges them.
     """
     numbers, steps, layers = shooting.policy.rollout, shooting.steps, shooting.layers
     steps *= 2 if 2 * numbers.per_free_arc * curved.sum() > steps else 1
@@ -302,7 +302,7 @@ def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[In
         ends = np.concatenate([[0.0], np.cumsum(mass)])
         layers = replace(layers, t=layers.t * (ends[-1] / layers.t[-1]))
         mass = np.diff(layers.up_to(ends))
-    longest = [(-part, k) for k, part in enumerate((mass / counts).tolist())]  # a heap, of the steps that are longest
+    longest = [(-part, k) for k, part in enumerate((mass / counts).tolist())]  # heap by length
     heapify(longest)
     for _ in range(steps - counts.sum()):
         top = longest[0][1]

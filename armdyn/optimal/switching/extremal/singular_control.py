@@ -1,7 +1,7 @@
-"""The singular control of a free torque: a polynomial over its segment plus terms of other joints' limits.
+"""Singular control of a free torque: a polynomial over its segment, plus terms for jumps of other torques.
 
-Where time leaves a torque free, S̈ = 0 says what it is: a function of the state, the costate and the other torques,
-smooth but where one of these jumps.
+S̈ = 0 determines a singular torque as a function of the state, the costate and the other torques: smooth except where
+one of these jumps.
 """
 
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from armdyn.arrays import Array
 
 @dataclass(frozen=True)
 class SingularControl:
-    """A torque over a segment, in parts of `ShootingProblem.torque_unit`.
+    """Torque over a segment, in parts of `ShootingProblem.torque_unit`.
 
     Attributes:
-        smooth: coefficients of Legendre's polynomials over the segment.
-        leaps: likewise, of what is added while another joint is on its upper limit and taken away while it is on its
-            lower one: its number, and the coefficients.
+        smooth: coefficients of Legendre polynomials over the segment.
+        leaps: of a second polynomial, added while another joint is on its upper limit, subtracted while it is on its
+            lower one: index of that joint, and the coefficients.
     """
 
     smooth: tuple[float, ...]
@@ -27,27 +27,27 @@ class SingularControl:
 
     @property
     def size(self) -> int:
-        """Number of all coefficients."""
+        """Number of coefficients."""
         return len(self.values)
 
     @property
     def values(self) -> Array:
-        """All coefficients in a row."""
+        """All coefficients, concatenated."""
         return np.concatenate([self.smooth, *(own for _, own in self.leaps)])
 
     def with_values(self, values: Array) -> Self:
-        """The control with other coefficients, of the same number."""
+        """The control with new coefficients of the same number."""
         ends = np.cumsum([len(self.smooth), *(len(own) for _, own in self.leaps)])
         smooth, *parts = (tuple(part.tolist()) for part in np.split(values, ends[:-1]))
         leaps = tuple((joint, part) for (joint, _), part in zip(self.leaps, parts, strict=True))
         return type(self)(smooth, leaps)
 
     def longer(self, by: int, leaping: frozenset[int]) -> Self:
-        """The control with more coefficients.
+        """The control with further coefficients.
 
         Args:
-            by: so many more coefficients of each polynomial.
-            leaping: joints that change within the segment: those that add nothing yet do so from now on.
+            by: number of further coefficients of each polynomial.
+            leaping: joints that jump within the segment: missing ones get a term.
         """
         more = (0.0,) * by
         own = {joint: (*values, *more) for joint, values in self.leaps}
@@ -55,11 +55,11 @@ class SingularControl:
         return type(self)((*self.smooth, *more), tuple(sorted(leaps.items())))
 
     def terms(self, s: Array, signs: Array) -> tuple[Array, Array]:
-        """Basis functions of the coefficients, and their derivatives by s between jumps, each (samples, size).
+        """Basis functions of the coefficients, and their derivatives in s between jumps, each (samples, size).
 
         Args:
-            s: from 0 at the segment's begin to 1 at its end, shape (samples,).
-            signs: 1 where a joint is on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
+            s: from 0 at the segment's start to 1 at its end, shape (samples,).
+            signs: 1 for a joint on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
         """
         values, slopes = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.leaps)]))
         parts = [(values[:, : len(self.smooth)], slopes[:, : len(self.smooth)])]
@@ -70,7 +70,7 @@ class SingularControl:
 
 
 def _legendre(s: Array, size: int) -> tuple[Array, Array]:
-    """Legendre's polynomials over [0, 1] and their derivatives, each of shape (samples, size), by recurrence."""
+    """Legendre polynomials over [0, 1] and their derivatives, each of shape (samples, size), by recurrence."""
     x, values, slopes = 2 * s - 1, np.zeros((size + 1, s.size)), np.zeros((size + 1, s.size))
     values[0], values[1], slopes[1] = 1.0, x, 2.0
     for n in range(1, size):

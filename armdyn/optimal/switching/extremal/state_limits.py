@@ -1,4 +1,4 @@
-"""Limits of position and velocity that a rollout exceeds, touches of the former and arcs on the latter."""
+"""Position and velocity limits that a rollout exceeds; touches of the former and arcs on the latter."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -25,18 +25,18 @@ def within_limits(rollout: Rollout) -> bool:
 
 
 def beyond_position(rollout: Rollout) -> float:
-    """By how much limits of position are exceeded at most, at the steps' ends [rad or m]."""
+    """Largest excess of position limits at the steps' ends [rad or m]."""
     n, limits = rollout.shooting.problem.robot.nv, rollout.shooting.problem.limits
     q = rollout.end[:, :n]
     return float(max(np.max(q - limits.position_upper), np.max(limits.position_lower - q)))
 
 
 def with_limits(rollout: Rollout) -> SwitchingStructure | None:
-    """The structure with touches of the position limits that a rollout exceeds; None: it exceeds no limit.
+    """The structure with touches of the position limits that a rollout exceeds; None: no limit is exceeded.
 
-    Where it is exceeded beside a touch of the same limit the joint does not leave: the touch becomes a contact. Torque
-    that presses a joint beyond its limit just before a contact, or just after one, goes. A joint
-    that exceeds its velocity limit is held on it for that time.
+    If the limit is exceeded next to a touch of the same limit, the joint does not leave it: the touch becomes a
+    contact. An arc of outward torque just before or after a contact is removed. A joint that exceeds its velocity limit
+    is held on it for that time.
     """
     structure, gone, more = rollout.structure, set[int](), list[tuple[float, Change, Array]]()
     for over in _overlooked(rollout):
@@ -63,16 +63,16 @@ def with_limits(rollout: Rollout) -> SwitchingStructure | None:
 
 @dataclass(frozen=True)
 class _Overlooked:
-    """A stretch that exceeds a position or velocity limit.
+    """Stretch of a rollout beyond a position or velocity limit.
 
     Attributes:
-        joint: its number.
+        joint: index of the joint.
         mode: the limit.
-        bound: its value [rad or m], of a velocity [rad/s or m/s].
-        begin: a step before it [s].
-        end: a step after it [s].
-        worst: when it is farthest beyond [s].
-        short: length of an arc that may be taken out [s].
+        bound: value of the limit [rad or m, or rad/s or m/s].
+        begin: end of the step before the stretch [s].
+        end: start of the step after the stretch [s].
+        worst: time of the largest excess [s].
+        short: length up to which an arc may be removed [s].
     """
 
     joint: int
@@ -90,7 +90,7 @@ class _Overlooked:
         return [k for k, change in near if (change.joint, change.mode, change.touch) == touch]
 
     def pressed_beside_contact(self, structure: SwitchingStructure) -> int | None:
-        """The change that begins a short arc of outward torque between a contact and inward torque; None: none does."""
+        """Index of the change to a short outward torque between a contact and inward torque; None: no such arc."""
         own = [k for k, change in enumerate(structure.changes) if change.is_of(self.joint)]
         last = int(np.searchsorted(structure.times[own], self.worst, side="right")) - 1
         if not 0 <= last < len(own) - 1:
@@ -114,7 +114,7 @@ class _Overlooked:
 
 
 def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
-    """Stretches of a rollout that exceed position and velocity limits, joint by joint."""
+    """Stretches of a rollout beyond position and velocity limits, joint by joint."""
     limits, t, n = rollout.shooting.problem.limits, rollout.times, len(rollout.structure.first)
     short = rollout.shooting.policy.descent.short * rollout.structure.duration
     for i in range(n):
@@ -158,16 +158,16 @@ def edited(
     """Remove and insert changes of a switching structure.
 
     Args:
-        rollout: whose states the others begin with.
-        structure: the rollout's, perhaps changed already.
-        gone: changes that are taken out.
-        more: changes that are put in, with their times.
+        rollout: rollout with the states at inserted changes.
+        structure: the rollout's structure, possibly edited already.
+        gone: changes to remove.
+        more: changes to insert, with their times.
     """
     return structure.without_changes(gone).with_changes((time, one, state_at(rollout, time)) for time, one in more)
 
 
 def state_at(rollout: Rollout, time: float) -> Array:
-    """(q, v) at a time [s], between steps about: Hermite's cubic, and a line."""
+    """(q, v) at a time [s]; between steps approximate: cubic Hermite, and linear."""
     k = int(np.clip(np.searchsorted(rollout.times, time, side="right") - 1, 0, rollout.h.size - 1))
     h, n = rollout.h[k], rollout.start.shape[1] // 2
     s = float(np.clip((time - rollout.times[k]) / h, 0, 1)) if h > 0 else 0.0

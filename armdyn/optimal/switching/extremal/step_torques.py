@@ -1,4 +1,4 @@
-"""Torques of a rollout: at the ends of its steps, with the free ones' slopes by the unknowns."""
+"""Torques of a rollout at the ends of its steps, with the free torques' derivatives in the unknowns."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,12 +15,12 @@ _KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
 @dataclass(frozen=True, eq=False)
 class Torques:
-    """Torques at both ends of all steps, and derivatives of the free ones by the unknowns.
+    """Torques at both ends of all steps, and derivatives of the free ones in the unknowns.
 
     Attributes:
-        tau: at the starts and at the ends [N m], each of shape (steps, nv).
-        held: 1 for joints that their own torques hold, shape (steps, nv).
-        carried: 1 for a joint that another one's torque holds, and for that other joint, shape (steps, 2 nv).
+        tau: torques at the starts and ends [N m], each of shape (steps, nv).
+        held: 1 for joints held by their own torques, shape (steps, nv).
+        carried: 1 for a joint held by another one's torque, and for that other joint, shape (steps, 2 nv).
         free_mask: 1 for joints whose torques are free, likewise.
         by: ∂τ/∂(unknowns) of free torques at the starts and at the ends, each of shape (steps, nv, width).
     """
@@ -33,14 +33,14 @@ class Torques:
 
     @classmethod
     def of(cls, limits: JointLimits, unit: Array, structure: SwitchingStructure, arc: Index, part: Array) -> Self:
-        """Torques of a structure's steps.
+        """Evaluate the torques of a structure's steps.
 
         Args:
-            limits: of the torques.
-            unit: what a coefficient of 1 in a singular control is [N m], shape (nv,).
-            structure: its arcs.
-            arc: which arc each step is in, shape (steps,).
-            part: of its arc that a step is, likewise.
+            limits: torque limits.
+            unit: torque of a coefficient of 1 in a singular control [N m], shape (nv,).
+            structure: the structure.
+            arc: index of each step's arc, shape (steps,).
+            part: part of its arc that each step is, likewise.
         """
         modes = structure.modes()
         signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
@@ -74,21 +74,21 @@ class Torques:
 
     @property
     def kept(self) -> Array:
-        """`held` and `carried`, as the flow takes them, shape (steps, 3 nv)."""
+        """`held` and `carried`, concatenated for the flow, shape (steps, 3 nv)."""
         return np.hstack([self.held, self.carried])
 
     @property
     def layers(self) -> list[Array]:
-        """Free torques, one of each step at a time: 1 for its joint, each of shape (steps, nv); at least one layer."""
+        """Masks of free torques, at most one joint per step in each, shape (steps, nv); at least one mask."""
         number = np.cumsum(self.free_mask, axis=1)
         return [self.free_mask * (number == k + 1) for k in range(max(1, int(np.max(number))))]
 
     def slack(self, limits: JointLimits, unit: Array) -> tuple[Array, Array]:
-        """Distances of free torques from both limits, and slopes by the unknowns, shape (rows, width).
+        """Distances of free torques from both limits, and derivatives in the unknowns, shape (rows, width).
 
         Args:
-            limits: of the torques.
-            unit: what counts as 1 [N m], shape (nv,).
+            limits: torque limits.
+            unit: unit of torques [N m], shape (nv,).
         """
         steps, joints = np.nonzero(self.free_mask)
         scale, values, rows = unit[joints], [np.empty(0)], [np.empty((0, self.by[0].shape[2]))]
@@ -102,19 +102,19 @@ class Torques:
 def _along(
     structure: SwitchingStructure, arc: Index, lengths: Array, own: Index, ends: tuple[int, int]
 ) -> tuple[Array, Array]:
-    """Where steps start, then where they end in a segment, from 0 to 1; and by the unknowns, (2 own, width).
+    """Places of steps' starts, then ends, in a segment, from 0 to 1; derivatives in the unknowns, (2 own, width).
 
     Args:
-        structure: the arcs.
-        arc: which arc each step is in.
-        lengths: of the steps as parts of their arcs.
-        own: the steps asked for.
-        ends: changes that begin and end the segment.
+        structure: the structure.
+        arc: index of each step's arc.
+        lengths: lengths of the steps as parts of their arcs.
+        own: indices of the steps.
+        ends: changes at the start and the end of the segment.
     """
     edges = np.concatenate([[0.0], structure.times, [structure.duration]])
     by_edges = np.zeros((edges.size, structure.width))
     by_edges[1:, : edges.size - 1] = np.eye(edges.size - 1)
-    before, last = np.tile(arc[own], 2), np.cumsum(lengths)[own] - arc[own]  # the parts of an arc are 1 together
+    before, last = np.tile(arc[own], 2), np.cumsum(lengths)[own] - arc[own]  # the parts of an arc sum up to 1
     part = np.concatenate([last - lengths[own], last])
     t = (1 - part) * edges[before] + part * edges[before + 1]
     by_t = (1 - part)[:, None] * by_edges[before] + part[:, None] * by_edges[before + 1]

@@ -1,4 +1,4 @@
-"""A structure: which limit every joint is on from when to when, and the states at which that changes."""
+"""Switching structure: the active limit of every joint over time, and the states at the changes."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,14 +18,14 @@ StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | No
 
 @dataclass(frozen=True, eq=False)
 class SwitchingStructure:
-    """Modes over time, all joints together.
+    """Modes of all joints over time.
 
     Attributes:
         first: modes at the start, one per joint.
-        changes: in the order of their times.
-        times: of the changes [s], shape (m,), rising.
-        states: (q, v) that the motion goes on from at the changes, shape (m, 2 nv).
-        duration: of the motion [s].
+        changes: changes in the order of their times.
+        times: times of the changes [s], shape (m,), increasing.
+        states: initial states (q, v) of the arcs after the changes, shape (m, 2 nv).
+        duration: duration of the motion [s].
     """
 
     first: tuple[Mode, ...]
@@ -36,11 +36,11 @@ class SwitchingStructure:
 
     @classmethod
     def of(cls, arcs: Sequence[Arc], motion: Trajectory) -> Self:
-        """Arcs with states from a motion.
+        """Make a structure from arcs, with states from a motion.
 
         Args:
-            arcs: none of them singular.
-            motion: as long as the arcs together, about.
+            arcs: arcs without singular torques.
+            motion: motion of about the arcs' total duration.
         """
         changes: list[Change] = []
         times: list[float] = []
@@ -57,7 +57,7 @@ class SwitchingStructure:
 
     @property
     def key(self) -> StructureKey:
-        """Modes at the start, and all changes in turn, without their times."""
+        """Modes at the start and all changes in order, without their times."""
         return self.first, tuple((each.joint, each.mode, each.touch, each.carrier) for each in self.changes)
 
     @property
@@ -67,7 +67,7 @@ class SwitchingStructure:
 
     @property
     def controls(self) -> dict[int, SingularControl]:
-        """Singular controls of free torques, by the number of the change that begins them."""
+        """Singular controls of free torques, by the index of the change at their beginning."""
         return {k: change.control for k, change in enumerate(self.changes) if change.control}
 
     @property
@@ -77,12 +77,12 @@ class SwitchingStructure:
 
     @property
     def width(self) -> int:
-        """Number of unknowns: m + 1, and those of the singular controls."""
+        """Number of unknowns: m + 1 plus the singular controls' coefficients."""
         return self.size + 1 + sum(control.size for control in self.controls.values())
 
     @property
     def places(self) -> dict[int, slice]:
-        """Columns of the singular controls in the unknowns, by the index of the change that begins each."""
+        """Columns of the singular controls in the unknowns, by the index of the change at their beginning."""
         out: dict[int, slice] = {}
         first = self.size + 1
         for k, control in self.controls.items():
@@ -121,9 +121,9 @@ class SwitchingStructure:
         """The structure with other times, singular controls and states.
 
         Args:
-            by: what the unknowns change by, shape (width,).
-            states: at the changes, shape (m, 2 nv).
-            in_order: back in the order of the times.
+            by: step of the unknowns, shape (width,).
+            states: states at the changes, shape (m, 2 nv).
+            in_order: whether to sort the changes by their times.
         """
         m, changes, places = self.size, list(self.changes), self.places
         times = self.times + by[:m]
@@ -140,17 +140,17 @@ class SwitchingStructure:
         )
 
     def segments(self) -> Iterator[Segment]:
-        """Every joint's segments that a change begins or ends."""
+        """Every joint's segments between changes."""
         for joint in range(len(self.first)):
             own = [k for k, change in enumerate(self.changes) if change.joint == joint and not change.touch]
             if own:
                 yield from (Segment(a, b) for a, b in pairwise([-1, *own, self.size]))
 
     def orders(self, near: float) -> list[tuple[int, int]]:
-        """Pairs of changes, no farther from each other than a time [s], that must not pass each other within a step.
+        """Pairs of changes within a time [s] of each other that must not pass each other within a step.
 
-        Torques add up, so that the order in which two are switched does not matter. Where a joint is held on a limit
-        of velocity from then on, or no longer, by its own torque or another's, it does.
+        Torques add up, so that the order of two switches does not matter. It matters where a joint begins or ceases to
+        be held on a velocity limit, by its own torque or another's.
         """
         held, now, keeping = list[bool](), list(self.first), set[int]()
         for change in self.changes:
@@ -172,7 +172,7 @@ class SwitchingStructure:
         ]
 
     def span(self, segment: Segment) -> tuple[float, float]:
-        """Begin and end of a segment [s]."""
+        """Start and end of a segment [s]."""
         edges = [*self.times.tolist(), self.duration, 0.0]  # the start is at −1
         return edges[segment.begin], edges[segment.end]
 
@@ -187,7 +187,7 @@ class SwitchingStructure:
         return self.changes[segment.begin].mode
 
     def end_of(self, begin: int) -> int:
-        """Index of the change that ends the segment begun by change `begin`; m: the goal ends it."""
+        """Index of the change at the end of the segment that starts at change `begin`; m: the goal."""
         return next(segment.end for segment in self.segments() if segment.begin == begin)
 
     def with_changes(self, more: Iterable[tuple[float, Change, Array]]) -> Self:
@@ -199,7 +199,7 @@ class SwitchingStructure:
         return replace(self, changes=changes, times=np.array(times, float), states=np.array(states))
 
     def without(self, segments: Iterable[Segment]) -> Self:
-        """Remove segments of zero length: their changes happen at once."""
+        """Remove segments of zero length: their changes become simultaneous."""
         first, gone, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
             if segment.begin in gone or segment.end in gone:
@@ -210,7 +210,7 @@ class SwitchingStructure:
                 change = self.changes[segment.end]
                 first[change.joint] = change.mode
             carrier = None if segment.begin < 0 else changes[segment.begin].carrier
-            if carrier:  # what is left of the contact is the other joint's switch
+            if carrier:  # the other joint's switch remains of the contact
                 changes[segment.begin] = Change(carrier.joint, carrier.after)
                 continue
             gone.add(segment.end if segment.begin < 0 else segment.begin)
@@ -228,12 +228,12 @@ class SwitchingStructure:
 
     @property
     def idle_touches(self) -> list[int]:
-        """Numbers of the touches of a limit that the joint is on already: nothing depends on their times."""
+        """Indices of touches of a limit that the joint is already on: the motion does not depend on their times."""
         modes = self.modes()
         return [k for k, each in enumerate(self.changes) if each.touch and modes[k][each.joint] is each.mode]
 
     def without_changes(self, gone: Iterable[int]) -> Self:
-        """Remove touches, given by their indices."""
+        """Remove touches at given indices."""
         left = set(range(self.size)).difference(gone)
         return self._only(sorted(left))
 
@@ -242,10 +242,10 @@ class SwitchingStructure:
         return replace(self, changes=changes, times=self.times[list(kept)], states=self.states[list(kept)])
 
     def arcs(self, brief: float) -> list[Arc]:
-        """Arcs with these durations; of changes at one time the later ones' modes count.
+        """Arcs with these durations; the later of simultaneous changes determine the modes.
 
         Args:
-            brief: a joint that is on a velocity limit for less than this part of the duration touches it.
+            brief: part of the duration up to which an arc on a velocity limit is a touch.
         """
         edges = [0.0, *self.times.tolist(), self.duration]
         out: list[Arc] = []

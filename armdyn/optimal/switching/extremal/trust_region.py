@@ -1,4 +1,4 @@
-"""The least of a quadratic model within a ball and on the right side of planes: an active set, each time in a ball."""
+"""Trust-region step: minimum of a quadratic model within a ball and half-spaces, by an active-set method."""
 
 import math
 from dataclasses import dataclass
@@ -9,15 +9,15 @@ from scipy.optimize import nnls
 from armdyn.arrays import Array
 
 RANK = 1e-10
-"""Of the largest singular value: rounding."""
+"""Relative tolerance of singular values: rounding."""
 TIGHT = 1e-8
-"""Room to a plane that is none, in what unknowns are in: landing closes to about a tenth."""
+"""Distance to a plane that counts as zero, in units of the unknowns: landing converges to about a tenth of it."""
 _ALONG = 1e-12
-"""Of the radius: a step that comes so little nearer to a plane goes along it."""
+"""Approach to a plane, as a part of the radius, up to which a step is parallel to the plane."""
 _PULL = 1e-9
-"""A multiplier that pulls into a plane by no more is none, beside the 1 that time costs."""
+"""Multiplier of a plane that counts as zero, relative to time's 1."""
 _CHANGES = 4
-"""Of the planes that are kept to, so many times as many as there are unknowns: more go in circles."""
+"""Largest number of active-set changes, per unknown: more are a cycle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +25,8 @@ class QuadraticForm:
     """The objective gradient·y + yᵀ Hessian y / 2.
 
     Attributes:
-        gradient: shape (k,).
-        hessian: symmetric, shape (k, k).
+        gradient: gradient at 0, shape (k,).
+        hessian: symmetric Hessian, shape (k, k).
     """
 
     gradient: Array
@@ -37,15 +37,15 @@ class QuadraticForm:
         return float(self.gradient @ y + y @ self.hessian @ y / 2)
 
     def within(self, rows: Array, slack: Array, radius: float) -> tuple[Array, bool]:
-        """Smallest value found in |y| ≤ radius with rows y + room ≥ 0, and whether the radius is active.
+        """Minimise the form in |y| ≤ radius with rows y + slack ≥ 0; return y and whether the radius is active.
 
-        From y = 0 on: to the least with the planes that are kept to, or as far as the next plane, which is kept to
-        from there; at the least, a plane that holds nothing back is let go.
+        From y = 0 the method goes to the minimum on the active planes, or to the next plane, which becomes active; at
+        the minimum, planes with a negative multiplier become inactive.
 
         Args:
-            rows: shape (planes, k).
-            slack: at y = 0; negative counts as none, shape (planes,).
-            radius: of the ball.
+            rows: normals of the planes, shape (planes, k).
+            slack: slack at y = 0, shape (planes,); negative counts as zero.
+            radius: radius of the ball.
         """
         y, slack, kept = np.zeros_like(self.gradient), np.maximum(slack, 0.0), list[int]()
         best, best_value, rim_there = y, 0.0, False
@@ -73,7 +73,7 @@ class QuadraticForm:
         return best, rim_there
 
     def _along(self, y: Array, kept: Array, radius: float) -> tuple[Array, float, bool]:
-        """The least in the ball as far from some planes as y is; the ball's multiplier; whether its rim is met."""
+        """Minimum in the ball at y's distance from some planes; the ball's multiplier; whether the ball is active."""
         free = null_space(kept) if len(kept) else np.eye(y.size)
         if not len(free):
             return y, 0.0, False
@@ -85,11 +85,11 @@ class QuadraticForm:
 
 
 def held_back(gradient: Array, rows: Array) -> tuple[Array, float]:
-    """Multipliers of the planes that stop a descent, shape (planes,), and the norm of the projected gradient.
+    """Multipliers of the planes that block a descent, shape (planes,), and the norm of the projected gradient.
 
     Args:
-        gradient: shape (k,).
-        rows: of the planes, shape (planes, k).
+        gradient: gradient, shape (k,).
+        rows: normals of the planes, shape (planes, k).
     """
     if not len(rows):
         return np.empty(0), float(np.linalg.norm(gradient))
@@ -104,7 +104,7 @@ def null_space(rows: Array) -> Array:
 
 
 def _in_ball(values: Array, down: Array, radius: float) -> tuple[Array, float, bool]:
-    """The least of ½ Σ λ y² − down·y within a ball, its multiplier, and whether its rim is reached.
+    """Minimum of ½ Σ λ y² − down·y within a ball, its multiplier, and whether the ball is active.
 
     Moré and Sorensen, Computing a trust region step, SIAM J. Sci. Stat. Comput. 4, 1983.
     """
