@@ -76,9 +76,12 @@ def _marked(task: Task, motion: Trajectory) -> Trajectory:
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
     """The solution without a motion. Arguments as for `assembled`."""
     attempt, worst = found.failed[0], found.failed[0].worst_violation
-    ended = task.stop.cut_short and not task.stop.interrupted
-    why = ended_by_time(task.options.time_limit) if ended else attempt.message
-    status = Status.TIME_LIMIT if ended else attempt.status
+    if task.stop.interrupted:
+        status, why = Status.INTERRUPTED, task.stop.word
+    elif task.stop.cut_short:
+        status, why = Status.TIME_LIMIT, ended_by_time(task.options.time_limit)
+    else:
+        status, why = attempt.status, attempt.message
     return replace(
         without_motion(task.problem, status, why + (f"; worst: {worst}" if worst else ""), attempt.trajectory),
         certificate=Certificate(np.inf, np.inf, np.inf, remark=f"no motion was found ({attempt.message})"),

@@ -127,8 +127,8 @@ class Solution:
 
     @property
     def what_to_do(self) -> tuple[str, ...]:
-        """Advice, one line per failed check; empty if the motion is usable and certified."""
-        if self.certified and self.usable:
+        """Advice, one line per failed check; empty for a usable, certified motion, or if Ctrl-C came first."""
+        if (self.certified and self.usable) or (self.status is Status.INTERRUPTED and not self.moves):
             return ()
         return tuple(advice(self.problem, self.certificate, self.constraint_reports, self.phases is not None).values())
 

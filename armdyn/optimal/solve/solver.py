@@ -68,8 +68,8 @@ class NlpResult:
             found: last x, lam_x and lam_g.
         """
         x, lam_x, lam_g = found
-        if status is Status.INTERRUPTED and not stop.interrupted:
-            status, message = Status.TIME_LIMIT, "time limit reached"
+        if status is Status.INTERRUPTED:
+            status, message = stop.status, stop.word
         if not np.all(np.isfinite(x)):
             status, x = Status.FAILED if status is Status.SOLVED else status, data.x
         return cls(status, message, iterations, x, lam_x, lam_g)

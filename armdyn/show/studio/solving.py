@@ -1,5 +1,7 @@
 """Solver process of the studio: the newest request wins, and the running computation is stopped for it."""
 
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -82,8 +84,18 @@ class NewestFirst(Generic[Request, Result]):
     def _newer(self) -> bool:
         return self._waiting is not None
 
+    def _heard(self, what: Request) -> Result:
+        """Do what is requested, interruptible also where SIGINT is ignored by inheritance: a studio in the background.
+
+        There the process leaves the group of the terminal, whose Ctrl-C stays ignored.
+        """
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+            os.setpgid(0, 0)
+            signal.signal(signal.SIGINT, lambda number, frame: None)
+        return self._do(what)
+
     def _run(self) -> None:
-        with fork_pool(self._do, 1) as pool:
+        with fork_pool(self._heard, 1) as pool:
             while not self._closed:
                 with self._lock:
                     what, self._waiting = self._waiting, None

@@ -84,6 +84,14 @@ def test_without_a_motion_there_is_no_worst_to_name(task):
     assert solution.message == "no motion was found: time limit reached"
 
 
+def test_ctrl_c_before_a_motion_is_no_shortcoming(task):
+    begun = replace(task, stop=Stop(interrupted=True))
+    over = replace(Attempt.unbegun(Stop(), spline(task.problem, []), 40), status=ad.Status.ITERATION_LIMIT)
+    solution = failed(begun, Found((), failed=(over,)), 1.0)
+    assert solution.status is ad.Status.INTERRUPTED
+    assert solution.message == "no motion was found: interrupted" and solution.what_to_do == ()
+
+
 def test_a_bound_becomes_a_gap_and_may_certify(task):
     plain = answer(task, optimum(task))
     assert plain.lower_bound is plain.gap is None and not plain.gap_proven and not plain.certified

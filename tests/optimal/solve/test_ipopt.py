@@ -75,7 +75,7 @@ def test_unknowns_are_finite_always():
 def test_a_stop_is_asked_in_its_own_call_only():
     solver = Ipopt(valley(Shape(100.0)), SETTINGS)
     interrupted, late = solve(solver, stop=Stop(interrupted=True)), solve(solver, stop=Stop(deadline=0.0))
-    assert interrupted.status is Status.INTERRUPTED
+    assert interrupted.status is Status.INTERRUPTED and interrupted.message == "interrupted"
     assert late.status is Status.TIME_LIMIT and late.message == "time limit reached"
     assert solve(solver).status is Status.SOLVED
 

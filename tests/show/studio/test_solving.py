@@ -5,6 +5,7 @@ import os
 import signal
 import time
 
+from armdyn.optimal.problem.stop import stopping
 from armdyn.show.studio.solving import NewestFirst
 
 
@@ -38,6 +39,22 @@ def test_the_newest_request_is_done_and_what_is_under_way_is_stopped_for_it():
         assert next_result(solver).result == (0.5, False)
         assert time.monotonic() - began < 30.0
         assert solver.newest() is None
+
+
+def test_it_is_stopped_also_where_ctrl_c_is_ignored_by_inheritance():
+    def until_stopped(seconds):
+        with stopping(seconds) as stop:
+            while not stop:
+                time.sleep(0.01)
+        return stop.interrupted
+
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with NewestFirst(until_stopped, 20.0) as solver:
+            solver.request(0.1)
+            assert next_result(solver).result is True
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_short_computation_is_left_to_end():
