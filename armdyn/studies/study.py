@@ -165,7 +165,7 @@ class Study(Cases):
                 raise ProblemError("count: a grid has as many cases as its values make; leave count out")
             for axis in self.axes:
                 if not axis.levels:
-                    raise ProblemError(f"{axis.name} has a range without count; a grid needs how many values it takes, 1 or more")
+                    raise ProblemError(f"{axis.name} has a range without count; a grid needs it, 1 or more values")
         if not 1 <= self._cases() <= MAX_CASES:
             count = f"the grid has {self._cases()} cases" if self.method == "grid" else f"count is {self.count}"
             raise ProblemError(f"{count}; a study has 1 to {MAX_CASES} cases")

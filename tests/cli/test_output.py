@@ -133,9 +133,7 @@ def test_a_full_disk_is_exit_5(command, here, monkeypatch):
     assert answer["message"].startswith("disk full while writing run/")
     assert answer["message"].endswith("; what was written before is whole")
     left = {path.name for path in here.rglob("*") if path.is_file() and path.name != "motion.npz"}
-    assert (
-        left <= {"study.sqlite", "study.sqlite.lock"} if command == "sweep" else not left
-    )  # the study's rows are whole
+    assert left <= {"payloads.sqlite", "payloads.sqlite.lock"} if command == "sweep" else not left  # the rows are whole
 
 
 def test_what_was_written_before_the_disk_was_full_is_whole(tiny_disk):

@@ -51,6 +51,14 @@ def test_a_case_that_is_refused_is_said(study, tmp_path):
     assert "6 of 6: 6 refused" in done.stdout and "same state" in done.stdout
 
 
+@pytest.mark.slow
+def test_payloads_of_a_robot_leave_a_study_s_rows_in_the_same_folder(tmp_path):
+    (tmp_path / "r.toml").write_text("[arms.r]\nq_start = [-1.0]\nq_goal = [1.0]\n[vary]\npayload = [0.1, 0.2]\n")
+    run_here("sweep", "r.toml", "--no-figure", cwd=tmp_path)
+    run_here("sweep", "r", "--payload", "0.1", "--no-figure", cwd=tmp_path)
+    assert len(study_table(tmp_path / "results" / "sweep-r" / "study.sqlite")) == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -15,7 +15,7 @@ from armdyn.cli.console import Answer, console, errors, escape, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
-from armdyn.cli.sweeps.study import ROWS, SweepResults
+from armdyn.cli.sweeps.study import SweepResults
 from armdyn.optimal.answer.summary import reserve_summary
 from armdyn.optimal.problem.stop import stopping
 from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
@@ -25,6 +25,8 @@ from armdyn.studies.rows import StudyRow, row_store
 from armdyn.studies.run import CaseRun
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, motion_from
 
+ROWS = "payloads.sqlite"
+"""Rows, of a name of their own: those of other payloads are replaced, those of a study file in the same folder stay."""
 _SAME = ("certified", "gap", "ms_per_gram", "limited_most_by", "ms_saved_by_one_per_cent")
 """Facts of the study's row that are columns of the table."""
 

@@ -14,10 +14,12 @@ from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
 from armdyn.cli.tracking.controllers import LoopOptions
-from armdyn.cli.tracking.many import ROWS, ArmsOptions, range_of
+from armdyn.cli.tracking.many import ArmsOptions, range_of
 from armdyn.errors import ProblemError
 from armdyn.files import as_json, attributes
 
+ROWS = "tuning.sqlite"
+"""Rows, of a name of their own: another search replaces them."""
 _CHOSEN_ON = 10
 """Most likely arms for choosing gains, at most half of all: the others are held out."""
 

@@ -122,7 +122,7 @@ class ClosedLoopTask:
         """
         kind = CONTROLLERS[self.controller]
         if kind.required and (missing := [name for name in kind.settings if name not in own]):
-            raise ProblemError(f"controller {self.controller!r} needs {', '.join(missing)}: fix or vary them")
+            raise ProblemError(f"controller {self.controller!r} needs {', '.join(missing)}, in [fixed] or [vary]")
         return kind.make(**{name: float(own[name]) for name in kind.settings if name in own})
 
     def loop_of(self, own: Mapping[str, Value]) -> Loop:
@@ -140,7 +140,7 @@ class ClosedLoopTask:
         """
         if self.reference == "ramp":
             if "ramp" not in own:
-                raise ProblemError("a ramp takes how long? Fix or vary the setting ramp [s]")
+                raise ProblemError("reference 'ramp' needs ramp [s], in [fixed] or [vary]")
             return ramp(self.problems.robot(own), *self.problems.ends(own), float(own["ramp"]))
         key = self.problems.key({name: own[name] for name in own if name not in self.signs or name in SIGNS})
         if key not in _references:
