@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -50,6 +50,16 @@ def called(name: object) -> str:
     """A name in quotation marks, on one line whatever it has in it, and cut off where it is long."""
     text = repr(str(name)[:_MOST_OF_A_NAME])  # repr escapes line breaks and characters that cannot be printed
     return _cut(text, _MOST_OF_A_NAME)
+
+
+def position_unit(slides: Iterable[object]) -> str:
+    """Unit of positions of several joints.
+
+    Args:
+        slides: whether each slides; of none nothing is known.
+    """
+    units = {"m" if one else "rad" for one in slides}
+    return units.pop() if len(units) == 1 else "rad or m"
 
 
 def percent(part: float) -> str:

@@ -16,7 +16,7 @@ def test_the_notebook_runs(tmp_path):
     NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(tmp_path)}}).execute()
     printed = "".join(str(cell.get("outputs")) for cell in notebook.cells)
     assert "0.210671702 s, certified: True" in printed
-    assert "all joints within 0.005 rad or m of the goal" in printed
+    assert "all joints within 0.005 rad of the goal" in printed
     assert printed.count("image/png") == 2  # both figures are shown
     assert (tmp_path / "first_motion.html").stat().st_size > 100_000
 

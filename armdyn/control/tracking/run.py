@@ -18,7 +18,7 @@ from armdyn.dynamics.driven import Driven
 from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.rendering import renderer
-from armdyn.reprs import brief, called
+from armdyn.reprs import brief, called, position_unit
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
 
@@ -99,11 +99,11 @@ class Run:
             self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
         )
 
-    def words(self) -> dict[str, str]:
-        """The numbers of a run in words, by their names."""
+    def words(self, unit: str = "rad or m") -> dict[str, str]:
+        """The numbers of a run in words, by their names; `unit` is of the joints' positions."""
         return {
-            "error at the reference's end": f"{self.error_at_end:.4g} rad or m",
-            "largest error on the way": f"{self.peak_error:.4g} rad or m",
+            "error at the reference's end": f"{self.error_at_end:.4g} {unit}",
+            "largest error on the way": f"{self.peak_error:.4g} {unit}",
             "largest speed": f"{100 * self.peak_velocity:.3g} % of its limit",
             "torque on its limit": f"{100 * self.saturated:.0f} % of the time",
         }
@@ -215,7 +215,8 @@ def _status(
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if settled is not None:
-        return "settled", f"all joints within {tolerance:g} rad or m of the goal from t = {settled:.6g} s on"
+        unit = position_unit(robot.slides)
+        return "settled", f"all joints within {tolerance:g} {unit} of the goal from t = {settled:.6g} s on"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
     held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]
     tail = f"; the torque of {', '.join(held)} is on its limit to the end" if held else ""

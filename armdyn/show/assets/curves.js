@@ -9,7 +9,7 @@ const armdynPalette = dark => (dark
       joints: ["#5aa2e8", "#f2a154", "#57c483", "#ef6b73", "#b08ae0", "#3fc4d3", "#c39a77", "#ec8ac0"] }
   : { ink: "#30363d", soft: "#6b7785", grid: "#e3e8ed", band: "rgba(31,41,51,.035)", T: "#cc2936", V: "#2970b8", Q: "#7b52ab",
       joints: ["#2970b8", "#d9731a", "#2b8f50", "#cc2936", "#7b52ab", "#0f96a5", "#8a5a3b", "#c9509a"] });
-const armdynNumber = (x, digits) => x.toFixed(digits).replace("-", "−");
+const armdynNumber = (x, digits) => x.toFixed(digits).replace(/^-(?=[0.]*$)/, "").replace("-", "−");  // no −0.000
 
 const armdynCurves = (host, motions, names, seek, zooms) => {
   const floats = (text, kind) => new kind(Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer);

@@ -47,7 +47,7 @@ def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits,
         speed = most_used(v[:, j], -limits.velocity[j], limits.velocity[j])
         torque = most_used(tau[:, j], lower[:, j], upper[:, j])
         rows.append([
-            th(name, "row"), td(f"{q[0, j]:.4f} {turn}"), td(f"{q[-1, j]:.4f} {turn}"),
+            th(name, "row"), td(f"{q[0, j]:z.4f} {turn}"), td(f"{q[-1, j]:z.4f} {turn}"),
             td(f"{np.abs(v[:, j]).max():.4g} {turn}/s"), _share(speed),
             td(f"{np.abs(tau[:, j]).max():.4g} {force}"), _share(torque), td(str(switching[j])),
         ])  # fmt: skip

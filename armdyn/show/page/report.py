@@ -142,7 +142,7 @@ def report_of(
         lead.append(f"{first.name} against {', '.join(move.name for move in moves[1:])}")
     rows = joints.compared(moves, subject.limits)
     judged = len(moves) > 1 and all(move.facts.values for move in moves)  # a run's own reference is not
-    tiles = joints.comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration)
+    tiles = joints.comparison_tiles(rows) if judged else tiles_of(first.facts, first.motion.duration, subject.sliding)
     return Report(
         title or subject.name,
         " · ".join(lead),

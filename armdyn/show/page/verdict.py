@@ -1,9 +1,10 @@
 """Verdict on a run in words, with its numbers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.reprs import USELESS_GAP, percent
+from armdyn.reprs import USELESS_GAP, percent, position_unit
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -61,12 +62,13 @@ def verdict_of(facts: Facts) -> Verdict:
     return Verdict("none", "Not judged", "A motion without a result: nothing of it was checked.")
 
 
-def tiles_of(facts: Facts, duration: float) -> list[Tile]:
+def tiles_of(facts: Facts, duration: float, sliding: Sequence[bool]) -> list[Tile]:
     """The headline numbers of a run.
 
     Args:
         facts: of a run.
         duration: of its motion [s].
+        sliding: which joints slide instead of turning.
     """
     tiles = [Tile("duration", seconds(duration))]
     if "certificate" in facts:
@@ -85,14 +87,15 @@ def tiles_of(facts: Facts, duration: float) -> list[Tile]:
             tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
     if "steps" in facts:
         tiles += _cycle_tiles(facts, duration)
+    way = position_unit(sliding)
     for name, label, scale, unit, note in (
         ("optimal_duration", "the fastest takes", 1.0, " s", ""),
         ("arrival_time", "arrived", 1.0, " s", ""),
         ("settling_time", "all joints settled", 1.0, " s", ""),
         ("settled_time", "settled", 1.0, " s", ""),
         ("reference_duration", "reference", 1.0, " s", ""),
-        ("error_at_end", "error at its end", 1.0, " rad or m", ""),
-        ("peak_error", "largest error", 1.0, " rad or m", "on the way"),
+        ("error_at_end", "error at its end", 1.0, f" {way}", ""),
+        ("peak_error", "largest error", 1.0, f" {way}", "on the way"),
         ("saturated", "torque on its limit", 100.0, " %", "of the time"),
     ):
         if name in facts:

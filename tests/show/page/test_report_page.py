@@ -15,7 +15,7 @@ from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Report, Subject, report_html, report_of
 from armdyn.show.page.sections import td
-from armdyn.show.page.verdict import verdict_of
+from armdyn.show.page.verdict import tiles_of, verdict_of
 from show.motions import quintic
 from show.page.runs import judged
 
@@ -108,6 +108,17 @@ def test_minus_signs_of_cells_are_minus_signs():
     for number, shown in (("-2.5e-05", "−2.5e−05"), ("2.5e-05", "2.5e−05"), ("-1 to -3", "−1 to −3")):
         assert td(number) == f"<td>{shown}</td>"
     assert td("2025-01-16, ur5-3") == "<td>2025-01-16, ur5-3</td>"
+
+
+def test_a_nought_has_no_sign():
+    robot, _ = judged()
+    loop = quintic(robot, [0, 0], [-1e-9, 1], 1.0, "PID")
+    assert "0.0000 rad" in (said := text_of(page_of(ShownMotion("PID", loop, Facts()), robot=robot)))
+    assert "−0.0000" not in said
+
+
+def test_errors_have_the_unit_of_the_joints():
+    assert {tile.value for tile in tiles_of(Facts({"peak_error": 0.06}), 1.0, [False, False])} >= {"0.06 rad"}
 
 
 def test_a_bare_motion_is_not_judged():
