@@ -17,7 +17,6 @@ from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions, PlantOptions
 from armdyn.errors import ProblemError
-from armdyn.reprs import position_unit
 
 _UNUSED = {
     "reference": ("q_start", "q_goal", "reserve", "velocity_reserve"),
@@ -104,7 +103,7 @@ def track(
             written = results.write(folder, real, motions, summary, title, progress=progress)
         answer.facts |= {**summary, **written.facts}
         answer.judge(run.settled)
-        words = friction_words(real) | _words(run, motion, real) | written.words
+        words = friction_words(real) | _words(run, motion) | written.words
         console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
 
 
@@ -119,16 +118,15 @@ def _outcome(run: ad.Run) -> str:
     return str(run.status).replace("_", " ") if run.settled_time is None else f"settled at {run.settled_time:.4f} s"
 
 
-def _words(run: ad.Run, reference: ad.Trajectory, arm: ad.Robot) -> dict[str, str]:
-    """A run of an arm in words."""
-    settled, unit = run.settled_time, position_unit(arm.slides)
+def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
+    """A run in words."""
+    settled = run.settled_time
     later = "" if settled is None else f", {1e3 * (settled - reference.duration):+.1f} ms from the reference's end"
     words = {
         "reference": f"{reference.duration:.4f} s",
         "status": run.message,
         "settled": "-" if settled is None else f"{settled:.4f} s{later}",
-        "overshoot": ", ".join(f"{x:.4f}" for x in run.overshoot) + f" {unit}",
-        **run.words(unit),
+        **run.words(),
     }
     if run.went_wrong is not None:
         words["went wrong"] = f"at {run.went_wrong:.3f} s"

@@ -55,6 +55,7 @@ class Run:
         arrival_rule: see `ArrivalRule`.
         max_real_eigenvalue: of `simulate_pid`: largest real part [1/s] of the loop's eigenvalues at the goal, without
             saturation; the loop is stable there if it is negative. None: not computed.
+        unit: of the joints' positions, in words.
     """
 
     trajectory: Trajectory
@@ -71,6 +72,7 @@ class Run:
     arrival_time: float | None = None
     arrival_rule: ArrivalRule = "last_entry_all_joints"
     max_real_eigenvalue: float | None = None
+    unit: str = "rad or m"
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
@@ -99,11 +101,12 @@ class Run:
             self, stability=stability, message=f"{self.message}; at the goal the loop is {stability.message}"
         )
 
-    def words(self, unit: str = "rad or m") -> dict[str, str]:
-        """The numbers of a run in words, by their names; `unit` is of the joints' positions."""
+    def words(self) -> dict[str, str]:
+        """The numbers of a run in words, by their names."""
         return {
-            "error at the reference's end": f"{self.error_at_end:.4g} {unit}",
-            "largest error on the way": f"{self.peak_error:.4g} {unit}",
+            "overshoot": f"{', '.join(f'{x:z.4f}' for x in self.overshoot)} {self.unit}",
+            "error at the reference's end": f"{self.error_at_end:.4g} {self.unit}",
+            "largest error on the way": f"{self.peak_error:.4g} {self.unit}",
             "largest speed": f"{100 * self.peak_velocity:.3g} % of its limit",
             "torque on its limit": f"{100 * self.saturated:.0f} % of the time",
         }
@@ -148,6 +151,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         went_wrong=float(t[lost[0]]) if lost.size else broke,
         overshoot=overshoot(driven.q, ticks.goal),
         arrival_time=settled,
+        unit=position_unit(robot.slides),
     )
 
 
