@@ -3,8 +3,8 @@
     pip install .  (armdyn's own folder)  and  python examples/pinocchio_in_casadi.py
 
 The `pin` wheel has no `pinocchio.casadi` (Pinocchio's issues 2759 and 2578 ask for it). armdyn instantiates Pinocchio's
-templated algorithms on `casadi::SX` when it is installed; here they are held against `pin` itself, and used for what
-they are wanted for: an optimal control problem of one's own.
+templated algorithms on `casadi::SX` when it is installed; here they are compared with `pin` itself, and used for an
+optimal control problem of one's own.
 """
 
 import casadi as ca

@@ -1,6 +1,6 @@
-"""Time armdyn beside a plain CasADi script, rockit's and Drake's DirectCollocation, in one run.
+"""Time armdyn against a plain CasADi script, rockit's and Drake's DirectCollocation, in one run.
 
-With --loops its closed loop stands beside MuJoCo and Drake's Simulator, ten seconds of three joints at 1 kHz.
+With --loops its closed loop is timed against MuJoCo and Drake's Simulator, ten seconds of three joints at 1 kHz.
 Times are wall times of a solve, the median of --repeats runs after one that is dropped (unless that one alone
 takes more than 10 s); "ratio" is to armdyn's one solve. Building functions is not in them, but in its own column [s].
 Every answer has its torques replayed through pin.aba: "replay" is the largest position error at the goal [rad].

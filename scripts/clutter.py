@@ -1,10 +1,10 @@
 """Motions among shelves, boxes and tables: the problems of MotionBenchMaker (Chamzas et al., RA-L 2022), docs/cells.md.
 
 A folder of problems holds one folder for each set, such as box_panda, with request0001.yaml and scene0001.yaml. Each
-problem is solved as a user would: real geometry, self-collision, a clearance of 1 mm; fingers may touch what they hold
+problem is solved as a user would: real geometry, self-collision, a clearance of 1 mm; fingers may touch the held part
 at the goal. A motion is then sampled at 5,000 times, and its distances are computed by coal on the meshes of the URDF
 as they are, which the solver does not use: it takes convex parts. CPU seconds are those of all threads and processes;
-what is built once for an arm is built before. Rows are kept in --out as they come: a run that was ended goes on where
+an arm's functions are built before. Rows are kept in --out as they come: a run that was ended goes on where
 it stopped, with --again, too.
 
     scripts/clutter.py problems --sets box_panda cage_panda --last 20 --out rows.jsonl
@@ -66,7 +66,7 @@ def problem_of(folder: Path, name: str, k: int) -> ad.MinimumTimeProblem:
 
 
 def held(robot: ad.Robot, obstacles: tuple[Any, ...], goal: np.ndarray) -> list[tuple[str, str]]:
-    """Pairs of the gripper's links and what they hold: nearer at the goal than the clearance."""
+    """Pairs of the gripper's links and the held part, nearer at the goal than the clearance."""
     model = Meshes(robot, obstacles)
     near = model.distances(goal, np.array([any(part in link for part in GRASPING) for link, _ in model.names]))
     return sorted({model.names[k] for k in np.flatnonzero(near <= CLEARANCE)})
@@ -205,12 +205,12 @@ def solved(folder: Path, name: str, k: int) -> dict[str, Any]:
 
 
 def run(given: argparse.Namespace) -> None:
-    """Solve what --out has no row of."""
+    """Solve the problems without a row in --out."""
     rows = lines(given.out) if given.out.exists() else []
     done = {(row["set"], row["problem"]) for row in rows}
     todo = [(name, k) for k in range(given.first, given.last + 1) for name in given.sets if (name, k) not in done]
     for one in {name.rsplit("_", 1)[1]: (name, k) for name, k in todo}.values():
-        solved(given.folder, *one)  # builds what later solves find built
+        solved(given.folder, *one)  # builds the functions of later solves
     with given.out.open("a") as out:
         for name, k in todo:
             row = solved(given.folder, name, k)
@@ -228,7 +228,7 @@ def said(row: dict[str, Any]) -> str:
 
 
 def again(given: argparse.Namespace) -> None:
-    """Solve some problems again, beside busy processes, and compare the durations; what --out has is not solved."""
+    """Solve some problems again, with busy processes in parallel, and compare the durations; skips those in --out."""
     rows = [row for row in lines(given.again) if row["usable"]]
     chosen = np.random.default_rng(given.seed).choice(len(rows), min(given.some, len(rows)), replace=False)
     known = {(row["set"], row["problem"]): row["again"] for row in lines(given.out)} if given.out.exists() else {}
@@ -245,7 +245,7 @@ def again(given: argparse.Namespace) -> None:
 
 @contextmanager
 def busy(count: int) -> Iterator[None]:
-    """Keep so many processes at work meanwhile."""
+    """Keep a number of processes busy meanwhile."""
     others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:
         yield
@@ -261,7 +261,7 @@ def lines(path: Path) -> list[dict[str, Any]]:
 
 
 def table(rows: list[dict[str, Any]]) -> str:
-    """A row for each set and one for each arm, then what failed."""
+    """A row for each set and one for each arm, then the failures."""
     out = [
         "| set | usable | time: mean, 98 % [s] | to free: median, worst | to bound: median, worst "
         "| CPU: median, 95 %, worst [s] | least distance [mm] |",
@@ -301,7 +301,7 @@ def main() -> None:
     parser.add_argument("--again", type=Path, metavar="ROWS", help="solve some of them again and compare")
     parser.add_argument("--some", type=int, default=100, help="how many of --again (100)")
     parser.add_argument("--seed", type=int, default=0, help="of the choice of --again (0)")
-    parser.add_argument("--busy", type=int, default=0, help="processes that are busy beside --again (0)")
+    parser.add_argument("--busy", type=int, default=0, help="busy processes in parallel with --again (0)")
     given = parser.parse_args()
     given.out = given.out or Path("again.jsonl" if given.again else "clutter.jsonl")
     if given.table:

@@ -1,10 +1,10 @@
-"""Prints what controllers make of random motions that are planned under their presets, beside Ruckig's times.
+"""Print checks of random motions that are planned under controllers' presets, with Ruckig's times.
 
     python scripts/controllers.py [--count 100] [--seed 31] [--robots panda ur10]
 
 Poses are uniform over 80 % of the joint ranges within ±π. "Accepted": by `preset.check`, at the controller's rate.
 Ruckig (L. Berscheid, T. Kröger, RSS 2021) knows velocity, acceleration and jerk limits, and no torques; where a preset
-has no limit of acceleration or jerk there is no ratio. Seconds are of one solve, bound included, with what is built
+has no limit of acceleration or jerk there is no ratio. Seconds are of one solve, bound included, with functions built
 once for an arm built before.
 """
 

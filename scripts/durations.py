@@ -1,4 +1,4 @@
-"""Every reference answer with all its digits, as JSON: to hold a change of the code against what was before.
+"""Every reference answer with all its digits, as JSON: to compare the results before and after a change of the code.
 
 python scripts/durations.py > before.json; …; python scripts/durations.py > after.json
 python scripts/durations.py --compare before.json after.json
@@ -51,7 +51,7 @@ def answers():
 
 
 def compare(before, after):
-    """Say what differs by more than 1e-9 of it."""
+    """Print relative differences of more than 1e-9."""
     worst = 0.0
     for name in before.keys() | after.keys():
         a, b = before.get(name), after.get(name)

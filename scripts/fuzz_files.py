@@ -29,7 +29,7 @@ TIME, MEMORY = 20, 2**30  # [s] and [bytes] that a file may take
 def work(kind: str, count: int, seed: int) -> tuple[Counter, float, int, int]:
     """Load these damaged files; how they ended, the longest time [s], its number, and the memory above idle [bytes]."""
     fuzz = getattr(importlib.import_module(KINDS[kind]), f"fuzz_{kind}")
-    fuzz(1, seed)  # what is loaded and computed once
+    fuzz(1, seed)  # modules and functions that are loaded once
     now = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024
     resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, now + MEMORY))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -48,7 +48,7 @@ def work(kind: str, count: int, seed: int) -> tuple[Counter, float, int, int]:
 
 
 def main() -> int:
-    """Count what came of each kind of file."""
+    """Count the outcomes of each kind of file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000, help="how many of each kind")
     parser.add_argument("--seed", type=int, default=0, help="number of the first")

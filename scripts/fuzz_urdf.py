@@ -24,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
 BASES = {"r": (), "rrr": (), "ur5": (), "panda": ("panda_finger_joint1",), "kinova": (), "z1": ("jointGripper",),
          "tiago_pro": ("gripper_left_finger_joint", "gripper_right_finger_joint")}  # fmt: skip
-"""What is mutated: robots by name, and the joints that they are loaded with locked."""
+"""Mutated robots by name, and their locked joints."""
 
 TIME, MEMORY = 20, 2**30  # [s] and [bytes] that a file may take
 
 
 def kind_of(error: Exception) -> str:
-    """An error's class and its words, without what differs from file to file."""
+    """An error's class and its words, without parts that differ from file to file."""
     words = re.sub(r"(link|joint) '.*?': ", "", str(error).split(": ", 1)[-1])
     words = re.sub(r"'.*?'|[(\[].*|[-+]?[0-9.]+(e[-+]?[0-9]+)?|(?<=through ).*|(?<=roots, ).*", "…", words)
     words = re.sub(r"(<\w+[> ])\w+=|lacks \w+$", r"\1…=", words)
@@ -77,7 +77,7 @@ def work(numbers: range, keep: str | None) -> None:
 
 
 def main() -> int:
-    """Run slices and count what came of them."""
+    """Run slices and count their outcomes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--first", type=int, default=0, help="number of the first mutation")
     parser.add_argument("--count", type=int, default=1000, help="how many")

@@ -1,4 +1,4 @@
-"""Make the pictures of the documents: what commands draw, and how their pages look in a real Chromium.
+"""Make the pictures of the documents: figures of commands, and their pages in a real Chromium.
 
     python scripts/gallery.py [PICTURE ...]      # report.png, figure.png, paper_page.png, …; by default all
 
@@ -53,8 +53,8 @@ class Shot:
         folder: of the command that wrote it.
         moment: of the motion [s].
         size: of the window [px], (width, height).
-        dark: as the reader's system asks for it.
-        part: what is cut out, as a CSS selector; empty: all of the window.
+        dark: whether the reader's system prefers dark pages.
+        part: the cut-out, as a CSS selector; empty: all of the window.
     """
 
     folder: str

@@ -1,7 +1,7 @@
 """Write urdf/: the paper's three arms, bare and with each payload of Table 2.
 
 python scripts/generate_urdfs.py            write the files
-python scripts/generate_urdfs.py --check    exit 1 and name them if they differ from what would be written
+python scripts/generate_urdfs.py --check    exit 1 and name them if they differ from the generated ones
 """
 
 import argparse

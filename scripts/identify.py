@@ -143,7 +143,7 @@ def prediction_error(true, estimate, motions):
 
 
 def exciting_motions():
-    """Condition numbers and errors of what is identified: ten random motions' best, and the exciting one."""
+    """Condition numbers and errors of identified parameters: ten random motions' best, and the exciting one."""
     print("condition number and error of mass [%] and centre [mm]: best of ten random motions, exciting motion")
     for name in ARMS:
         robot, true = true_arm(name, np.random.default_rng(1))

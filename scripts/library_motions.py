@@ -30,7 +30,7 @@ EFFORT = 10.0
 
 @dataclass(frozen=True)
 class Row:
-    """What came of one pair of poses."""
+    """Outcome of one pair of poses."""
 
     arm: str
     joints: int

@@ -91,7 +91,7 @@ def chased(robot: ad.Robot, plan: Plan, q: np.ndarray, wanted: np.ndarray) -> tu
 
 
 def judged(robot: ad.Robot, name: str, plan: Plan, q: np.ndarray, wanted: np.ndarray, seconds: float) -> list[float]:
-    """How long the arm takes to catch the goal, how far it lags behind, and what it takes of its limits."""
+    """Time until the arm catches the goal, its lag, and the used part of its limits."""
     reference, took = chased(robot, plan, q, wanted)
     arm = robot.with_payload(ad.Payload(mass=0.1))
     run = ad.track(robot, reference, plant=arm, duration=len(wanted) * PERIOD)

@@ -1,4 +1,4 @@
-"""Prints what one controller makes of 1,000 random arms, and what tuned gains make of a set of them.
+"""Print results of one controller on 1,000 random arms, and of tuned gains on a set of them.
 
 Run it as `python scripts/many_arms.py [FOLDER]`; rows and the figure of errors go to the folder, and a run that was
 stopped goes on with its rows.
@@ -45,7 +45,7 @@ def random_arms(folder: Path) -> None:
 
 
 def tuned_gains() -> None:
-    """PID control along a ramp, chosen on six arms, and the paper's gains beside it."""
+    """PID control along a ramp, chosen on six arms, and the paper's gains for comparison."""
     for arm, longest in (("rr", 0.5), ("rrr", 0.6)):
         robot, poses = model(arm), example(arm, "minimum_time")
         plants = ad.Plants(seed=1, **FRICTION)

@@ -1,4 +1,4 @@
-"""The pick-and-place cycle 25/300/25 mm with 1 kg: armdyn's beside straight lines with stops, by toppra and by Ruckig.
+"""The pick-and-place cycle 25/300/25 mm with 1 kg: armdyn's against straight lines with stops, by toppra and by Ruckig.
 
 Up 25 mm, across 300 mm, down 25 mm with the part, and back the same way without it; no rests. Armdyn once passes both
 corners within 20 mm and 5 degrees (blends), once holds the first and last 25 mm straight within 0.5 mm and 0.5 degrees.
@@ -34,7 +34,7 @@ TICKS = 400
 
 
 def arm(name: str) -> ad.Robot:
-    """An arm of the library, without what hangs at its hand."""
+    """An arm of the library, without the parts at its hand."""
     return ad.Robot.from_library(name)
 
 

@@ -1,4 +1,4 @@
-"""Independent replays of random answers, by scipy's DOP853 and Radau: what is claimed beside what they measure.
+"""Independent replays of random answers, by scipy's DOP853 and Radau: claimed against measured errors.
 
 Answers whose certificate says "open loop" are replayed from start to end; of the others 40 random segments, each from
 the motion's own sample. Rows are kept in FILE, and a run goes on where the last one ended.
@@ -42,7 +42,7 @@ def replayed(robot: ad.Robot, motion: ad.Trajectory, k: int, x: np.ndarray, how:
 
 
 def row(name: str, index: int) -> list[Any]:
-    """Solve a random problem and measure the answer: what is claimed, and what each method gives."""
+    """Solve a random problem and measure the error: the claimed one, and that of each method."""
     random, plain = np.random.default_rng([24, index]), name.removesuffix(" loaded")
     load = ad.Payload(mass=random.uniform(*ARMS[name]))
     spec = ad.ArmSpec.paper(plain) if plain in ("r", "rr", "rrr") else None

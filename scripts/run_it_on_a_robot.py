@@ -1,4 +1,4 @@
-"""Numbers and picture of docs/run_it_on_a_robot.md: until when arms have settled, by what is left to feedback.
+"""Numbers and picture of docs/run_it_on_a_robot.md: settled times by the reserve for feedback.
 
 Six arms each: payload 20 % less, as it is and 20 % more, without friction and with (2 % of the torque limits, and 0.1 %
 for each rad/s); 1 kHz, one tick of delay, encoders of 1e-4 rad, velocities filtered at 80 Hz. A minute and a half.
@@ -37,7 +37,7 @@ def problem(name: str) -> ad.MinimumTimeProblem:
 
 
 def joint_pid(robot: ad.Robot, q_goal: np.ndarray, bandwidth: float = 30.0) -> ad.Pid:
-    """What is on a drive: every joint for itself, poles at the bandwidth [rad/s] of the inertia at the goal."""
+    """The controller of a drive: every joint for itself, poles at the bandwidth [rad/s] of the inertia at the goal."""
     inertia = np.diag(ad.Dynamics(robot).crba(q_goal))
     return ad.Pid(ad.PidGains(tuple(bandwidth**2 * inertia), 0.0, tuple(2 * bandwidth * inertia)))
 

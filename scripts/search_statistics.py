@@ -2,7 +2,7 @@
 
 A problem is a pair of poses, uniform within ±--reach, and a payload, drawn for its number and the seed alone. Poses
 that the motors cannot hold at rest are drawn again. The problem is solved as a user would, and by a search of --times
-as many guesses that refines all that it finds; what the two find is compared. "hit" is within 1e-6 of the better of the
+as many guesses that refines all that it finds; their results are compared. "hit" is within 1e-6 of the better of the
 two. Times are CPU seconds of all processes. Tune on other seeds than those reported. Results are kept in --out, a line
 each, as they come: a run that is ended goes on where it stopped.
 
@@ -85,7 +85,7 @@ def other_link(random: np.random.Generator) -> ad.LinkSpec:
 
 
 def solved(problem: ad.MinimumTimeProblem, options: ad.MinimumTimeOptions, times: float = 1.0) -> dict[str, object]:
-    """Solution of a problem by so many times the guesses of the options, those of curves excepted; its CPU time."""
+    """Solution of a problem by a multiple of the options' guesses, those of curves excepted; its CPU time."""
     started, before = time.perf_counter(), cpu_seconds()
     task = Task.of(problem, options)
     starts = round(times * task.policy.search.starts)
@@ -108,7 +108,7 @@ def cpu_seconds() -> float:
 
 
 def measured(given: argparse.Namespace) -> None:
-    """Solve what is not in the file yet."""
+    """Solve the problems that the file lacks."""
     kept = lines_of(given.out) if given.out.exists() else []
     done = {line["pair"] for line in kept}
     for k in range(given.first, given.first + given.pairs):
@@ -126,7 +126,7 @@ def measured(given: argparse.Namespace) -> None:
 
 
 def case_of(given: argparse.Namespace) -> str:
-    """What was solved, in words."""
+    """The solved problems, in words."""
     limits = {
         "none": "no limits of position",
         "position": "±π",
@@ -188,11 +188,11 @@ def main() -> None:
     parser.add_argument("--search", choices=SEARCH_LEVELS, default="normal")
     parser.add_argument("--pairs", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first pair")
-    parser.add_argument("--seed", type=int, default=1, help="1 is what was tuned on")
+    parser.add_argument("--seed", type=int, default=1, help="1 was used for tuning")
     parser.add_argument("--times", type=int, default=20, help="guesses of the search that it is held against; 0: none")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S")
     parser.add_argument("--out", type=Path, metavar="FILE")
-    parser.add_argument("--table", type=Path, nargs="+", metavar="FILE", help="print what files hold, and end")
+    parser.add_argument("--table", type=Path, nargs="+", metavar="FILE", help="print the files' rows, and end")
     given = parser.parse_args()
     if given.out is None and given.table is None:
         parser.error("give --out FILE, where results are kept, or --table FILE")

@@ -1,6 +1,6 @@
 """A hook of mkdocs.yml: mathematics between dollars becomes MathML when the site is built.
 
-Browsers set MathML by themselves, so no page of the site asks anybody for a script; GitHub sets the same dollars with
+Browsers set MathML by themselves, so no page of the site loads a script; GitHub sets the same dollars with
 its own. `pymdownx.arithmatex` finds the formulas and leaves code alone; here they are converted.
 """
 

@@ -1,4 +1,4 @@
-"""The pictures of docs/sweeps.md: its two studies, done, and what figures of them show.
+"""The pictures of docs/sweeps.md: figures of its two studies.
 
 sweep_curve.png, sweep_map.png and sweep_pareto.png:
 

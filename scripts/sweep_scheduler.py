@@ -1,4 +1,4 @@
-"""What the scheduler of a sweep costs: cases that do nothing, or sleep, with rows written as those of real ones are.
+"""Cost of the scheduler of a sweep: cases that do nothing, or sleep, with rows like those of real ones.
 
 python scripts/sweep_scheduler.py --cases 100000
 python scripts/sweep_scheduler.py --cases 100000 --cluster
@@ -21,7 +21,7 @@ from armdyn.studies.tasks.task import CaseResult
 
 @dataclass(frozen=True)
 class Sleep:
-    """A case that sleeps [s]; its row is as long as a fastest motion's, and with it goes a motion of so many bytes."""
+    """A case that sleeps [s]; its row is as long as a fastest motion's, with a motion of a given size."""
 
     seconds: float
     motion: int = 0
@@ -39,7 +39,7 @@ class Sleep:
         return CaseResult(status="slept", good=True, message="x" * 70, facts=facts, motion=motion)
 
     def description(self):
-        """What the rows say that they answer."""
+        """The numbers of the rows."""
         return {"task": "sleep", "seconds": self.seconds, "motion": self.motion}
 
 
@@ -81,7 +81,7 @@ def main():
     print(
         f"{given.cases} cases of {given.sleep:g} s: {run.seconds:.1f} s, {1e3 * run.seconds / given.cases:.3f} ms each"
     )
-    print(f"beside what they sleep: {1e3 * (run.seconds - ideal) / given.cases:.3f} ms each")
+    print(f"besides their sleep: {1e3 * (run.seconds - ideal) / given.cases:.3f} ms each")
     print(
         f"database {size / 1e6:.1f} MB, {size / given.cases:.0f} bytes each; to find that all is done: {resumed:.2f} s"
     )

@@ -2,7 +2,7 @@
 
     python scripts/timings.py [RUNS]      # by default seven of each arm; machine code is built before
 
-Wall time of `solve_minimum_time`, median and range, on whatever machine this is.
+Wall time of `solve_minimum_time`, median and range, on this machine.
 """
 
 import os
@@ -34,7 +34,7 @@ if __name__ == "__main__":
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 7
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     for name, problem in problems().items():
-        ad.solve_minimum_time(problem)  # builds what is not built yet
+        ad.solve_minimum_time(problem)  # builds missing functions
         seconds = []
         for _ in range(runs):
             began = time.perf_counter()

@@ -1,4 +1,4 @@
-"""What all tests share: how hypothesis searches, which tests come first, URDFs given as text."""
+"""Shared by all tests: settings of hypothesis, order of the tests, URDFs as text."""
 
 import gc
 import os
@@ -45,9 +45,9 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """What is collected stays to the end: looking through it for garbage would take 6 % of the time.
+    """Collected tests stay to the end: garbage collection of them would take 6 % of the time.
 
-    What tests leave is looked through less often than Python would, which takes 1 %.
+    Objects of tests are collected less often than by default, which takes 1 %.
     """
     gc.freeze()
     gc.set_threshold(20_000)
@@ -108,7 +108,7 @@ def unrendered():
 
 @pytest.fixture
 def tiny_disk(tmp_path):
-    """A file system of 64 KiB, for whoever may mount one."""
+    """A file system of 64 KiB, for users who may mount one."""
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]

@@ -118,7 +118,7 @@ def damaged_json(count: int, seed: int) -> Iterator[tuple[str, bytes]]:
             content = json.loads(data)
             for _ in range(rng.choice((1, 1, 1, 3))):
                 _change(content, rng)
-            if name.startswith("example") and rng.random() < 0.8:  # by someone who knows how it is sealed
+            if name.startswith("example") and rng.random() < 0.8:  # with a valid seal
                 _seal(content)
             data = json.dumps(content).encode("utf-8", "surrogatepass")
         else:

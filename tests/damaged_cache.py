@@ -1,4 +1,4 @@
-"""Libraries of the cache of machine code made wrong, and what becomes of them."""
+"""Damaged libraries of the cache of machine code, and the outcomes."""
 
 import contextlib
 import ctypes
@@ -113,7 +113,7 @@ DAMAGES = [
 
 
 def fuzz_cache(count: int, seed: int) -> Counter[str]:
-    """What became of so many damaged libraries, by the kind of damage; what begins with BAD must not be."""
+    """Outcomes of a number of damaged libraries, by the kind of damage; those that begin with BAD must not occur."""
     found: Counter[str] = Counter()
     number, end = seed, seed + count
     while number < end:

@@ -1,4 +1,4 @@
-"""A sampled loop in plain Python, beside the compiled one: `forward_dynamics` and Runge-Kutta's classical method.
+"""A sampled loop in plain Python, to test the compiled one: `forward_dynamics` and Runge-Kutta's classical method.
 
 It follows the docstrings of `Loop`, `Law` and `Ticks`, and shares no code with the compiled loop.
 """
@@ -20,7 +20,7 @@ SUBSTEPS = 4
 
 @dataclass
 class PlainRun:
-    """What a loop did, at its ticks."""
+    """States and torques of a loop at its ticks."""
 
     t: np.ndarray
     q: np.ndarray
@@ -29,7 +29,7 @@ class PlainRun:
     tau: np.ndarray
     """That the arm gets over each tick [N m]."""
     wanted: np.ndarray
-    """That the law asks for at each tick, before it is clipped [N m]."""
+    """The law's torque at each tick, before it is clipped [N m]."""
     read_v: np.ndarray
     """That the law reads [rad/s]."""
 
@@ -155,7 +155,7 @@ def paper_reference(arm, reserve):
 def continuous_pid(robot, start, goal, gains, form, duration):
     """(∫e, q, v) over time of a PID loop between two poses as a differential equation, by LSODA.
 
-    With form "torque" torques are clipped, and the integral of a joint whose error asks for more fades over 1 % of half
+    With form "torque" torques are clipped, and the integral of a joint whose error increases it fades over 1 % of half
     the torque range.
     """
     from scipy.integrate import solve_ivp

@@ -82,7 +82,7 @@ def pick_and_place(arm="rr", start=(-1.0, 0.5), goal=(0.2, -0.1), mass=0.1006, d
 
 @cache
 def published(name):
-    """What is known of a published case: `case.json`."""
+    """Facts of a published case: `case.json`."""
     return json.loads((CASES / name / "case.json").read_text())
 
 
@@ -111,7 +111,7 @@ def luus_problem():
 
 
 def miss(problem, motion):
-    """How far beside the goal a motion ends, in [rad or m] or per second: the largest."""
+    """Largest error of a motion's end from the goal, in [rad or m] or per second."""
     return np.abs(problem.goal_error_of(motion)).max()
 
 
@@ -141,7 +141,7 @@ def solve(problem, **options):
 
 
 def random_problem(pair, seed=1, **limits):
-    """A pair of scripts/search_statistics.py, of RRR: seed 1 is what was tuned on."""
+    """A pair of scripts/search_statistics.py, of RRR: seed 1 was used for tuning."""
     random = np.random.default_rng([seed, pair])
     payload, (start, goal) = random.uniform(0, 0.3), random.uniform(-2.5, 2.5, (2, 3))
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=payload))

@@ -1,4 +1,4 @@
-"""Every public call with arguments that are right, and quick: what is tried with others begins here."""
+"""Every public call with right and quick arguments, from which wrong ones are made."""
 
 import inspect
 from collections.abc import Callable
@@ -21,7 +21,7 @@ Right = dict[str, Any]
 
 
 class Hostile:
-    """Raises at whatever is asked of it."""
+    """Raises at every access."""
 
     def _refuse(self, *_):
         raise RuntimeError("no")
@@ -35,7 +35,7 @@ NONSENSE = (
     object(), Hostile(), [Hostile()], np.array(["a", "b"]), np.array([True, False]), np.array([1j, 2]),
     np.array([None, 1]), np.array("2026-01-01", dtype="datetime64"), [True, 1.0], Ellipsis, ad.Robot, ad, np.ma.masked,
 )  # fmt: skip
-"""Nothing of it is a number, an array of numbers, or what else is asked for."""
+"""An object that is no number, no array of numbers, and no other expected type."""
 
 SPEC = ad.ArmSpec.paper("rr")
 RR = ad.Robot.from_spec(SPEC, ad.Payload.at_last_com(SPEC, 0.1))
@@ -104,7 +104,7 @@ def solution() -> ad.Solution:
 
 
 def defaults(made: Callable[..., object]) -> Right:
-    """What a call takes where nothing is given."""
+    """Default arguments of a call."""
     return {name: one.default for name, one in inspect.signature(made).parameters.items()}
 
 

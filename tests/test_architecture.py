@@ -1,4 +1,4 @@
-"""The map names what is there: every function of its table of equations, every room."""
+"""The map is true: every function of its table of equations exists, every room is named."""
 
 import ast
 import importlib

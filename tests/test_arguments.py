@@ -1,4 +1,4 @@
-"""Whatever goes in, what comes out is the thing itself or an `ArmdynError` that names the argument."""
+"""Checks return the value itself or raise an `ArmdynError` that names the argument."""
 
 import inspect
 from dataclasses import dataclass, replace

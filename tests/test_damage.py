@@ -1,4 +1,4 @@
-"""Some of what scripts/fuzz_files.py does by the thousand."""
+"""A sample of the damaged files of scripts/fuzz_files.py."""
 
 import pytest
 

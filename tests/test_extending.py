@@ -1,4 +1,4 @@
-"""What docs/extending.md shows works as it stands there."""
+"""The code of docs/extending.md works as it stands there."""
 
 import json
 import re
@@ -41,7 +41,7 @@ def shown(name):
 
 
 def test_the_python_of_every_section_is_run():
-    """By the tests below, each on its own: what a section registers is not there for other tests."""
+    """By the tests below, each on its own: classes registered by a section are not there for other tests."""
     with_code = [name for name in re.findall("(?m)^## (.*)", DOCS) if "```python" in section(name)]
     assert with_code == re.findall(r'[=d] shown\("(.*)"\)', Path(__file__).read_text())
     assert sum(section(name).count("```python") for name in with_code) == DOCS.count("```python")

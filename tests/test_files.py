@@ -94,7 +94,7 @@ def test_small_files_take_little_memory(tmp_path):
     assert peak < 2**22  # a piece of a MiB
 
 
-@pytest.mark.skipif(not Path("/proc/self/mountinfo").exists(), reason="a file system that tells no sizes")
+@pytest.mark.skipif(not Path("/proc/self/mountinfo").exists(), reason="a file system that reports no sizes")
 def test_a_file_that_tells_no_size_is_bounded_too():
     assert Path("/proc/self/mountinfo").stat().st_size == 0 and read_bounded("/proc/self/mountinfo", 2**20)
     with pytest.raises(FileError, match="larger than 10 bytes"):

@@ -1,4 +1,4 @@
-"""`import armdyn` loads what it is asked for, and says the same as its type checker reads."""
+"""`import armdyn` loads modules on use, and has the names of its type stubs."""
 
 import ast
 import copy

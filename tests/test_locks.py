@@ -39,14 +39,14 @@ def test_threads_that_ask_for_the_same_get_the_same(hurried):
 
     @built_once(maxsize=4)
     def build(k, *, more=0):
-        """What it does."""
+        """Its docstring."""
         made.append(k)
         return [k + more]
 
     assert len({id(thing) for thing in together([lambda: build(1)] * 8)}) == 1
     assert made == [1]
     assert build(1, more=2) == [3] and made == [1, 1]
-    assert build.__doc__ == "What it does." and build.__wrapped__.cache_info().currsize == 2
+    assert build.__doc__ == "Its docstring." and build.__wrapped__.cache_info().currsize == 2
 
 
 def test_who_builds_may_build_of_what_is_built_once():

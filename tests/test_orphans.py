@@ -1,4 +1,4 @@
-"""Workers end with their owner, however it ends, and let go of what is the caller's."""
+"""Workers end with their owner, however it ends, and release the caller's pipes and files."""
 
 import os
 import signal
@@ -37,7 +37,7 @@ def owner_of(command):
 
 
 def workers_of(owner, count=2, cpu=0.0, deadline=120.0):
-    """Its workers, when there are so many that have worked so long [s]."""
+    """Its workers, once a number of them has worked for a time [s]."""
     until = time.monotonic() + deadline
     while time.monotonic() < until:
         assert owner.poll() is None, owner.stderr.read()
@@ -51,7 +51,7 @@ def workers_of(owner, count=2, cpu=0.0, deadline=120.0):
 def assert_nothing_is_left(owner, workers, how):
     """After two seconds at the most."""
     owner.send_signal(how)
-    owner.communicate(timeout=2)  # nobody else holds the pipes
+    owner.communicate(timeout=2)  # no other process holds the pipes
     assert owner.returncode == -how
     until = time.monotonic() + 2
     left = workers

@@ -16,7 +16,7 @@ from armdyn.parallel import in_processes, shared_pool
 
 HERE = os.getpid()
 FORK = multiprocessing.get_context("fork")
-PATIENCE = 20  # [s] until what should happen counts as never happening
+PATIENCE = 20  # [s] after which an event counts as missing
 
 
 def square(k):
@@ -213,8 +213,8 @@ def test_who_stops_asking_interrupts_and_waits_two_seconds(tmp_path):
         assert next(results) == 0
         assert all(event.wait(PATIENCE) for event in begun)
         began = time.monotonic()
-    assert time.monotonic() - began < 3  # 1.5 s, and what a busy machine adds
-    spared = callers_own.is_alive()  # nobody else was interrupted
+    assert time.monotonic() - began < 3  # 1.5 s, and the delays of a busy machine
+    spared = callers_own.is_alive()  # no other process was interrupted
     callers_own.kill()
     callers_own.join()
     assert files[0].read_text() == "interrupted" and not files[1].exists() and spared

@@ -1,4 +1,4 @@
-"""Whatever a public call is given, it does its work or raises an `ArmdynError`: soon, in little memory, in few words.
+"""With any arguments a public call works or raises an `ArmdynError`: soon, in little memory, in few words.
 
 Every argument is tried with values of other types, and with hostile ones of its own type.
 """
@@ -24,7 +24,7 @@ BOMB = [0.0]
 for _ in range(40):
     BOMB = [BOMB, BOMB]
 ENDLESS = (range(10**9), np.broadcast_to(0.0, 10**12), BOMB, b"a" * 10**8)
-"""Numbers without end, that take no memory as long as nobody reads them."""
+"""Numbers without end, that take no memory until they are read."""
 TEXTS = ("\ud800", "\0", "a" * 100_000, "a\nb", "/", b"x", 5)
 BY_TYPE = {
     "float|Value|Vector": (True, "1", np.nan, np.inf, -1, 1e300, 10**5000, 5e-324),
@@ -35,14 +35,14 @@ BY_TYPE = {
     "Sequence|Iterable|tuple": (range(10**9), itertools.repeat(None), ["\ud800"], ["a" * 100_000], [[]]),
     "Mapping|Values": ({"\ud800": 1.0}, {"a": "b"}, {None: None}, {"ramp": None}, [1], "ab"),
 }
-"""Hostile values by what the annotation of an argument says."""
+"""Hostile values by the annotation of an argument."""
 OTHERS = (None, 3, "x", True, LOOP, ad.Robot, object())
 """Of other types than any argument's but a few."""
 
 
 ALIASES = {"address": "scheduler", "text": "^it: ", "placement": "pose", "trajectory": "motion", "joints": "passive"}
 ALIASES |= {"ki": "gains", "name": "no frame|no pose", "duration": "samples|motion cannot be started"}
-"""What messages call an argument, besides its name or a word of that; of a file or a name it is enough to say which."""
+"""Other names of arguments in messages; of a file or a name its value is enough."""
 RESULTS = {
     *(
         ad.ControllerCheck,
@@ -94,11 +94,11 @@ INNER = {
     "from_description",  # takes a package, and the internet
     "from_table",  # of a file that was read
 }
-"""Methods that the pipeline asks of conditions and answers, with values that it has made."""
+"""Methods that the pipeline calls with its own values."""
 
 
 def junk(annotation):
-    """What an argument of a type is tried with; a function of the user's may do as it likes."""
+    """Values tried for an argument of a type; a function of the user's may do anything."""
     own = [value for kinds, some in BY_TYPE.items() if re.search(kinds, str(annotation)) for value in some]
     right = callable if "Callable" in str(annotation) else lambda value: False
     return [value for value in (*NONSENSE, *OTHERS, *own) if not right(value)]
@@ -130,7 +130,7 @@ def soon():
 
 @contextmanager
 def little_memory(wrong, where):
-    """Adds to what is wrong if more memory was used than may be; no more than four times as much is had."""
+    """Adds a fault if more memory was used than allowed; four times as much is the hard limit."""
     Path("/proc/self/clear_refs").write_text("5")  # the highest resident size begins anew
     start, limits = resident("VmRSS"), resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, ((resident("VmSize") + 4096 * MEBIBYTES) * 1024, limits[1]))

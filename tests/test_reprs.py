@@ -1,4 +1,4 @@
-"""Values are one line in a notebook's cell, whatever is in them."""
+"""Values are one line in a notebook's cell, with any content."""
 
 import dataclasses
 import inspect

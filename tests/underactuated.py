@@ -87,7 +87,7 @@ def reached(accelerations, durations, torques, start):
 
 
 def bang_bang_duration(accelerations, durations, torques, start, goal):
-    """How long four arcs take from rest to rest [s]: their durations are what four equations leave, by MINPACK."""
+    """How long four arcs take from rest to rest [s]: their durations solve four equations, by MINPACK."""
     target = np.concatenate([goal, np.zeros(2)])
     found = root(lambda d: reached(accelerations, np.abs(d), torques, start) - target, durations, tol=1e-12)
     assert found.success, found.message
@@ -97,9 +97,9 @@ def bang_bang_duration(accelerations, durations, torques, start, goal):
 def linear_side_move(distance, force):
     """The least time [s] of a cart-pole's move from rest to rest, for small angles.
 
-    Its centre of mass is a double integrator, beside it an oscillator. Full force one way, the other, back and forth,
+    Its centre of mass is a double integrator, next to it an oscillator. Full force one way, the other, back and forth,
     antisymmetric in time, for a, b, b, a: Ben-Asher, Burns and Cliff, Time-optimal slewing of flexible spacecraft,
-    Journal of Guidance, Control, and Dynamics 15(2), 1992. What is left of the oscillation is
+    Journal of Guidance, Control, and Dynamics 15(2), 1992. The remaining oscillation is
     1 − 2 cos ωb + cos ω(a + b), and the way is f (a² + 2ab − b²) with the acceleration f.
 
     Args:

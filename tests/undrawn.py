@@ -1,4 +1,4 @@
-"""Figures that nobody looks at: png and pdf of one take half a second."""
+"""Figures are not drawn: png and pdf of one take half a second."""
 
 import contextlib
 

@@ -125,7 +125,7 @@ def main():
         begun = time.perf_counter()
         end = run()
         times.append(time.perf_counter() - begun)
-    print(json.dumps({"times": times, "beside": float(np.abs(end - GOAL).max()), "end": end.tolist()}))
+    print(json.dumps({"times": times, "off": float(np.abs(end - GOAL).max()), "end": end.tolist()}))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""What a user of CasADi writes in an afternoon: Opti, Hermite-Simpson, linear torque, IPOPT as it comes.
+"""An afternoon's script of a CasADi user: Opti, Hermite-Simpson, linear torque, IPOPT as it comes.
 
-The dynamics are armdyn's, `Dynamics(robot).aba`. "MX" leaves the graph as Opti makes it; "SX" asks nlpsol to expand.
+The dynamics are armdyn's, `Dynamics(robot).aba`. "MX" leaves the graph as Opti makes it; "SX" has nlpsol expand.
 """
 
 import casadi as ca

@@ -1,4 +1,4 @@
-"""What a peer is told and what it answers: the same for all, so that the benchmark can time and kill them alike."""
+"""Input and output of a peer: the same for all, so that the benchmark can time and kill them alike."""
 
 import argparse
 import json

@@ -20,7 +20,7 @@ def run(*arguments, cwd=None):
 
 
 def run_here(*arguments, cwd=None):
-    """The same without a process; what is not caught is raised."""
+    """The same without a process; uncaught exceptions are raised."""
     with contextlib.chdir(cwd or Path.cwd()):
         done = CliRunner().invoke(app, [str(each) for each in arguments], prog_name="armdyn")
     if done.exception and not isinstance(done.exception, SystemExit):
@@ -29,12 +29,12 @@ def run_here(*arguments, cwd=None):
 
 
 def answer(done, code=0):
-    """What was told as JSON: one object and nothing else."""
+    """The printed JSON: one object and nothing else."""
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
     return json.loads(done.stdout)
 
 
 def run_json(*arguments, code=0, cwd=None, how=run_here):
-    """What a command tells with `--json`; with `how=run` in a process of its own."""
+    """The JSON of a command with `--json`; with `how=run` in a process of its own."""
     return answer(how(*arguments, "--json", cwd=cwd), code)

@@ -1,4 +1,4 @@
-"""Typer's runner makes all commands anew whenever it runs one, which takes longer than most of what it runs here."""
+"""Typer's runner rebuilds all commands for each run, which takes longer than most runs here."""
 
 from functools import cache
 

@@ -1,4 +1,4 @@
-"""What people type by mistake: exit code 2 and a message, before anything is solved."""
+"""Typing mistakes: exit code 2 and a message, before anything is solved."""
 
 import json
 

@@ -231,7 +231,7 @@ def test_not_converged_is_exit_3(tmp_path):
 
 @pytest.mark.slow
 def test_interrupt_is_exit_130_with_partial_results(tmp_path):
-    # With 1 kg no search of so many guesses says early that it has seen enough: it takes minutes.
+    # With 1 kg no search with this many guesses ends early: it takes minutes.
     arguments = [
         "mintime",
         "rrr",

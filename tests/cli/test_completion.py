@@ -12,7 +12,7 @@ import time
 import pytest
 
 LONG = 60.0
-"""What a shell may take that waits for `armdyn` to be imported [s]."""
+"""Time limit of a shell that waits for `armdyn` to be imported [s]."""
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def home(tmp_path):
 
 
 def install(shell, home):
-    """What `armdyn --install-completion` says within a shell."""
+    """Output of `armdyn --install-completion` within a shell."""
     # A command after it, or the shell would become the command, which then finds no shell above it.
     command = [shell, "-c", "armdyn --install-completion; exit 0"]
     return subprocess.run(command, env=home, capture_output=True, text=True, timeout=LONG)
@@ -73,7 +73,7 @@ def test_fish(home):
 
 
 def typed(keys, env, wanted):
-    """What an interactive zsh shows once keys are typed at its prompt, without what moves the cursor."""
+    """Output of an interactive zsh after keys typed at its prompt, without cursor movements."""
     ours, theirs = pty.openpty()
     shell = subprocess.Popen(["zsh", "-i"], stdin=theirs, stdout=theirs, stderr=theirs, env=env, start_new_session=True)
     os.close(theirs)

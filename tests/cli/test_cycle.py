@@ -20,7 +20,7 @@ from cycles import BOLT
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory):
-    """A small cycle, solved once: its folder, and what was told as JSON."""
+    """A small cycle, solved once: its folder, and the printed JSON."""
     folder = tmp_path_factory.mktemp("cycle")
     (folder / "bolt.toml").write_text(BOLT)
     formats = ("--format", "csv", "--format", "ros2")

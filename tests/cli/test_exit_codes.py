@@ -1,4 +1,4 @@
-"""0 usable, 3 not, 4 not what is required: by real runs, and in the same words everywhere."""
+"""Exit codes 0 usable, 3 not, 4 a requirement is not met: by real runs, and in the same words everywhere."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`armdyn export`: what a motion becomes on disk."""
+"""`armdyn export`: files of a motion."""
 
 import json
 

@@ -12,7 +12,7 @@ from cycles import BOLT
 
 MARK = "here\n"
 BEGIN = f"import sys; from armdyn.cli import main; sys.stderr.write({MARK!r}); sys.stderr.flush(); main()"
-"""The command line, which says when it is there. What is before belongs to Python's own start, but for some 4 ms."""
+"""The command line, which prints when it has started. The time before is Python's own start, but for some 4 ms."""
 
 AT_IMPORT = """
 import importlib.abc, os, signal, sys

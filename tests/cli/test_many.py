@@ -1,4 +1,4 @@
-"""`armdyn monte-carlo` and `armdyn tune`: what they write, how they go on, how they end."""
+"""`armdyn monte-carlo` and `armdyn tune`: files, continuation, exit codes."""
 
 import json
 import signal

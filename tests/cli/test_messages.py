@@ -25,7 +25,7 @@ by its tests."""
 
 
 def messages():
-    """Texts of errors and warnings, as (file, line, text); what is formatted in is a ¤."""
+    """Texts of errors and warnings, as (file, line, text); formatted values are ¤."""
     for file in sorted(SOURCE.rglob("*.py")):
         name = file.relative_to(SOURCE).as_posix()
         if any(name.startswith(one) for one in PYTHON_ONLY):

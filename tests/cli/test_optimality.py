@@ -1,4 +1,4 @@
-"""Any planner's motion beside the fastest, from its file."""
+"""Any planner's motion against the fastest, from its file."""
 
 import json
 from types import SimpleNamespace

@@ -144,7 +144,7 @@ def test_what_was_written_before_the_disk_was_full_is_whole(tiny_disk):
 
 
 def test_reproduce_goes_on_when_the_disk_has_room_again(tiny_disk):
-    """What is done stays; the disk is full before all is."""
+    """Files written before the disk is full stay."""
     (tiny_disk / "filler").write_bytes(bytes(20 * 2**10))
     plan = Plan(only=("example4",))
     answer = run("reproduce", "--only", "example4", "--out", tiny_disk / "run", code=5)

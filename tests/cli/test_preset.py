@@ -43,7 +43,7 @@ def test_the_verdict_and_the_costs(here):
 
 
 def test_a_motion_that_the_controller_refuses(here):
-    """Its acceleration jumps to the limit at both ends, and this controller asks for zero there."""
+    """Its acceleration jumps to the limit at both ends, and this controller requires zero there."""
     (here / "own.toml").write_text(OWN.format(necessary='"acceleration", "zero_acceleration"'))
     facts = answer(run_here("mintime", "r", "--preset", "own.toml", "--no-costs", *QUICK, "--json"), 3)
     assert facts["usable"] and not facts["controller"]["accepted"]

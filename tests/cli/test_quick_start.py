@@ -1,4 +1,4 @@
-"""What the command line does not load before it must, told by modules rather than by the clock."""
+"""Modules that the command line loads late: tested by loaded modules rather than by the clock."""
 
 import json
 import os
@@ -39,7 +39,7 @@ for arguments in json.loads(sys.argv[1]):
 
 
 def loaded(*arguments, **environment):
-    """The modules that a command has loaded when it ends, and what it has said."""
+    """The modules that a command has loaded when it ends, and its output."""
     done = subprocess.run(
         [sys.executable, "-c", SPY, *arguments],
         capture_output=True, text=True, check=False, env={**os.environ, **environment},
@@ -49,7 +49,7 @@ def loaded(*arguments, **environment):
 
 @pytest.mark.slow
 def test_help_and_version_do_without_the_sciences():
-    """In one process, as what one command loads stays."""
+    """In one process, as the modules of one command stay loaded."""
     commands = [("--version",), ("--help",), ("mintime",), ("mintime", "rr", "--no-such-option")]
     commands += [(name, "--help") for name in get_command(app).commands]
     done = subprocess.run([sys.executable, "-c", SPY_EACH, json.dumps(commands)], capture_output=True, text=True)

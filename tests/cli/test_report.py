@@ -1,4 +1,4 @@
-"""Reports of what is on disk, and motions side by side, from the command line."""
+"""Reports of saved results, and motions side by side, from the command line."""
 
 import json
 import shutil
@@ -228,7 +228,7 @@ def test_obstacles_are_in_the_result(tracked, tmp_path):
     "name", ["/etc/passwd", "../arm.urdf", "arm.urdf", "panda_mj_description", "nobody", "", 3, None]
 )
 def test_a_robot_is_not_read_because_a_result_names_it(name, tracked, tmp_path, monkeypatch):
-    monkeypatch.setattr(ad.Robot, "from_urdf", None)  # whoever reads a file would fail
+    monkeypatch.setattr(ad.Robot, "from_urdf", None)  # reading a file would fail
     monkeypatch.setattr(ad.Robot, "from_mjcf", None)
     monkeypatch.setattr(ad.Robot, "from_description", None)
     folder = changed(tracked, tmp_path / "run", asked__options__robot=name)

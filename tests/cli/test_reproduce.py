@@ -35,7 +35,7 @@ def test_one_table_with_two_payloads(tmp_path):
     for example in ("example1_r_mintime", "example4_r_pid"):
         folder = {path.name for path in (tmp_path / example).iterdir()}
         assert folder == {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
-    # The same again is a matter of reading, and people are told.
+    # A second run only reads, and says so.
     words = run(*only).stdout
     assert "minimum time" in words and "come out again" in " ".join(words.split())
     assert "index.html" in "".join(words.split())  # a long path is broken anywhere

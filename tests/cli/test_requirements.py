@@ -1,4 +1,4 @@
-"""`--require`: what it takes, what it refuses, and whether a motion is so."""
+"""`--require`: its syntax, refused texts, and the check of a motion."""
 
 from dataclasses import replace
 

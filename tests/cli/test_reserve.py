@@ -1,4 +1,4 @@
-"""What is kept for feedback, from the command line."""
+"""Reserve for feedback, from the command line."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a controller makes of a motion, from the command line."""
+"""Tracking of a motion by a controller, from the command line."""
 
 import json
 
@@ -21,7 +21,7 @@ def test_the_fastest_motion_with_the_wrong_payload(tmp_path):
     assert 0.9 * output["reference_duration"] < output["settled_time"] < 0.5
     motion, reference = (ad.Trajectory.load(tmp_path / f"{name}.npz") for name in ("trajectory", "reference"))
     assert reference.duration == output["reference_duration"]
-    assert motion.duration < 1.3 * output["settled_time"]  # what is worth looking at
+    assert motion.duration < 1.3 * output["settled_time"]  # the interesting part
     assert {"figure.png", "report.html", "result.json"} <= {path.name for path in tmp_path.iterdir()}
     assert json.loads((tmp_path / "result.json").read_text())["settled_time"] == output["settled_time"]
 

@@ -1,4 +1,4 @@
-"""What is said of a solution on a terminal."""
+"""Text of a solution on a terminal."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The folders that machine code is loaded from: this user's alone, and nobody else's to change."""
+"""The folders of machine code: owned by this user, and not writable by others."""
 
 import os
 import tempfile
@@ -79,7 +79,7 @@ def test_private_folder_is_of_this_user_and_goes(monkeypatch, tmp_path):
         (folder / "something").touch()
     assert not folder.exists()
     (tmp_path / "open").mkdir()
-    (tmp_path / "open").chmod(0o777)  # whoever can write here can put another folder in the private one's place
+    (tmp_path / "open").chmod(0o777)  # others who can write here can replace the private folder
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "open"))
     with pytest.raises(PermissionError, match="others can write in"), private_folder():
         pass

@@ -315,7 +315,7 @@ def test_no_compiler_is_started_for_which_there_is_no_time(own_cache):
         compiled([function()], True)
     assert not own_cache.exists() or not any(own_cache.iterdir())
     built = compiled([function()], True)[0]
-    with until(0.0):  # what is on disk takes none
+    with until(0.0):  # a library on disk needs no time
         assert compiled([function()], True)[0].class_name() == built.class_name() == "External"
 
 

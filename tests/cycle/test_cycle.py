@@ -1,4 +1,4 @@
-"""Cycles as values: stops, payloads, and what is refused."""
+"""Cycles as values: stops, payloads, and refused arguments."""
 
 import numpy as np
 import pytest

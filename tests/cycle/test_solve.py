@@ -111,7 +111,7 @@ def test_a_cycle_in_which_every_branch_touches_something_says_where():
     ],
 )
 def test_a_way_that_cannot_be_is_said_at_once(passed, said):
-    """A UR5 has thousands of pairs of branches with their whole turns: it is not asked for each of them."""
+    """A UR5 has thousands of pairs of branches with their whole turns: not each of them is computed."""
     robot = ad.Robot.from_library("ur5")
     here, there = (ad.GoalPose(robot.tip, down(0.4, y, 0.2)) for y in (-0.2, 0.2))
     via = [ad.GoalPose(robot.tip, down(*at), tolerance=[wide] * 6) for *at, wide in passed.get("via", ())]

@@ -23,7 +23,7 @@ def blocks(page):
 
 
 WITH_CODE = [page for page in PAGES if blocks(page).strip() and page.name != "extending.md"]
-"""The sections of extending.md, which register what they show, are run by tests/test_extending.py."""
+"""The sections of extending.md, which register their classes, are run by tests/test_extending.py."""
 
 
 def test_most_pages_show_code():

@@ -1,4 +1,4 @@
-"""The examples that are scripts run, and say what they are to say."""
+"""The examples that are scripts run, with the expected output."""
 
 import re
 import runpy

@@ -1,4 +1,4 @@
-"""Formulas of the site are set when it is built: as MathML, complaining of what cannot be."""
+"""Formulas of the site are set when it is built: as MathML, with errors for unsupported ones."""
 
 import re
 from pathlib import Path

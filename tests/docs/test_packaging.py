@@ -1,4 +1,4 @@
-"""What is packaged says one version and one name, wherever it stands."""
+"""The package has one version and one name in all files."""
 
 import re
 import tomllib

@@ -12,7 +12,7 @@ from oracles import assert_close, random_states, robot_named
 from problems import cart
 
 TOLERANCE = 1e-10
-"""What is promised of `Dynamics` against `pin.aba`."""
+"""Promised accuracy of `Dynamics` against `pin.aba`."""
 
 
 def rubbing(name):

@@ -49,7 +49,7 @@ def test_noise_free_logs_give_the_arm_back(name):
     _, q, v, a = fourier_states(prior, seed=7)
     expected = rigid_torques(true, q, v, a) + true.friction.torque(v)
     error = np.sqrt(np.mean((estimate.torques(q, v, a) - expected) ** 2, axis=0))
-    # What the filter of the accelerations leaves: 1e-3 of the torques.
+    # Error of the accelerations' filter: 1e-3 of the torques.
     assert np.all(error < 2e-3 * np.sqrt(np.mean(expected**2, axis=0)) + 1e-3 * np.abs(expected).max(axis=0))
     np.testing.assert_allclose(estimate.robot.friction.coulomb, true.friction.coulomb, rtol=0.03)
     np.testing.assert_allclose(estimate.robot.friction.damping, true.friction.damping, rtol=0.05)

@@ -48,7 +48,7 @@ def test_nothing_is_built_when_the_time_is_up(more, monkeypatch):
 
 
 def timed_out(problem, when, monkeypatch, **options):
-    """The solution of a problem whose time is up when a line of progress says so, whatever the machine's load."""
+    """The solution of a problem whose time is up when a line of progress says so, for any load of the machine."""
     lines = []
     monkeypatch.setattr(Stop, "late", property(lambda self: any(when in line for line in lines)))
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(**options), lines.append)

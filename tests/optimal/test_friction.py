@@ -59,7 +59,7 @@ def solved(robot):
 def test_viscous_damping_against_the_closed_form(damping):
     solution = solved(cart().with_friction(damping))
     assert solution.certificate.ok, solution.certificate.reasons
-    # What is promised; 1e-12 measured.
+    # The promised accuracy; 1e-12 measured.
     assert solution.duration == pytest.approx(viscous(damping), rel=1e-8)
 
 
@@ -135,7 +135,7 @@ def test_torques_of_a_path_pay_for_friction():
 
 @pytest.mark.slow
 def test_three_links_land_through_dry_friction():
-    """Friction bends a motion within the steps of a mesh: what is slowed down until it lands takes 0.48 s."""
+    """Friction bends a motion within the steps of a mesh: slowed down until it lands, it takes 0.48 s."""
     bare = paper_problem("rrr")
     robot = bare.robot.with_friction(0.3, 0.3)
     ends = {"q_start": bare.q_start, "q_goal": bare.q_goal, "velocity_limit": 15.0}  # they reach 11 rad/s

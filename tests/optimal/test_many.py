@@ -1,4 +1,4 @@
-"""Many problems at once: the same answers as one by one, whatever happens to one of them."""
+"""Many problems at once: the same solutions as one by one, also when one of them fails."""
 
 import os
 import signal

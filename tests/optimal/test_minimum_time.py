@@ -95,8 +95,8 @@ def test_a_payload_too_heavy_for_coarse_meshes():
     """1 kg within ±π: meshes of 15 to 60 intervals promise 0.22 to 0.40 s, and no replay of theirs lands."""
     solution = solve(paper_problem("rrr", 1.0))
     assert solution.certificate.ok, solution.message
-    assert solution.duration < 0.417304  # what two searches on other meshes have come to
-    accuracy = 1e-11 * solution.certificate.growth  # what the integrators' own errors grow to by the end
+    assert solution.duration < 0.417304  # the results of two searches on other meshes
+    accuracy = 1e-11 * solution.certificate.growth  # the integrators' own errors, grown to the end
     assert solution.replay_error < 1e-9 + accuracy
 
 
@@ -147,7 +147,7 @@ def test_two_links_land_when_replayed():
     # Best known 0.21067170 s: a local solution may be slower, none may be faster.
     assert solution.duration > 0.2106717
     replay = ad.replay_torques(solution.problem.robot, solution.trajectory)
-    # What is claimed is no better than this, and to what two integrators agree.
+    # The claimed error is no better than this, and two integrators agree on it.
     assert np.max(np.abs(replay.q[-1] - solution.problem.q_goal)) <= solution.replay_error < 1e-9
     assert np.max(np.abs(solution.trajectory.tau)) <= 3 * (1 + 1e-7)  # IPOPT's relaxed bounds
 
@@ -156,7 +156,7 @@ def test_two_links_land_when_replayed():
 def test_velocity_limit_holds_and_costs_time():
     problem = paper_problem("rr", velocity_limit=12.0)
     slow = solve(problem, refinements=1, max_intervals=80)
-    # What is not certified says by how much it strays; a velocity is held by the collocation, not by the replay.
+    # A solution that is not certified has its error; a velocity is held by the collocation, not by the replay.
     assert np.max(np.abs(slow.trajectory.v)) <= 12 * (1 + max(1e-6, slow.certificate.limit_violation))
     assert slow.certificate.limit_violation < 1e-3
     assert slow.duration > max(solved("rr").duration, problem.duration_bound())

@@ -26,7 +26,7 @@ def driving_and_braking(distance, rest, slope, corner=0.0):
     rate = slope / INERTIA
 
     def after(speeding):
-        """Distance and duration if it drives so long beyond the corner, then brakes."""
+        """Distance and duration if it drives for a time beyond the corner, then brakes."""
         first = corner * INERTIA / PEAK
         top = rest / slope
         v = top + (corner - top) * np.exp(-rate * speeding)

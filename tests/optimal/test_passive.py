@@ -35,7 +35,7 @@ def assert_optimal(solution):
     assert not np.any(solution.trajectory.tau[:, passive])
     assert all(arc.modes[i] is Mode.PASSIVE for arc in solution.arcs for i in np.flatnonzero(passive))
     replay = ad.replay_torques(problem.robot, solution.trajectory)
-    assert miss(problem, replay) < 1e-6  # what is claimed optimal ends as near
+    assert miss(problem, replay) < 1e-6  # a motion claimed optimal ends as near
 
 
 BANG_BANG = [
@@ -53,7 +53,7 @@ def test_bang_bang_motions(name, goal, limit, duration):
     solution = solve(problem_of(name, goal, effort_limit=limit))
     assert_optimal(solution)
     assert solution.duration == pytest.approx(duration, rel=1e-8)  # ten digits of a best known
-    # The same four arcs from equations derived by hand, another integrator and MINPACK, from durations beside theirs.
+    # The same four arcs from equations derived by hand, another integrator and MINPACK, from neighbouring durations.
     torques, durations = torques_of(solution), np.array([arc.duration for arc in solution.arcs])
     beside = durations * (1 + 1e-3 * np.array([1, -1, 1, -1]))
     by_hand = bang_bang_duration(BY_HAND[name], beside, torques, [0, 0], goal)
@@ -75,7 +75,7 @@ def test_the_indirect_method_agrees():
 
 
 def test_small_side_moves_take_what_linear_theory_says():
-    """A tenth of a metre for every newton is one linear motion; what is not linear falls with its square."""
+    """A tenth of a metre for every newton is one linear motion; nonlinear terms fall with its square."""
     beside = []
     for force in (0.8, 0.4, 0.2):
         solution = solve(problem_of("cart_pole", [0.3 * force, 0.0], effort_limit=force))

@@ -49,7 +49,7 @@ def test_the_example_of_the_docs_is_a_problem(write_problem):
     assert np.array_equal(problem.q_start, ad.Robot.from_library("panda").pose("ready"))
     assert problem.robot.payload.mass == 0.5 and len(problem.via) == 1 and problem.obstacles[0].radius == 0.1
     assert problem.path_constraints[0].limit == 2.5 and np.all(np.asarray(problem.reserve) == 0.05)
-    # What is commented out there is right, too.
+    # The lines commented out there are right, too.
     other = example.replace('# lock = { panda_joint7 = "45deg" }   arm', 'lock = { panda_joint7 = "45deg" }\narm')
     other = re.sub(r"(?m)^(q_goal|via|reserve|path_constraints).*$", "", other).replace("# goal_pose", "goal_pose")
     other = re.sub(r"}   instead.*", "}", re.sub(r"\[\[problem.obstacles.*?\n\n", "", other, flags=re.S))

@@ -1,4 +1,4 @@
-"""Threads that solve at once take turns, and get what each would get alone. In processes, as a failure is a crash."""
+"""Threads that solve at once take turns, and get the same as alone. In processes, as a failure is a crash."""
 
 import json
 import subprocess
@@ -48,7 +48,7 @@ def together(calls):
 
 
 def output_of(script, timeout=120):
-    """What a script prints, as JSON."""
+    """The JSON that a script prints."""
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {TESTS!r})" + COMMON + script]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
     assert done.returncode == 0, done.stderr
@@ -62,7 +62,7 @@ def alone():
 
 @pytest.fixture(scope="module")
 def threads():
-    """What threads of one process, which begins with them, have found: its start takes as long as they do."""
+    """Results of the threads of one process, which begins with them: its start takes as long as they do."""
     return output_of("""
 def late(arm):
     return str([solved(arm, time_limit=1e-3).status for _ in range(5)][-1])

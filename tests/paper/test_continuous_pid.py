@@ -18,7 +18,7 @@ def test_given_equations_of_motion():
     arm = PlanarArm.from_spec(ad.ArmSpec.paper("rrr"), ad.Payload(mass=0.1006))
     loops = [ContinuousLoop(robot, poses["q_goal"], dynamics=d) for d in (None, arm)]
     own, given = (simulate(loop, poses["q_start"], Arrival(), duration=1.0) for loop in loops)
-    # Equal mechanics: what differs is rounding, and where the integrator's steps fall: 2e-10 measured.
+    # Equal mechanics: differences are rounding, and the integrator's steps: 2e-10 measured.
     np.testing.assert_allclose(given.trajectory.q, own.trajectory.q, atol=1e-8)
     np.testing.assert_allclose(given.trajectory.tau, own.trajectory.tau, atol=1e-8)
     # The stencil's rounding, times the condition of D.

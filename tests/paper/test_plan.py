@@ -65,7 +65,7 @@ def test_neighbours_lead_from_the_payload_that_is_shown_outwards():
         for case in cases
         if case.arm == "rrr" and case.kind == "time_energy" and (near := neighbour(case, cases, PAYLOAD))
     }
-    # 500 g is far from what is lighter, and 100.6 g is where it begins.
+    # 500 g is far from lighter payloads, and 100.6 g is the root.
     known = {21.2: 31.2, 31.2: 51.8, 51.8: 100.6, 121.9: 100.6, 130.7: 121.9, 150.5: 130.7, 200.0: 150.5, 1000.0: 500.0}
     assert led == known
 

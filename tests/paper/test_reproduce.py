@@ -1,4 +1,4 @@
-"""The whole study: what is solved, what is kept, what is written."""
+"""The whole study: solved cases, stored outcomes, files."""
 
 import json
 import multiprocessing
@@ -57,7 +57,7 @@ def test_progress_counts_every_case_once(loops):
 def test_what_is_shown_is_told_once_with_its_figures(loops):
     folder, plan, _, messages, ((cases, page, count),) = loops
     assert cases == {case for case in plan.cases() if case.payload == PAYLOAD}
-    assert page or count == len(messages)  # of a page that is to be written again at once nobody is told
+    assert page or count == len(messages)  # a page that will be rewritten at once is not reported
     assert names(folder / "figures") == {"figure3.pdf", "figure3.png"}
     assert (folder / "index.html").read_text("utf-8").count("<figure>") == 1
 
@@ -87,6 +87,6 @@ def test_an_interrupt_leaves_what_is_done(tmp_path):
     kept = {path.stem for path in (tmp_path / "cases").glob("*.json")}
     assert 1 <= len(kept) < len(plan.cases())
     assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]  # nothing half written
-    for worker in multiprocessing.active_children():  # killed, and nobody waited for their end
+    for worker in multiprocessing.active_children():  # killed without waiting for their end
         worker.join(5)
     assert not multiprocessing.active_children()

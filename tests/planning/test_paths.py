@@ -12,7 +12,7 @@ from problems import GANTRY, paper_arm
 
 WIDE = 10.0
 DISK, POINT = 0.99, 0.01
-"""Radii of a disk and of what moves round it: together 1 m."""
+"""Radii of a disk and of the ball that moves round it: together 1 m."""
 BALL = f'<collision><geometry><sphere radius="{POINT}"/></geometry></collision>'
 MOVING_POINT = GANTRY.replace('<link name="head">', f'<link name="head">{BALL}')
 """Two slides: joint positions are a point's place in the plane."""

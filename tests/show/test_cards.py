@@ -1,4 +1,4 @@
-"""Cards of a notebook: what they say, and that names from files are text."""
+"""Cards of a notebook: their content, with names from files as text."""
 
 import dataclasses
 import html.parser

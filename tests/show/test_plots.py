@@ -1,4 +1,4 @@
-"""Figures: what is drawn is what the trajectory says, and files are whole and reproducible."""
+"""Figures: they show the trajectory's numbers, and files are whole and reproducible."""
 
 import subprocess
 import sys

@@ -59,7 +59,7 @@ def test_a_larger_arm_with_more_and_more_payload():
     assert first.success and second.success
     # The straight way is among the guesses of the second, too.
     assert second.duration <= ad.solve_minimum_time(problems[1]).duration * (1 + 1e-9)
-    # Velocity limits shape the motion: payload tells in its ramps only.
+    # Velocity limits shape the motion: payload matters in its ramps only.
     assert problems[0].duration_bound() < first.duration == pytest.approx(second.duration, rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""One controller on many arms: the same in any order, killed and gone on with, and what is said of it."""
+"""One controller on many arms: the same in any order, killed and resumed, and its summary."""
 
 import os
 import signal

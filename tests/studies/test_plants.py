@@ -1,4 +1,4 @@
-"""What is drawn, and the arms that it makes."""
+"""Samples, and the arms that they make."""
 
 import numpy as np
 import pytest

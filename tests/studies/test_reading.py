@@ -1,4 +1,4 @@
-"""Study files: what they say, and what a stranger's may not."""
+"""Study files: their content, and bounds of untrusted ones."""
 
 import re
 import signal

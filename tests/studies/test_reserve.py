@@ -1,4 +1,4 @@
-"""Settled time against reserve: the numbers' shape, the choice, what is refused."""
+"""Settled time against reserve: shapes, the choice, refused arguments."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Cases done side by side: each once, whoever dies."""
+"""Cases done in parallel: each once, also when workers die."""
 
 import os
 import signal

@@ -250,7 +250,7 @@ def test_events_of_strangers_are_no_code(made, rate, joints):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_motion_of_an_armdyn_solution_in_every_format(name):
-    """Loads of `load_of` are what the formats take."""
+    """The formats take the loads of `load_of`."""
     arms = {6: ad.Robot.from_library("ur5"), 7: ad.Robot.from_library("panda")}
     kind = FORMATS[name]
     joints = 7 if name == "panda-python" else 6

@@ -96,7 +96,7 @@ def test_the_message_is_as_ros_defines_it(rate):
 @given(trajectories(), st.one_of(st.none(), st.floats(0.01, 1e5)))
 def test_nanoseconds_increase_strictly_from_zero(motion, rate):
     if rate is not None and motion.duration * rate > 3000:
-        rate = 3000 / motion.duration  # a message of so many points takes long to make, and says no more
+        rate = 3000 / motion.duration  # a message of more points takes longer, and shows no more
     found = stamps(motion.resample(rate).to_joint_trajectory())
     assert found[0] == 0 and np.all(np.diff(found) > 0)
     assert abs(found[-1] - motion.duration * 1e9) <= 0.51
@@ -181,7 +181,7 @@ def test_joints_without_names_are_numbered():
 
 
 def test_without_pandas_it_says_what_to_do(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)  # as Python has it of what cannot be imported
+    monkeypatch.setitem(sys.modules, "pandas", None)  # Python's mark of a module that cannot be imported
     with pytest.raises(
         MissingPackageError, match="to_dataframe needs pandas: pip install pandas; to_csv does"
     ) as caught:

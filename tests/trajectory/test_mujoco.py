@@ -1,4 +1,4 @@
-"""MuJoCo loads what was exported, with the arm's own URDF, and plays it onto the goal."""
+"""MuJoCo loads the exported file, with the arm's own URDF, and plays it onto the goal."""
 
 import re
 
@@ -38,7 +38,7 @@ def played(model):
     ("arm", "coarse"), [("r", 1e-4), ("rr", 5e-4), pytest.param("rrr", 3e-3, marks=pytest.mark.slow)]
 )
 def test_it_plays_onto_the_goal(arm, coarse):
-    """Open loop: what is missed is that of torques held for a tick, and falls with the tick's square."""
+    """Open loop: the error is that of torques held for a tick, and falls with the tick's square."""
     problem, motion = solved(arm).problem, solved(arm).trajectory
     missed = {}
     for rate in (1000, 4000):

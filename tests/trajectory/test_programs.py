@@ -23,7 +23,7 @@ HOSTILE = ('"]\nimport os', "'''\"\"\"\\", "\u2028#{os}", "\x00;end\n")
 
 
 def motion(joints, names=None):
-    """A curve of so many joints that rests at both ends."""
+    """A curve of a number of joints that rests at both ends."""
     t = np.linspace(0, 0.4997, 120)
     s = 10 * (t / t[-1]) ** 3 - 15 * (t / t[-1]) ** 4 + 6 * (t / t[-1]) ** 5
     ds = (30 * (t / t[-1]) ** 2 - 60 * (t / t[-1]) ** 3 + 30 * (t / t[-1]) ** 4) / t[-1]
@@ -107,7 +107,7 @@ def test_names_of_strangers_are_no_code(made, rate, joints, tmp_path):
 
 
 class Arm:
-    """A listener in a library's place: it goes where it is told, at once, and remembers the calls in order."""
+    """A stand-in for a library: it moves to each target at once, and records the calls in order."""
 
     def __init__(self, q, **faults):
         self.q, self.calls, self.faults = list(q), [], faults

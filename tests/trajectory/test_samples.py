@@ -1,4 +1,4 @@
-"""Even times: stamps that increase, means that add up to what was there."""
+"""Even times: stamps that increase, means that add up to the motion's integrals."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,7 @@ def test_own_samples_of_a_jump_are_one():
     samples = motion.resample()
     assert np.any(motion.jumps) and samples.t.size == motion.t.size - np.count_nonzero(motion.jumps)
     np.testing.assert_array_equal(samples.t, motion.t[np.append(True, ~motion.jumps)])
-    # Bang-bang: every mean is at a limit, whatever the step.
+    # Bang-bang: every mean is at a limit, for any step.
     np.testing.assert_allclose(np.abs(samples.tau), 3.0, rtol=1e-9)
 
 

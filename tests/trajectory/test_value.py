@@ -100,7 +100,7 @@ def test_ends_are_held(motion):
 
 
 def test_jump_of_one_ulp():
-    """A torque that switches from +3 to -3 at once, told by two samples one ulp apart."""
+    """A torque that switches from +3 to -3 at once, as two samples one ulp apart."""
     switch = 0.5
     after = np.nextafter(switch, 1.0)
     t = [0.0, switch, after, 1.0]
@@ -423,7 +423,7 @@ def test_a_member_twice_is_refused(tmp_path):
     path = tmp_path / "twice.npz"
     write(path)
     with zipfile.ZipFile(path, "a") as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # zipfile warns of what we are about
+        warnings.simplefilter("ignore")  # zipfile warns of the duplicate
         file.writestr("q.npy", b"")
     with pytest.raises(TrajectoryError, match="not a readable"):
         Trajectory.load(path)

@@ -45,7 +45,7 @@ def test_slopes_are_those_of_differences(name):
 
 
 def error_of_a_step(robot, rate):
-    """Largest error of A and B in the middle of a ramp, as parts of what a tick changes."""
+    """Largest error of A and B in the middle of a ramp, as parts of the change in a tick."""
     motion = ad.ramp(robot, [-1.0, 0.5, 0.1], [0.3, -0.2, 0.5], 0.2)
     ticks = Ticks.of(robot, motion, rate)
     steps, aba, h, nv = plant_steps(robot, ticks), forward_dynamics(robot), 1 / rate, robot.nv

@@ -45,13 +45,13 @@ def test_a_small_deviation_goes_as_its_own_linear_model_says(delay):
     runs = [deviating(law, ticks, loop, far) for far in (small, -small)]
     x = np.concatenate([-small, np.zeros(size - nv)])
     for k in range(60):
-        moved = (runs[0][k] - runs[1][k]) / 2  # what is even in the deviation, and what the means lose, is gone
+        moved = (runs[0][k] - runs[1][k]) / 2  # terms even in the deviation, and the error of the means, cancel
         assert moved == pytest.approx(-x[:nv], abs=1e-3 * np.abs(small).max())  # the steps' third-order error, summed
         x = steps.A[k] @ x - steps.B[k] @ K[k] @ x
 
 
 def deviating(law, ticks, loop, far):
-    """Positions from a start beside the reference's, without clipping."""
+    """Positions from a start off the reference's, without clipping."""
     aba, q, v, queue, out = (
         plain_loop.forward_dynamics(ROBOT),
         ticks.q[0] + far,

@@ -77,7 +77,7 @@ def test_how_much_an_integral_does():
 
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_feedforward_alone_lands(arm):
-    # What a mean torque per tick loses against the jumps of a bang-bang motion within one: 3e-4 rad on RR, and on RRR,
+    # Error of a mean torque per tick against the jumps of a bang-bang motion within one: 3e-4 rad on RR, and on RRR,
     # whose speeds are higher, six times that.
     robot, motion = paper_arm(arm), plain_loop.paper_reference(arm, 0.1)
     run = plain_loop.simulate(robot, robot, motion, ad.Pid(ad.PidGains(0, 0, 0)), ad.Loop(), motion.duration)

@@ -41,7 +41,7 @@ def margins_of(case):
 
 
 def times(loop, factors):
-    """The loop whose arm feels each torque times a factor; what the controller remembers of them stays."""
+    """The loop whose arm feels each torque times a factor; the controller's memory of them stays."""
     return replace(loop, torque=loop.torque * factors)
 
 
@@ -92,7 +92,7 @@ def test_delay_margin_in_whole_ticks(kd, velocity):
 
 @pytest.mark.parametrize("case", EVERY)
 def test_phase_and_disk_margins_agree_with_python_control(case):
-    """Its disk margin of one broken loop; and the disk lies within what the loop bears of gain and of phase."""
+    """Its disk margin of one broken loop; and the disk lies within the gain and phase margins."""
     import control  # takes half a second, of the one worker that runs this
 
     loop = loop_of(case)
@@ -100,7 +100,7 @@ def test_phase_and_disk_margins_agree_with_python_control(case):
         system = control.ss(*broken(loop, one.joint), 0.0, loop.period)
         disk, _, _ = control.disk_margins(system, frequencies(loop, system.A))
         assert one.disk == pytest.approx(disk, rel=1e-6)
-        # Both points of the real axis and the phase of the disk lie within what the loop bears (Seiler et al., (8)).
+        # Both points of the real axis and the phase of the disk lie within the margins (Seiler et al., (8)).
         assert one.gain[0] <= (2 - one.disk) / (2 + one.disk)
         assert one.gain[1] >= (2 + one.disk) / (2 - one.disk)
         assert one.phase >= 2 * np.arctan(one.disk / 2) * (1 - 1e-6)

@@ -65,7 +65,7 @@ def test_matrix_is_the_jacobian_of_the_loop(name, form):
     assert np.abs(np.array(ca.Function("f", [x], [rate])(rest))).max() < 1e-9
     expected = np.array(ca.Function("A", [x], [ca.jacobian(rate, x)])(rest))
     got = closed_loop_matrix(ArmAtGoal.of(robot, goal, form), kp, ki, kd)
-    # Two exact derivatives: what is left is rounding, times the condition of D.
+    # Two exact derivatives: the difference is rounding, times the condition of D.
     np.testing.assert_allclose(got, expected, atol=1e-10 * np.abs(expected).max())
 
 

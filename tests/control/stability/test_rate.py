@@ -1,4 +1,4 @@
-"""The slowest stable rate, and what is said of loops that are unstable as they are sampled."""
+"""The slowest stable rate, and the message for loops that are unstable as sampled."""
 
 from dataclasses import dataclass, replace
 
@@ -45,7 +45,7 @@ def test_the_rate_is_a_boundary(name, velocity, delay):
 
 
 def test_the_rate_of_a_double_integrator_in_closed_form():
-    """By Jury's condition at z = -1, 4 - 2 h kd > 0, whatever kp is."""
+    """By Jury's condition at z = -1, 4 - 2 h kd > 0, for any kp."""
     gains = PidGains(1.0, 0.0, 100.0)
     rate = slowest_stable_rate(cart(), [0.0], Pid(gains, "torque"), 0, loop=Loop(velocity="exact"))
     assert rate == pytest.approx(50.0, rel=2e-4)
@@ -137,7 +137,7 @@ def test_coulomb_friction_does_not_make_a_loop_stable():
 @pytest.mark.parametrize("loop", [Loop(), Loop(velocity="observer", delay=0), Loop.ideal()])
 @pytest.mark.parametrize("gain", [1e30, 1e100, 1e200, 1e308])
 def test_absurd_gains_are_unstable_and_no_error(gain, loop):
-    """A simulator asks this of loops that have diverged."""
+    """A simulator tests this for loops that have diverged."""
     robot, poses = example("RR Ex5", grams=100.6)
     controller = Pid(PidGains(0, gain, gain), "computed_torque")  # s³ + kd s² + ki has two roots to the right
     found = sampled_stability(robot, poses["q_goal"], controller, loop)

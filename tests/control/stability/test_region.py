@@ -12,7 +12,7 @@ from pid_loops import example, loaded_arm
 
 PAPER = PidGains(30, 50, 10)
 ROUNDING = 1e-13
-"""What numpy's eigenvalues are wrong by at most, as a part of the matrix's norm: some tens of ulps for 3 by 3."""
+"""Largest error of numpy's eigenvalues, as a part of the matrix's norm: some tens of ulps for 3 by 3."""
 
 
 def growth(arm, gains):
@@ -78,7 +78,7 @@ def test_poles_on_the_boundary_are_imaginary(form):
     for kp in (20.0, 30.0, 300.0):
         kd = float(region.least_kd(kp, ki))
         largest, norm = growth(ArmAtGoal.of(robot, goal, form), (kp, ki, kd))
-        # A root moves by about 1/norm of what kd is rounded by.
+        # A root moves by about 1/norm times the rounding of kd.
         assert abs(largest) < 1e-9 * norm
         # s = ± i √((kp + k) / m) then.
         omega = np.sqrt((kp + region.stiffness) / region.inertia)

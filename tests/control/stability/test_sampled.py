@@ -64,7 +64,7 @@ class Tick:
         self.integral = integral_at_rest(self.law, goal, self.holding, loop.delay)
 
     def at_rest(self):
-        """q, v, what is remembered, integrals, torques; the filter's memory of an arm at rest is -(1 - p) rate q."""
+        """q, v, memory, integrals, torques; the filter's memory of an arm at rest is -(1 - p) rate q."""
         memory = {
             "exact": [],
             "filtered": -(1 - self.loop.pole) * self.loop.rate * self.goal,
@@ -211,7 +211,7 @@ def test_the_double_integrator_against_jurys_conditions(delay):
 
 
 def test_separation_of_control_and_observer():
-    """With the right model the observer's poles stand beside those of exact readings (Luenberger)."""
+    """With the right model the observer's poles are added to those of exact readings (Luenberger)."""
     robot, poses = example("RR Ex5", grams=100.6)
     loops = {kind: Loop(velocity=kind, delay=2, cutoff=40.0) for kind in ("exact", "observer")}
     # computed torque from estimates: at rest it is linear in them, too
@@ -220,7 +220,7 @@ def test_separation_of_control_and_observer():
         for kind, loop in loops.items()
     }
     # The observer's error e⁻ obeys (1 - L) then the model: its poles are those of a double integrator only as far as
-    # gravity's slope is small beside the tick, so they come from its own matrix.
+    # gravity's slope is small against the tick, so they come from its own matrix.
     model = Rest.of(robot, poses["q_goal"], Pid(GAINS), loops["observer"]).model
     h, (l1, l2), eye = loops["observer"].period, loops["observer"].observer_gains, np.eye(2)
     step = np.block([[eye, h * eye], [0 * eye, eye]]) + np.vstack([h**2 / 2 * model.A[2:], h * model.A[2:]])
@@ -276,12 +276,12 @@ def test_a_simulation_grows_as_the_matrix_says(name, loop):
     linear = sampled_loop(robot, goal, controller, loop, plant)
     count = int(np.log(1e4) / np.log(linear.radius))
     run = plain_loop.simulate(plant, robot, still, controller, loop, count * loop.period)
-    # In units of what holds the plant: the torques that are on their way miss it, and so does the feedforward.
+    # In units of the holding torque: the torques that are on their way miss it, and so does the feedforward.
     missing = holding - inverse_dynamics(plant)(goal, rest, rest)
     x, expected = np.zeros(len(linear.matrix)), [np.zeros(robot.nv)]
     pending = slice(x.size - loop.delay * robot.nv, x.size)
     x[pending] = np.tile(missing, loop.delay)
-    push = np.zeros(x.size)  # what the law's own miss adds to each tick
+    push = np.zeros(x.size)  # the law's own error per tick
     if loop.delay:
         push[-robot.nv :] = missing
     else:

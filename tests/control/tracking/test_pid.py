@@ -170,7 +170,7 @@ def test_computed_torque_cancels_friction():
 
 
 def test_energy_balance():
-    """What the torque delivers is what the arm gains in energy."""
+    """The work of the torque is the arm's gain in energy."""
     robot, poses = example("RRR Ex6", grams=100.6)
     run = simulate_pid(robot, **poses, form="computed_torque", duration=2.0, samples=20001)
     data = robot.model.createData()

@@ -174,6 +174,6 @@ def test_without_a_compiler_it_is_the_same(references, monkeypatch):
         slow = ad.track(robot, reference, duration=0.3)
     finally:
         driven._callable.__wrapped__.cache_clear()
-    # The same operations, but the compiler may order a sum otherwise; a reading may then fall beside its step.
+    # The same operations, but the compiler may order a sum otherwise; a reading may then fall into the next step.
     assert np.abs(fast.trajectory.q - slow.trajectory.q).max() < 1e-3
     assert np.abs(fast.trajectory.q - slow.trajectory.q)[:20].max() < 1e-9

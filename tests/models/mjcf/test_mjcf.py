@@ -1,4 +1,4 @@
-"""Robots from MJCF: the same arm as from elsewhere, and refusals that say what and where."""
+"""Robots from MJCF: the same arm as from elsewhere, and refusals with element and reason."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""Property: whatever is done to an MJCF, what comes of it is a robot or an ArmdynError."""
+"""Property: any mutated MJCF gives a robot or an ArmdynError."""
 
 from xml.etree import ElementTree
 

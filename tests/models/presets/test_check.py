@@ -104,7 +104,7 @@ def test_offences_of_one_tick_are_found():
 
 
 def test_between_points_as_ros2_control():
-    """Linear, cubic or quintic, by what is given: a polynomial of that degree is met everywhere."""
+    """Linear, cubic or quintic, by the given derivatives: a polynomial of that degree is reproduced everywhere."""
     t, at = np.linspace(0, 1, 5), np.linspace(0, 1, 41)
     for degree, count in ((1, 1), (3, 2), (5, 3)):
         own = [np.polynomial.Polynomial(np.arange(1.0, degree + 2)).deriv(d) for d in range(3)]
@@ -183,7 +183,7 @@ def test_toppra_keeps_acceleration_but_not_jerk():
     assert not check.ok and first.condition == "jerk" and first.joint == "joint2"
     assert first.first == pytest.approx(run.duration, abs=0.0011)
     assert rows(check, "velocity")["joint1"].ok and rows(check, "position")["joint1"].ok
-    assert rows(check, "acceleration")["joint1"].share < 1.02  # toppra asks for it at its grid
+    assert rows(check, "acceleration")["joint1"].share < 1.02  # toppra enforces it at its grid
 
 
 def test_torque_rates_and_the_torque_interface():

@@ -1,4 +1,4 @@
-"""Controller presets: the built-in ones, users' files, and what is refused."""
+"""Controller presets: the built-in ones, users' files, and refused files."""
 
 import math
 import pickle

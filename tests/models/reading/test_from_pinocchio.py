@@ -1,4 +1,4 @@
-"""Robots from Pinocchio models that somebody else built."""
+"""Robots from Pinocchio models that were built elsewhere."""
 
 import numpy as np
 import pinocchio as pin
@@ -94,7 +94,7 @@ def test_limits_of_the_model():
     model = pendulum()
     model.upperEffortLimit[:] = 3.0
     own = MODEL(model).limits
-    assert (own.effort_lower, own.effort_upper) == (-3.0, 3.0)  # whoever gives one limit means both
+    assert (own.effort_lower, own.effort_upper) == (-3.0, 3.0)  # one limit stands for both
     model.lowerEffortLimit[:], model.upperVelocityLimit[:] = -1.0, 5.0
     own = MODEL(model).limits
     assert (own.effort_lower, own.effort_upper, own.velocity) == (-1.0, 3.0, 5.0)

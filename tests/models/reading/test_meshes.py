@@ -10,7 +10,7 @@ from oracles import two_links
 
 @pytest.fixture
 def workspace(tmp_path):
-    """A ROS workspace with a package, a package beside it, and a secret outside."""
+    """A ROS workspace with a package, a package next to it, and a secret outside."""
     for name in ("src/arm/urdf/arm.urdf", "src/arm/meshes/a.stl", "src/arm/package.xml", "src/other/b.stl", "secret"):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)

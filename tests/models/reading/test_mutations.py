@@ -1,4 +1,4 @@
-"""Property: whatever is done to a URDF, what comes of it is a robot or an ArmdynError, soon."""
+"""Property: any mutated URDF gives a robot or an ArmdynError, soon."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""Repairs of a URDF: nearest inertias against brute force, and what is found around the file."""
+"""Repairs of a URDF: nearest inertias against brute force, and packages found around the file."""
 
 import re
 

@@ -29,7 +29,7 @@ def jointed(kind="revolute", inside=LIMIT):
     return two_links(joint=joint("shoulder", "base", "arm", kind, inside))
 
 
-# What is wrong, the text, the element that must be named, words of the message.
+# Fault, text, element that must be named, words of the message.
 BAD = {
     "empty": ("", None, "not XML"),
     "not XML": ("hello", None, "not XML"),

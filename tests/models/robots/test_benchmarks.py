@@ -1,4 +1,4 @@
-"""The benchmarks that come with the package: their equations of motion by hand, and who knows what is passive."""
+"""The benchmarks that come with the package: their equations of motion by hand, and their passive joints."""
 
 import numpy as np
 import pinocchio as pin

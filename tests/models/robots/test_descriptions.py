@@ -20,7 +20,7 @@ def absent(monkeypatch):
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """The package with four robots, which finds their files beside itself."""
+    """The package with four robots, which finds their files in its own folder."""
     home = tmp_path / "robot_descriptions"
     home.mkdir()
     names = ("rr_description", "rr_mj_description", "rr_xacro_description", "far_description")
@@ -48,7 +48,7 @@ def test_urdf_and_mjcf(package, prefix, capsys):
     assert robot.urdf and str(package) in robot.package_dirs and robot.source == str(package / "rr.urdf")
     assert not same.urdf and same.payload.mass == 0.1
     assert READ("rr_description", lock={"joint2": 0.1}, arm=("joint1", "link2")).joint_names == ("joint1",)
-    assert capsys.readouterr().out == ""  # what it tells of its cloning is no result
+    assert capsys.readouterr().out == ""  # its cloning's output is no result
 
 
 def test_what_it_cannot_provide(package):

@@ -91,7 +91,7 @@ def test_a_robot_of_several_limbs():
 
 def test_hashes_tell_arms_apart():
     assert len({Robot.from_library(name).model_hash for name in ("ur3", "ur5", "ur10", "panda", "z1")}) == 5
-    # Limits and collision shapes are all that tells these from each other.
+    # These differ in limits and collision shapes only.
     assert Robot.from_library("ur5").model_hash == Robot.from_library("ur5_limited").model_hash
 
 

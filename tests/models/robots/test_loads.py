@@ -57,7 +57,7 @@ def test_pieces_without_a_load_are_of_the_robot_or_refused():
     ):
         robots_of(arm, there + heavy)
     assert is_motion_of(arm, there + heavy) and not is_motion_of(arm, heavy)
-    assert not is_motion_of(arm, replace(there, model_hash=""))  # nobody knows
+    assert not is_motion_of(arm, replace(there, model_hash=""))  # unknown
 
 
 def test_one_arm_for_all_pieces_with_the_same_load():
@@ -100,7 +100,7 @@ def test_what_cannot_be_reversed():
         ad.reversed_motion(arm.with_friction([0.0, 0.1]), motion)
     with pytest.raises(TrajectoryError, match="torques that are constant between samples cannot"):
         ad.reversed_motion(arm, replace(motion, hold="zero-order"))
-    # Braking may use the whole torque, driving only what the motor's speed leaves it.
+    # Braking may use the whole torque, driving only the torque at the motor's speed.
     weak = arm.with_limits(10.0, None).with_torque_speed({arm.joint_names[0]: [[0.0, 10.0], [2.0, 0.1]]})
     still = 0 * motion.tau
     braking = replace(motion, v=np.full_like(still, [-1.5, 0]), tau=np.full_like(still, [5.0, 0]))

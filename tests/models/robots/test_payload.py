@@ -35,7 +35,7 @@ def test_any_frame_that_moves(name, frame):
     loaded = Robot.from_library(name, payload)
     dynamics, data = Dynamics(loaded), model.createData()
     for q, v, tau in random_states(bare.nv, count=3):
-        # What is promised of the dynamics.
+        # The promised accuracy of the dynamics.
         assert_close(dynamics.aba(q, v, tau), pin.aba(model, data, bare.configuration(q), v, tau), 1e-10)
 
 

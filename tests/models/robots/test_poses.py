@@ -1,4 +1,4 @@
-"""Poses with names: SRDFs beside a URDF, from strangers, and the table."""
+"""Poses with names: SRDFs next to a URDF, untrusted ones, and the table."""
 
 import math
 import time

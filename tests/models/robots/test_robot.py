@@ -65,7 +65,7 @@ def test_urdf_payload_on_a_frame(frame):
     for q, v, tau in random_states(7, count=2):
         expected = pin.aba(model, model.createData(), q, v, tau)
         assert np.allclose(pin.aba(loaded.model, loaded.model.createData(), q, v, tau), expected, rtol=1e-12)
-    # It weighs what it should, and the robot that it was taken from is as it was.
+    # Its mass is right, and the original robot is unchanged.
     assert loaded.model.inertias[place.parentJoint].mass == pytest.approx(
         bare.model.inertias[place.parentJoint].mass + 1.5, rel=1e-15
     )

@@ -1,4 +1,4 @@
-"""Payloads and tools with shapes: where they are, what they are compared with, and as tables."""
+"""Payloads and tools with shapes: placement, compared pairs, and tables."""
 
 import numpy as np
 import pinocchio as pin
@@ -45,7 +45,7 @@ def test_a_tool_moves_the_tip_and_carries_the_payload():
 
 
 def test_a_long_tool_is_compared_with_the_forearm_on_the_neighbouring_joint():
-    # Along x, from where the upper arm ends: RR's second link and what it carries hang on neighbouring joints.
+    # Along x, from where the upper arm ends: RR's second link and its payload hang on neighbouring joints.
     stick = ad.Capsule((-0.4, 0, 0.08), (-0.3, 0, 0.08), 0.01, name="stick")
     tool = ad.Tool(mass=0.01, tip=(0, 0, 0), shapes=[stick])
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), tool=tool)
@@ -62,7 +62,7 @@ def test_a_long_tool_is_compared_with_the_forearm_on_the_neighbouring_joint():
 
 
 def test_a_tool_at_the_flange_is_not_compared_with_the_wrist_beside_it():
-    # Its cylinder stands 5 mm beside the UR5's second wrist, whatever the third one does.
+    # Its cylinder stands 5 mm off the UR5's second wrist, for any angle of the third one.
     tool = ad.Tool(mass=0.5, tip=(0, 0, 0.2), shapes=[ad.Cylinder((0, 0, 0), (0, 0, 0.2), 0.03)])
     names = {first for first, second in CollisionModel(ad.Robot.from_library("ur5", tool=tool), (), True).pairs}
     assert "wrist_1_link" in names and "wrist_2_link" not in names

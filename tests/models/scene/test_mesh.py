@@ -148,5 +148,5 @@ def test_clearances_from_a_mesh_are_proven():
     nearest, missed = prove_clearance(model, motion, 0.005)
     sampled = min(model.distances(q).min() for q in motion(np.linspace(0, 1, 300)).q)
     assert nearest.sure and nearest.other == "ring" and not missed
-    assert nearest.distance == pytest.approx(sampled, abs=2e-3)  # what the arm moves between samples
+    assert nearest.distance == pytest.approx(sampled, abs=2e-3)  # the arm's travel between samples
     assert len(around.parts) > 8 and nearest.distance < 0.2  # the hull of a ring would be full

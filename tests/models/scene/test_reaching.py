@@ -1,4 +1,4 @@
-"""Inverse kinematics against forward kinematics, and against what is known of the arms."""
+"""Inverse kinematics against forward kinematics, and against known facts of the arms."""
 
 import numpy as np
 import pinocchio as pin
@@ -27,7 +27,7 @@ def test_what_is_found_reaches_the_goal_within_the_limits(name):
     assert len(found) >= (8 if name == "ur5" else 3)  # a UR5 has eight branches
     for q in found:
         assert np.all(q >= robot.limits.position_lower) and np.all(q <= robot.limits.position_upper)
-        # 1e-9 is what counts as reached; whole turns cost rounding.
+        # 1e-9 counts as reached; whole turns cost rounding.
         np.testing.assert_allclose(placement(robot, robot.tip, q).homogeneous, wanted.homogeneous, atol=1e-8)
     for i, q in enumerate(found):
         assert all(np.max(np.abs(q - other)) > 0.3 for other in found[:i])

@@ -99,7 +99,7 @@ def test_allowed_contacts(tmp_path):
         obstacles=scene.obstacles, allowed_contacts=scene.allowed_contacts,
     )  # fmt: skip
     assert ("link1", "can") not in problem.collision_model().pairs
-    with pytest.raises(ProblemError, match="'elsewhere'"):  # what the user writes stays strict
+    with pytest.raises(ProblemError, match="'elsewhere'"):  # the user's own names stay strict
         replace(problem, allowed_contacts=found)
 
 

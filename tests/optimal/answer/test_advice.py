@@ -1,4 +1,4 @@
-"""What may help: a line for each thing that is missing, and none for what is there."""
+"""Remedies: a line for each missing condition, and none for the others."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Which optimum is the answer, whether it is one, and what is said of it."""
+"""Choice of the returned optimum, its success, and its message."""
 
 from dataclasses import replace
 
@@ -72,7 +72,7 @@ def test_what_is_no_motion_has_no_duration(task, wrong, late):
 
 def test_the_best_so_far_is_named_where_it_is_a_motion(task):
     late = replace(task, stop=Stop(deadline=0.0))
-    assert late.stop  # somebody asked, and ended
+    assert late.stop  # it was polled, and ended the solve
     solution = answer(late, optimum(late, exceeded=FAST))
     assert solution.status is ad.Status.TIME_LIMIT and "best so far" in solution.message
     assert minimum_time_summary(solution)["duration"] == solution.duration
@@ -141,7 +141,7 @@ def test_the_adjoint_equations_are_asked_of_the_answer(task):
     costate[3] *= 1.01
     wrong = answer(task, replace(arcs, phases=replace(right.phases, costate=costate)))
     assert wrong.usable and not wrong.certified and "adjoint equations" in wrong.message
-    # Of what is no extremal it is not asked.
+    # It is not required of other motions than extremals.
     stray = replace(arcs, certificate=replace(candidate, hamiltonian_spread=1.0))
     assert answer(task, stray).certificate.adjoint_error is None
 

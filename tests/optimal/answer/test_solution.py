@@ -1,4 +1,4 @@
-"""What a solution says of itself."""
+"""Numbers of a solution."""
 
 import json
 from dataclasses import FrozenInstanceError, replace
@@ -31,7 +31,7 @@ def test_errors_of_the_replay_are_the_certificates():
     missed, floor = np.abs(solution.problem.goal_error_of(replay)), solution.certificate.growth * ACCURACY
     assert solution.replay_error == solution.certificate.goal_error
     assert solution.replay_velocity_error == solution.certificate.goal_velocity_error
-    # No better than this replay, and no worse than two integrators' and what their accuracy grows to.
+    # No better than this replay, and no worse than two integrators' errors, grown along the motion.
     assert missed[:2].max() <= solution.replay_error <= 2 * missed[:2].max() + floor
     assert missed[2:].max() <= solution.replay_velocity_error <= 2 * missed[2:].max() + floor
 

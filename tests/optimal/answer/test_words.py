@@ -1,4 +1,4 @@
-"""What a solution says of itself when it is printed."""
+"""Printed text of a solution."""
 
 import dataclasses
 

@@ -84,7 +84,7 @@ def of_joint(arcs, joint):
 
 
 def events_of(arcs):
-    """What changes from arc to arc, one joint after the other."""
+    """Changes from arc to arc, one joint after the other."""
     ends = np.cumsum([arc.duration for arc in arcs])
     return [
         Event(float(t), i, after.modes[i])

@@ -43,7 +43,7 @@ def test_without_a_density_they_are_even_and_go_by_length(durations, more):
 # By powers of two, so that both ways round alike: between equal masses the last bit decides.
 @given(DURATIONS, st.integers(0, 40), densities(), st.integers(-3, 3).map(lambda k: 2.0**k))
 def test_a_density_of_other_times_is_stretched(durations, more, density, factor):
-    """Durations are guesses: what counts is where in the motion a stretch is."""
+    """Durations are guesses: only the place of an interval in the motion matters."""
     intervals = 2 * durations.size + more
     stretched = Density(factor * density.t, density.mass)
     for one, other in zip(

@@ -1,4 +1,4 @@
-"""What Coulomb friction asks of a mesh: half of its intervals where a joint turns around."""
+"""Meshes for Coulomb friction: half of their intervals where a joint turns around."""
 
 import numpy as np
 

@@ -48,7 +48,7 @@ def test_the_hamiltonian_is_zero_and_torques_pull_outward(arm):
     for k in firsts:
         a = pin.aba(phases.q[k], phases.v[k], phases.tau[k, 0])
         rates = np.concatenate([phases.v[k], a])
-        assert 1 + phases.costate[k] @ rates == pytest.approx(0.0, abs=1e-4)  # what the certificate asks
+        assert 1 + phases.costate[k] @ rates == pytest.approx(0.0, abs=1e-4)  # the certificate's tolerance
     for k, arc in enumerate(phases.arc_of):
         for i in range(n):
             outward = 1.0 if phases.arcs[arc].modes[i] is Mode.UPPER else -1.0

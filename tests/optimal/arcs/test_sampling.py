@@ -1,4 +1,4 @@
-"""The trajectory that a solution with arcs is told as."""
+"""The trajectory of a solution with arcs."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def test_a_solution_with_arcs_is_sampled_at_knots_and_jumps():
     assert all(mode in BANG for arc in phases.arcs for mode in arc.modes)
     assert motion.t[0] == 0.0 and motion.t[-1] == phases.t[-1]
     at = motion(phases.t)
-    # Knots are samples: nothing between them is asked for.
+    # Knots are samples: nothing between them is sampled.
     np.testing.assert_allclose(at.q, phases.q, atol=1e-13)
     np.testing.assert_allclose(at.v, phases.v, atol=1e-11)
     assert set(np.abs(motion.tau).ravel()) == {3.0}

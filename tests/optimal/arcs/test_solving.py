@@ -1,4 +1,4 @@
-"""Durations of arcs of known structure, and what is said where they are not found."""
+"""Durations of arcs of known structure, and messages where they are not found."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ def test_another_mesh_finds_the_same_durations(solution):
     found, before = again(solution, intervals=48), solution.phases
     assert isinstance(found, Phases)
     lengths = [[arc.duration for arc in phases.arcs] for phases in (found, before)]
-    # Ninth order: what is left is IPOPT's 1e-10, and that the first was aimed beside the goal by its own error.
+    # Ninth order: the difference is IPOPT's 1e-10, and the first one's aim off the goal by its own error.
     np.testing.assert_allclose(lengths[0], lengths[1], atol=1e-7)
     assert found.t[-1] == found.duration and found.arc_of.size == 48
     np.testing.assert_allclose(np.bincount(found.arc_of, np.diff(found.t)), lengths[0], rtol=1e-12)
@@ -40,7 +40,7 @@ def test_it_ends_beside_the_goal_by_what_is_asked(solution):
 
 
 def test_costates_are_how_the_time_to_go_depends_on_the_state(solution):
-    """Differences of t_f for goals a little beside, against the costate at the end: ρ there is −∂t_f/∂x_goal."""
+    """Differences of t_f for neighbouring goals, against the costate at the end: ρ there is −∂t_f/∂x_goal."""
     step = 1e-4
     for i in range(4):
         beside = [again(solution, near=True, offset=sign * step * np.eye(4)[i]) for sign in (1, -1)]

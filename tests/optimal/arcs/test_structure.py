@@ -1,4 +1,4 @@
-"""What the multipliers of a solution say against its structure."""
+"""Multipliers of a solution that contradict its structure."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ def test_an_arc_that_has_vanished_goes():
 
 
 def test_a_velocity_limit_that_is_not_named_is_overlooked():
-    """The cart cruises; told that its middle is a free torque, its multipliers still say that a limit holds it."""
+    """The cart cruises; with a free torque in its middle, its multipliers still show that a limit holds it."""
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0], velocity_limit=0.8)
     phases = solve(problem).phases
     assert modes(phases.arcs) == [(U,), (V,), (L,)]

@@ -8,7 +8,7 @@ from armdyn.optimal.bound.linear_program import LinearProgram
 
 
 def chain(seed, cells=12, nv=3, reachable=True):
-    """A random program of the bound's shape: what changes from node to node, ways last, the most of them sought."""
+    """A random program of the bound's shape: changes from node to node, ways last, their largest sum sought."""
     rng, program = np.random.default_rng(seed), LinearProgram()
     v = program.unknown((cells, nv), -rng.uniform(0.1, 1.0, (cells, nv)), rng.uniform(0.1, 1.0, (cells, nv)))
     given = np.zeros((cells + 1, nv)) if reachable else np.full((cells + 1, nv), 9.0)

@@ -168,7 +168,7 @@ def test_random_pairs_are_bounded_closely_and_never_above_a_motion(name):
 def test_most_of_the_widest_gap_is_what_turning_back_costs():
     """The first pair of the Panda, of which joint 2 decides the time, but for joint 1's way, which it does not see.
 
-    M does not depend on joint 1, so that the ramps are the same whatever its goal. Where it may go on as it starts
+    M does not depend on joint 1, so that the ramps are the same for any goal of it. Where it may go on as it starts
     (1.33 rad further) a motion of 0.544847 s is known, 2 % faster than the fastest known of the pair itself.
     """
     pair = next(random_pairs("panda"))

@@ -15,7 +15,7 @@ _INTEGRATED = 1e-6
 
 
 def nested(problem, passes=3, ahead=1.5):
-    """A leg and its boxes, for motions that take so many times the shortest."""
+    """A leg and its boxes, for motions that take a multiple of the shortest."""
     leg = legs_of(problem, BoundPolicy())[0]
     known = leg.shortest
     cells = Cells.of(leg, known / 2, ahead * known)

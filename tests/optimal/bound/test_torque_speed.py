@@ -118,7 +118,7 @@ def test_any_multipliers_and_shares_of_lines_prove_a_bound():
 
 
 def test_no_torque_of_a_motor_is_beyond_its_lines():
-    """Far beyond the speed at which the curves have no torque left, too, where joints brake with what they have."""
+    """Far beyond the speed at which the curves have no torque left, too, where joints brake with their whole torque."""
     robot, rng = BARE.with_torque_speed(STEEP), np.random.default_rng(5)
     actuators, boxes, speed = robot.limits.actuators, 40, np.array([[15.0, 30.0]])
     middle = rng.uniform(-speed, speed, (boxes, 2))
@@ -135,7 +135,7 @@ def test_no_torque_of_a_motor_is_beyond_its_lines():
         point = Forces(terms, Interval.at(speeds), Interval.at(tau), robot.friction)
         most = np.maximum(most, point.rate(w, way).lower)
     assert np.all(most <= found.upper)
-    assert np.median((found.upper - most) / np.abs(found.upper)) < 1.0  # near what is met at points
+    assert np.median((found.upper - most) / np.abs(found.upper)) < 1.0  # near the values at points
 
 
 @pytest.mark.slow

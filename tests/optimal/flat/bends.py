@@ -30,7 +30,7 @@ KINDS = {
     "jerk in flight": {"v_start": [0.5, -0.3], "jerk_limit": 900.0},
     "in flight": {"v_start": [0.5, -0.3], "v_goal": [0.0, 0.4]},
 }
-"""What is asked of the paper's arm of two links."""
+"""A problem of the paper's arm of two links."""
 
 
 def problem(kind, **more):
@@ -49,7 +49,7 @@ def task(kind, **more):
 
 
 def bent(problem, intervals=4, shortest=0.2):
-    """A curve from pose to pose whose control points are beside the straight way, so that no derivative is zero."""
+    """A curve from pose to pose whose control points are off the straight line, so that no derivative is zero."""
     basis = Basis(graded(intervals, shortest))
     straight, rng = Curve.straight(problem, basis, 0.4), np.random.default_rng(0)
     inner = np.ones((basis.size, 1))
@@ -62,5 +62,5 @@ def bent(problem, intervals=4, shortest=0.2):
 
 
 def spec(problem, **more):
-    """What the problem asks, no more."""
+    """The problem's own conditions only."""
     return CurveSpec(TightenedConstraints.of(Task.of(problem)), **more)

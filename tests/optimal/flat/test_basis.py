@@ -1,4 +1,4 @@
-"""B-splines on a graded mesh: against SciPy's, against polynomials, and by what defines them."""
+"""B-splines on a graded mesh: against SciPy's, against polynomials, and by their definition."""
 
 import numpy as np
 import pytest

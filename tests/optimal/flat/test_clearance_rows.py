@@ -70,6 +70,6 @@ def test_poses_are_where_bodies_pass_each_other(swing):
 def test_a_pair_just_beyond_the_clearance_at_the_goal_is_asked_for_more_than_the_clearance(swing):
     problem = swing[0]
     near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
-    tight = problem.variant(clearance=near - 3e-4)  # as a finger beside what it is to grasp
+    tight = problem.variant(clearance=near - 3e-4)  # as a finger next to the part to grasp
     required = KeepsClear().required_distances(tight)
     assert tight.clearance < np.min(required.most) < near

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 
 from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step
 
-accurately = partial(solve_step, accuracy=1e-8)  # ten times as far as the conditions are asked
+accurately = partial(solve_step, accuracy=1e-8)  # ten times as accurate as the conditions
 
 
 def program(random, n=6, rows=30, upper=1.0, together=3, wide=6):

@@ -93,7 +93,7 @@ def test_a_curve_near_a_motion_begins_ends_and_passes_where_it_does():
         q = leg.at(np.array([0.0, 1.0]))[0]
         np.testing.assert_allclose(q, [a, b], atol=1e-12)  # the motion's interpolation
     (whole,) = Curve.near(spec, basis).legs
-    # A curve is beside its control points by about q'' h²: 20 of (1/40)².
+    # A curve is off its control points by about q'' h²: 20 of (1/40)².
     np.testing.assert_allclose(whole.at(S)[0], spec(0.6 * S).q, atol=20 / 40**2)
     np.testing.assert_allclose(whole.at(S)[0][[0, -1]], spec.q[[0, -1]], rtol=0, atol=1e-15)  # an ulp
 

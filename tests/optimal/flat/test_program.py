@@ -93,7 +93,7 @@ def test_all_equations_but_those_of_the_torques_are_those_of_the_curve(kind):
             at_end = leg.basis.curve(leg.points)(1.0, order) / leg.duration**order
             np.testing.assert_allclose(rates[-1] * scale, at_end, rtol=1e-10, atol=1e-10)  # rounding of differences
         place += count * shape.lines
-    # Time over the guess's, and what squared torques cost: by Gauss's points, which here are the definition.
+    # Time over the guess's, and the cost of squared torques: by Gauss's points, which here are the definition.
     part = [leg.basis.gauss(POINTS)[1].ravel() @ leg.torques(robot, leg.basis.gauss(POINTS)[0].ravel()) ** 2
             for leg in guess.legs]  # fmt: skip
     tie = sum(SMOOTH / 2 * leg.duration * (own / half**2).sum() / 2 for leg, own in zip(guess.legs, part, strict=True))

@@ -60,7 +60,7 @@ def test_a_settled_curve_of_a_real_arm_keeps_its_limits_between_its_points():
     assert speed <= 1 + 1e-12  # control points are slowed down to the limit itself
     assert shares(job.problem, plain.curve)[0] > 1.005  # there was something to settle
     assert settled.excess <= 0 and settled.solved.converged
-    # What limits between the points cost: 1e-4 at most on twenty pairs.
+    # Cost of limits between the points: 1e-4 at most on twenty pairs.
     assert plain.curve.duration * (1 - 1e-6) <= settled.curve.duration <= plain.curve.duration * (1 + 5e-4)
     assert settled.iterations > plain.result.iterations
 
@@ -73,7 +73,7 @@ def test_limits_of_torque_rates_are_kept_between_the_points():
     tau, _, rate = shares(job.problem, settled.curve)
     assert tau <= 1 + BEYOND
     # Means over 1/24 of an interval are within the limit; over shorter parts, near corners of the rate at breaks, they
-    # are above it by what it changes by in 1/48 of an interval. Torques that are handed out are lines over 1/16.
+    # exceed it by its change in 1/48 of an interval. Torques that are handed out are lines over 1/16.
     assert 0.99 * limit < rate <= 1.02 * limit
 
 
@@ -83,7 +83,7 @@ def cart_task(**options):
 
 
 def test_where_nothing_is_exceeded_nothing_is_solved_again():
-    job = cart_task(acceleration_limit=0.5)  # half the torque will do
+    job = cart_task(acceleration_limit=0.5)  # half the torque is enough
     messages = []
     settled = refine_curve(replace(job, progress=messages.append), straight(job, 20))
     once = solve_curve(job, straight(job, 20), CurveSpec(TightenedConstraints.of(job), smooth=job.policy.curves.smooth))
@@ -109,7 +109,7 @@ def test_room_is_added_only_where_a_torque_exceeds_its_limit():
     messages = []
     settled = refine_curve(replace(job, progress=messages.append), straight(job, 21))
     assert messages and settled.excess <= 0
-    # To slow the motion down would cost the root of the excess; what is taken off where it is costs less.
+    # To slow the motion down would cost the root of the excess; tightening where it occurs costs less.
     assert settled.curve.duration < curve.duration * (np.sqrt(1 + np.max(over.upper)) - 1e-3)
     assert shares(job.problem, settled.curve)[0] <= 1 + BEYOND
 

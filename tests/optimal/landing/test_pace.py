@@ -55,6 +55,6 @@ def test_a_paced_motion_goes_the_same_way(factor):
     assert slow.duration == pytest.approx(factor, rel=1e-15)
     assert np.array_equal(slow.q, q) and np.array_equal(slow.tau, motion.tau)
     at = np.linspace(0, 1, 23)
-    # Positions are a cubic of time over duration, whatever that is.
+    # Positions are a cubic of time over duration, for any duration.
     np.testing.assert_allclose(slow(factor * at).q, motion(at).q, atol=1e-12)
     np.testing.assert_allclose(factor * slow(factor * at).v, motion(at).v, atol=1e-11)

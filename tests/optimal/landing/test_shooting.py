@@ -1,4 +1,4 @@
-"""Multiple shooting from a mesh's motion, and what the replay leaves of its miss, against the replay."""
+"""Multiple shooting from a mesh's motion, and its remaining goal error, against the replay."""
 
 from dataclasses import replace
 
@@ -73,7 +73,7 @@ def test_the_torques_of_a_mesh_change_a_little_and_land(friction):
     before = miss(problem, ad.replay_torques(robot, found.trajectory))
     assert before > 1e-6
     replay = replay_on_goal(task, found)
-    # What it aims for, in rad; 1e-6 rad/s is 1e-7 of the speeds.
+    # Its tolerance, in rad; 1e-6 rad/s is 1e-7 of the speeds.
     assert np.abs(replay.q[-1] - problem.q_goal).max() < 1e-8
     assert miss(problem, replay) < 1e-6
     assert np.all(np.abs(replay.tau) <= problem.limits.effort_upper)
@@ -82,7 +82,7 @@ def test_the_torques_of_a_mesh_change_a_little_and_land(friction):
 
 
 def on_mesh(t, tau):
-    """What a mesh of equal intervals says of a cart under given forces of its intervals."""
+    """Motion of a cart on a mesh of equal intervals under given forces."""
     both, force = both_sides(t), np.repeat(tau, 2)[:, None]
     v = np.minimum(both, both[-1] - both)[:, None]
     motion = ad.Trajectory(both, np.zeros_like(v), v, force, cart().joint_names)

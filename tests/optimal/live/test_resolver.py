@@ -35,7 +35,7 @@ def first_motion():
 
 
 def excess(robot, motion, random, limits=None):
-    """Largest excess over a limit at random times by `pin.rnea`, as a part of it; negative: so much is spare."""
+    """Largest excess over a limit at random times by `pin.rnea`, as a part of it; negative: the unused part."""
     limits, data = limits or robot.limits, robot.model.createData()
     t = np.sort(random.uniform(motion.t[0], motion.t[-1], 1000))
     k = np.clip(np.searchsorted(motion.t, t, side="right") - 1, 0, motion.t.size - 2)

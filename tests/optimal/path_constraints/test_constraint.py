@@ -1,4 +1,4 @@
-"""A condition of one's own, as docs/obstacles.md tells to write it; the registry."""
+"""A path constraint of one's own, after docs/obstacles.md; the registry."""
 
 import re
 from dataclasses import dataclass

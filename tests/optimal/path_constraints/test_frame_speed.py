@@ -50,9 +50,9 @@ def test_two_links_keep_it_everywhere_and_a_lower_one_costs_time():
     for limit in (4.0, 2.0, 1.0):
         solution = between(paper_arm("rr"), START, GOAL, ad.FrameSpeedLimit(limit), starts=1)
         speed = fastest(solution, "tip")
-        assert speed <= limit * (1 + 1.1e-3)  # 1e-3, and what five looks a sample may miss
+        assert speed <= limit * (1 + 1.1e-3)  # 1e-3, and the error of five points a sample
         assert speed == pytest.approx(solution.constraint_reports[0].share * limit, rel=1e-4)
-        assert speed > 0.98 * limit  # it is what limits this motion
+        assert speed > 0.98 * limit  # it limits this motion
         durations.append(solution.duration)
     assert durations == sorted(durations)
     ends = [ad.Dynamics(paper_arm("rr")).frame_placement(np.array(q), "tip")[1] for q in (START, GOAL)]

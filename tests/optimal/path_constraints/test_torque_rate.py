@@ -31,7 +31,7 @@ def test_a_cart_takes_the_time_of_its_double_s(rate, duration):
     solution = solve(problem)
     # Corners fall between knots: `settle` stops where a mesh twice as fine changes less than 5e-4.
     assert solution.duration == pytest.approx(duration, rel=5e-4)
-    assert solution.duration > duration * (1 - 1e-4)  # what IPOPT's tolerance gives away
+    assert solution.duration > duration * (1 - 1e-4)  # IPOPT's tolerance
 
 
 @pytest.mark.slow

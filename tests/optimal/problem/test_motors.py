@@ -1,4 +1,4 @@
-"""Which joints of a problem have a motor, and what is refused where too few have."""
+"""Joints of a problem with a motor, and refusals where too few have one."""
 
 import numpy as np
 import pytest

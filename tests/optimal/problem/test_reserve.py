@@ -1,4 +1,4 @@
-"""What is kept of the limits for feedback: the same answers as with limits that are less by it."""
+"""Reserve of the limits for feedback: the same solutions as with limits reduced by it."""
 
 import warnings
 
@@ -83,7 +83,7 @@ def test_no_velocity_worth_its_name_is_refused():
 
 def test_a_goal_that_takes_of_the_reserve_is_a_warning_that_says_so():
     held = paper_problem("rr", 0.2).holding_torque()[0]
-    reserve = 1 - 0.9 * held / 3  # leaves nine tenths of what the goal takes
+    reserve = 1 - 0.9 * held / 3  # leaves nine tenths of the holding torque at the goal
     with pytest.warns(ad.ArmdynWarning, match=r"of 3 N m is kept in reserve\).*takes of the reserve"):
         problem = paper_problem("rr", 0.2, reserve=reserve)
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""What stops a solve: the clock, Ctrl-C, and nobody else."""
+"""Stops of a solve: the clock and Ctrl-C only."""
 
 import multiprocessing
 import os
@@ -55,7 +55,7 @@ def test_a_part_of_some_work_is_interrupted_with_it():
         assert not part
         whole.interrupt()
         assert part.interrupted and not part.late
-        os.kill(os.getpid(), signal.SIGINT)  # a terminal tells both; the first of a process never raises
+        os.kill(os.getpid(), signal.SIGINT)  # a terminal signals both; the first of a process never raises
 
 
 def test_forks_see_an_interruption():

@@ -69,7 +69,7 @@ def test_without_gravity_it_is_the_shorter(start, goal, short, tmp_path):
 
 @pytest.mark.slow
 def test_one_endless_joint_of_two(read):
-    """A joint with limits goes where it is told; its neighbour takes the nearer turn."""
+    """A joint with limits goes to its given goal; its neighbour takes the nearer turn."""
     limited = joint("elbow", "a", "b")
     first = endless_joint("shoulder", ("base", "a"), "0 -1 0")
     robot = read(urdf('<link name="base"/>', link("a"), link("b"), first, limited), effort_limit=5.0)

@@ -1,4 +1,4 @@
-"""The chain rule gives what differentiating the condensed interval as one expression gives."""
+"""The chain rule equals the derivative of the condensed interval as one expression."""
 
 import casadi as ca
 import numpy as np

@@ -17,7 +17,7 @@ from problems import cart, luus_problem, paper_problem, solve, solved
 
 FINELY = AdjointPolicy()
 NEAR = 1e-6
-"""Of what the costates of arcs on torque limits come to: 1e-7 measured, by integrators of 1e-7."""
+"""Accuracy of the costates of arcs on torque limits: 1e-7 measured, by integrators of 1e-7."""
 
 
 def error(solution, **changes):
@@ -26,7 +26,7 @@ def error(solution, **changes):
 
 
 def moved(solution, row, column, by):
-    """Costates of which one is wrong by so much as H feels it."""
+    """Costates of which one is wrong by enough to change H."""
     size = np.abs(np.hstack([solution.trajectory.v, accelerations(solution)])).max(axis=0)
     costate = solution.phases.costate.copy()
     costate[row, column] += by / size[column]
@@ -64,7 +64,7 @@ def test_the_costates_of_arcs_keep_the_adjoint_equations(problem):
 @pytest.mark.parametrize("arm", ["r", "rr"])
 def test_where_effort_is_paid_for_too(arm):
     solution = solve(paper_problem(arm, effort_weight=1.0, effort_limit=50.0))
-    # Torques of the replay are lines between samples, to 1e-6 of what they stand for.
+    # Torques of the replay are lines between samples, to 1e-6 of the true ones.
     assert error(solution) < 0.1 * ADJOINT_TOLERANCE
 
 
@@ -169,4 +169,4 @@ def test_transitions_are_those_of_an_adaptive_integrator():
         state, expected, whole = end[: 2 * n], end[2 * n :].reshape(2 * n, -1), found[k] @ whole
     scale = size / size[:, None]
     np.testing.assert_allclose(whole * scale, expected * scale, atol=1e-7)  # of some tens of segments
-    assert transitions(robot, np.diff(motion.t)[:1], x[:1], tau[:1], -1.0, size) is None  # what cannot be had
+    assert transitions(robot, np.diff(motion.t)[:1], x[:1], tau[:1], -1.0, size) is None  # not attainable

@@ -16,7 +16,7 @@ def test_certificate_refuses_what_is_not_optimal():
     solution = solved("rr")
     problem = solution.problem
     slower = solution.local_optima[0]
-    assert slower > solution.duration  # the other optimum is an extremal too: only the search tells them apart
+    assert slower > solution.duration  # the other optimum is an extremal too: only the search distinguishes them
     # Its torques are on the limits of this problem; with limits twice as wide they are on none.
     wider = replace(problem, effort_limit=6.0)
     certificate = certify(wider, solution.trajectory, solution.phases)
@@ -34,12 +34,12 @@ def test_certificate_refuses_what_is_not_optimal():
         solution.trajectory.tau,
     )
     assert any("misses the goal" in reason for reason in certify(problem, missed, solution.phases).reasons)
-    without = certify(problem, solution.trajectory, None, "asked for no arcs")
-    assert not without.ok and without.reasons == ("asked for no arcs",)
+    without = certify(problem, solution.trajectory, None, "without arcs")
+    assert not without.ok and without.reasons == ("without arcs",)
 
 
 def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
-    """|H| and the signs need not see it: at a switch the costates may turn within what both allow."""
+    """|H| and the signs need not see it: at a switch the costates may turn within both tolerances."""
     solution = solved("rr")
     certificate = replace(solution.certificate, adjoint_error=2e-4)
     assert solution.certificate.extremal and not certificate.extremal and not certificate.ok
@@ -47,7 +47,7 @@ def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
     assert certificate.reasons == ("the costates stray from the adjoint equations by 0.0002",)
     assert not replace(solution.certificate, adjoint_error=np.nan).extremal
     candidate = certify(solution.problem, solution.trajectory, solution.phases)
-    assert candidate.adjoint_error is None and candidate.extremal  # as far as it was asked
+    assert candidate.adjoint_error is None and candidate.extremal  # as far as it was checked
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_sa
     solution = solve(gantry_problem(**limits))
     certificate = solution.certificate
     assert certificate.extremal and certificate.idle == ("y",)
-    # What pays for the idle joint's roughness is 1e-6 of the time that counts.
+    # The weight of the idle joint's roughness is 1e-6 of the time.
     assert np.abs(certificate.costate[:, [1, 3]]).max() < 1e-4 * np.abs(certificate.costate[:, [0, 2]]).max()
 
 

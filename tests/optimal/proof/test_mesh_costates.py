@@ -1,4 +1,4 @@
-"""What a change of a motion saves, against closed forms, slower motions and another integrator."""
+"""Time saved by a change of a motion, against closed forms, slower motions and another integrator."""
 
 import re
 from dataclasses import replace

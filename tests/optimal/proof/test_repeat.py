@@ -1,4 +1,4 @@
-"""What a replay proves is what other integrators can repeat: open loop, or by segments and under feedback."""
+"""A replay proves only results that other integrators can repeat: open loop, or by segments and under feedback."""
 
 from dataclasses import replace
 from functools import cache

@@ -45,7 +45,7 @@ def test_a_cart_takes_the_time_that_its_profile_takes(limits, duration):
     solution = solve(problem)
     # Corners of the profile fall between knots; `settle` stops where a mesh twice as fine changes less than 5e-4.
     assert solution.duration == pytest.approx(duration, rel=1e-3)
-    assert solution.duration > duration * (1 - 1e-4)  # what IPOPT's tolerance gives away
+    assert solution.duration > duration * (1 - 1e-4)  # IPOPT's tolerance
     assert not solution.certificate.extremal and "limits" in solution.certificate.remark
     assert solution.replay_error < 1e-4
 
@@ -61,7 +61,7 @@ def test_joints_with_low_limits_take_as_long_as_the_slowest():
     ]
     assert solution.duration == pytest.approx(max(by_joint), rel=1e-3)  # as above
     torques = solution.trajectory.tau
-    assert np.max(np.abs(torques)) < 3.0  # the torques are not what limits this motion
+    assert np.max(np.abs(torques)) < 3.0  # the torques do not limit this motion
 
 
 def test_a_ball_that_the_fastest_motion_clears_leaves_it_certified():
@@ -127,7 +127,7 @@ def test_a_via_point_is_passed_in_flight():
     solution = solve(rr(via=[via]), starts=4)
     (time,) = solution.via_times
     at = solution.trajectory(time)
-    np.testing.assert_allclose(at.q, via, atol=1e-4)  # what `constrained` aims for
+    np.testing.assert_allclose(at.q, via, atol=1e-4)  # the tolerance of `constrained`
     assert np.max(np.abs(at.v)) > 1.0  # it does not stop there
     assert RR_BEST < solution.duration < 0.2610  # the best of 16 guesses takes 0.26065 s
     robot = solution.problem.robot

@@ -1,4 +1,4 @@
-"""Motions of real arms as curves: what comes out lands, keeps its limits and what is asked along the way."""
+"""Motions of real arms as curves: they land, and satisfy their limits and path constraints."""
 
 from dataclasses import replace
 from functools import cache
@@ -50,7 +50,7 @@ def free(arm):
 
 
 def solved(problem, **options):
-    """The optimum, with what every answer has to keep looked at by other means."""
+    """The optimum, with every solution's conditions checked by other means."""
     task = Task.of(problem, ad.MinimumTimeOptions(**{"calm": 0.0, **options}))
     optima, _ = curves(task)
     optimum = slowed(task, optima[0])
@@ -102,7 +102,7 @@ LIMITED = {
     "via and torque rate": {"via": [VIA[:3]], "path_constraints": [ad.TorqueRateLimit(2000.0)]},
 }
 HELD = {"acceleration and jerk", "via and acceleration", "via and torque rate"}
-"""What three joints show as well as six."""
+"""Cases for which three joints are as good as six."""
 
 
 @pytest.mark.slow
@@ -261,7 +261,7 @@ def test_a_prismatic_and_a_continuous_joint(read):
     robot = read(sliding_arm())
     problem = ur5([-1.0, -0.5, 0.3, 0.0], [1.0, 0.6, -0.4, 4.0], robot)
     optimum = solved(problem)
-    # Two joints' ways take 1 s and 2 s at their limits; what ramps take is less than what one at 10 m/s² does.
+    # Two joints' ways take 1 s and 2 s at their limits; ramps take less than one at 10 m/s².
     assert 2.0 < optimum.trajectory.duration < 2.3
 
 

@@ -1,4 +1,4 @@
-"""What misses a limit by little becomes usable whatever its strategy; what keeps its limits stays as it is."""
+"""Motions that slightly exceed a limit become usable under every strategy; others stay unchanged."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_a_mesh_that_exceeds_a_velocity_limit_is_slowed_down_and_lands():
     strict = task.with_options(replay_tolerance=1e-5)
     beside = optimum_of(problem, replay_of(task, mesh.trajectory))
     assert beside.certificate.limit_violation > 1e-5 and beside.certificate.goal_error > 1e-5  # the mesh's own error
-    assert slowed(strict, beside) is beside  # what does not land is not to be made slower
+    assert slowed(strict, beside) is beside  # a motion that does not land is not slowed down
     landing = optimum_of(problem, replay_of(task, landed(task, mesh).trajectory(problem.robot.joint_names)))
     assert landing.certificate.on_goal and not landing.within_limits
     kept = slowed(strict, landing)
@@ -103,8 +103,8 @@ def test_other_strategies_end_in_the_same_slowing(options):
     assert not before.within_limits and before.missed
     after = slowed(Task.of(problem), before)
     assert after.within_limits and not after.missed
-    assert after.certificate.goal_error <= before.certificate.goal_error + 2e-7  # as far as the path itself is beside
-    assert 1e-5 < after.trajectory.duration / motion.duration - 1 < 1e-4  # half of what the acceleration exceeds
+    assert after.certificate.goal_error <= before.certificate.goal_error + 2e-7  # the path's own error
+    assert 1e-5 < after.trajectory.duration / motion.duration - 1 < 1e-4  # half of the acceleration's excess
     (speeds, accelerations, _), _ = peaks(problem.robot, after.trajectory)
     assert np.all(speeds <= (1 + TOLERANCE) * problem.limits.velocity)
     assert np.all(accelerations <= (1 + TOLERANCE) * problem.acceleration_limit)
@@ -176,12 +176,12 @@ def test_accelerations_and_jerks_are_kept_in_an_independent_replay(arm, accelera
     # Accelerations of 1e-12 of their size, over a twentieth of a thousandth of a second: 1e-7 of the limit.
     assert 0.99 * jerk < np.max(jerks) <= jerk * (1 + 2 * TOLERANCE)
     missed = np.max(np.abs((end - problem.x_goal)[: robot.nv]))
-    assert missed == pytest.approx(solution.certificate.goal_error, abs=1e-7)  # what is said, replayed
+    assert missed == pytest.approx(solution.certificate.goal_error, abs=1e-7)  # the reported error, replayed
 
 
 @pytest.mark.slow
 def test_a_jerk_is_kept_in_flight_too():
-    """There nothing can be slowed down: the program is asked for what the followed motion keeps."""
+    """There nothing can be slowed down: the program gets the limits of the followed motion."""
     robot = held_ur5()
     problem = ad.MinimumTimeProblem(robot, **random_pair(robot, 7), v_start=[0.3, -0.2, 0.3], jerk_limit=60.0)
     solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(bound=False))

@@ -102,7 +102,7 @@ def test_an_extremal_end_is_orthogonal_to_the_joint_positions_that_reach_its_pos
     certificate = solution.certificate
     assert certificate.extremal == (certificate.transversality < 1e-3)
     assert certificate.extremal and solution.certified
-    # Either neighbour along the goals is slower, and what the costates miss by says how much at a goal further on.
+    # Either neighbour along the goals is slower, and the costates' error gives the difference at a goal further on.
     q = solution.problem.x_goal[:3]
     (free,) = free_directions(robot, pose, q).T
     for side in (-0.03, 0.03):

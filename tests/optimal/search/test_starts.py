@@ -1,4 +1,4 @@
-"""Guesses: smooth, from pose to pose, within what the arm can do."""
+"""Guesses: smooth, from pose to pose, within the arm's limits."""
 
 from dataclasses import replace
 from functools import cache

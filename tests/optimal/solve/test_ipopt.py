@@ -1,4 +1,4 @@
-"""One IPOPT for all: its words, its stop, and that what is built is shared."""
+"""One IPOPT for all: its options, its stop, and shared solvers."""
 
 from dataclasses import dataclass
 

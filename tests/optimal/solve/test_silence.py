@@ -1,4 +1,4 @@
-"""What a solver says, and who hears it."""
+"""Output of a solver, and its receiver."""
 
 import sys
 import threading

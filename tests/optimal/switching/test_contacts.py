@@ -1,4 +1,4 @@
-"""Contacts that cannot be held, or would rather not be: what becomes of them."""
+"""Contacts that cannot be held, or should not be: their removal."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Structures mended: what is missing is put in, what hovers becomes singular, limits are met."""
+"""Refined structures: missing switches are inserted, chattering torques become singular, limits are met."""
 
 from dataclasses import replace
 
@@ -70,7 +70,7 @@ def test_refinement_stops_when_its_budget_is_spent():
     budget = Budget(Stop(), 50)
     own = replace(shooting_problem(task, solution.trajectory), budget=budget)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
-    apart = replace(given, times=given.times * 0.98)  # it lands beside the optimum, and has to go down
+    apart = replace(given, times=given.times * 0.98)  # it lands off the optimum, and has to descend
     found = refine_extremal(own, apart, budget)
     assert found.why == "the budget of integrator steps is spent"
     assert -50 * own.steps < budget.left <= 0  # the landing that was begun has ended

@@ -1,4 +1,4 @@
-"""Singular arcs: where they come in, what splits them, and what is read of them from a mesh."""
+"""Singular arcs: where they are inserted, how they are split, and how they are read from a mesh."""
 
 from itertools import pairwise
 
@@ -38,7 +38,7 @@ def freed(solution, begin=0.3, end=0.5):
 
 
 def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
-    # RR's optimum is bang-bang: what is called free goes to the limit that it was on, and the stay is put back.
+    # RR's optimum is bang-bang: a torque called free goes to its former limit, and the arc is restored.
     solution = solved("rr")
     own = shooting(solution.problem, solution.trajectory)
     full, free = structures_of(own, freed(solution), solution.phases.torques)
@@ -104,7 +104,7 @@ LEVELS = {"+": 1.0, "-": -1.0, "0": 0.0}
 
 
 def key(problem, text):
-    """Arcs such as "+0-:5.1", with durations [ms], and what such torques do when free ones are zero."""
+    """Arcs such as "+0-:5.1", with durations [ms], and their motion when free torques are zero."""
     pieces = [piece.split(":") for piece in text.split()]
     arcs = [Arc(float(length) / 1e3, tuple(MODES[sign] for sign in signs)) for signs, length in pieces]
     ends = np.cumsum([0.0, *(arc.duration for arc in arcs)])
@@ -116,7 +116,7 @@ def key(problem, text):
 
 
 def settled_from(problem, text):
-    """What arcs with free torques, as `key` reads them, come to."""
+    """Result of arcs with free torques, as `key` reads them."""
     arcs, motion = key(problem, text)
     own = shooting(problem, motion)
     *_, free = structures_of(own, arcs, motion)
@@ -134,7 +134,7 @@ def test_a_singular_control_that_meets_a_limit_on_its_way_settles():
     )
     assert end.why == ""
     assert [change.mode for change in end.extremal.structure.changes].count(F) == 1
-    # What descent, replay and certificate agree on to 1e-8; no oracle of the best.
+    # Descent, replay and certificate agree to 1e-8; no oracle of the best.
     assert end.extremal.structure.duration == pytest.approx(0.270189425, rel=1e-7)
 
 

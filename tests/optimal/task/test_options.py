@@ -1,4 +1,4 @@
-"""What a user may choose, and what is refused."""
+"""Options of a user, and refused values."""
 
 from dataclasses import fields
 

@@ -1,4 +1,4 @@
-"""The policy as a table: what depends on the kind of problem, and that every number says why."""
+"""The policy as a table: numbers that depend on the kind of problem, and a reason for every number."""
 
 import math
 

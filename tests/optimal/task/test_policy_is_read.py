@@ -1,4 +1,4 @@
-"""Every tuned number is read from the policy of the task: a number that nobody reads, or reads off its class, fails."""
+"""Every tuned number is read from the policy of the task: unread numbers, or those read off their class, fail."""
 
 import ast
 import dataclasses
@@ -39,7 +39,7 @@ from problems import POSES, cart, gantry_problem, paper_arm, paper_problem, rand
 
 SOURCES = Path(ad.__file__).parent
 READ = set()
-"""Names of numbers, `group.field`, that somebody has read from an instance since the set was cleared."""
+"""Names of numbers, `group.field`, that were read from an instance since the set was cleared."""
 
 COPIES = {dataclasses.__file__, "<string>"}
 """Files of the code that copies, compares and hashes dataclasses: no readers."""
@@ -185,7 +185,7 @@ def guesses_round_a_ball():
 
 
 def constraints_that_are_tightened():
-    """Each asked for more strictly, and at more points, than a straight and hasty motion keeps it."""
+    """Each stricter, and at more points, than a straight and hasty motion satisfies."""
     strip = ad.FrameRegion(ad.GoalPose("tip", (0.24, 0, 0), ("z",), (0.24, 0, 0, 0, 0, 0)))
     problem = between("rr", obstacles=[BALL], acceleration_limit=1.0, path_constraints=[strip])
     constraints = TightenedConstraints.of(noted(problem))
@@ -263,7 +263,7 @@ def a_neighbour_of_a_study():
 
 
 def motions_from_moving_states():
-    """The second is to go on along the first, the third to brake; a ball makes distances be asked for."""
+    """The second is to go on along the first, the third to brake; a ball makes distances be computed."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(live, "Policy", Noted)
         arm = ad.Robot.from_library("panda")
@@ -350,7 +350,7 @@ CHANGED = {
         "refinement": {"glance": 4000, "stray": 1e-7},
     },
 }
-"""Numbers by their groups that change what a solve of `SOLVES` answers, or how."""
+"""Numbers by their groups that change the result of a solve of `SOLVES`, or its way."""
 
 
 def facts(task):

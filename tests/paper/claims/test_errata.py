@@ -1,4 +1,4 @@
-"""What docs/paper.md says of the paper: errata that no other test shows, and that every test it names is there."""
+"""Errata in docs/paper.md that no other test shows; and every test that it names exists."""
 
 import re
 from pathlib import Path
@@ -136,7 +136,7 @@ def test_printed_sign_of_the_derivative_has_unstable_roots():
 
 
 def test_the_index_of_equation_31_leaves_nothing_to_optimise():
-    """∫ e dt of any loop that settles is what holds the goal, over k_I; an index such as ∫ e² dt is not."""
+    """∫ e dt of any loop that settles is the holding torque over k_I; an index such as ∫ e² dt is not."""
     robot, case = loaded("r"), Case(4, "r", "pid", 0.1006)
     dynamics = Dynamics(robot)
     goal = np.array(case.q_goal)
@@ -148,7 +148,7 @@ def test_the_index_of_equation_31_leaves_nothing_to_optimise():
         error = goal[0] - run.trajectory.q[:, 0]
         signed.append(np.trapezoid(error, run.trajectory.t))
         squared.append(np.trapezoid(error**2, run.trajectory.t))
-    # The trapezoid's step of 2 ms: some 1e-6; what is left of the error after 40 s is less.
+    # The trapezoid's step of 2 ms: some 1e-6; the remaining error after 40 s is less.
     np.testing.assert_allclose(signed, held[0] / 50.0, atol=1e-5)
     assert max(squared) > 1.2 * min(squared)
 

@@ -1,4 +1,4 @@
-"""The boundary value problem: a closed form, measured orders, and what a failure says."""
+"""The boundary value problem: a closed form, measured orders, and messages of failures."""
 
 from dataclasses import replace
 

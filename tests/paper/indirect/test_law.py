@@ -58,6 +58,6 @@ def test_another_law_is_solved_and_commented():
     assert found.duration == pytest.approx((18 * 2.0 * 4) ** 0.25, rel=1e-9)
     assert found.hamiltonian_spread < 1e-9
     assert "H varies by" in found.message and found.message.endswith("it has to")
-    # What is minimised is not the problem's J, which is what is told.
+    # The law does not minimise the problem's J, and the message says so.
     t, u = found.trajectory.t, found.trajectory.tau[:, 0]
     assert found.cost == pytest.approx(found.duration + 0.25 * np.trapezoid(u**2, t), rel=1e-3)  # a sum over samples

@@ -14,7 +14,7 @@ number = st.floats(-3, 3)
 
 
 def system(function, jacobian):
-    """Equations with a dense solver, and a list of the points at which they were asked."""
+    """Equations with a dense solver, and a list of the points at which they were evaluated."""
     calls = []
 
     def equations(x):
@@ -136,7 +136,7 @@ def test_what_is_not_a_number_is_no_descent():
 @settings(deadline=None)
 @given(st.floats(0.1, 10), st.floats(0.1, 10))
 def test_positive_unknowns_stay_positive(x, y):
-    # The root is at −1 for the second one, which is told to be positive; the first may go where it likes.
+    # The root is at −1 for the second one, which must stay positive; the first is free.
     equations, calls = system(lambda z: np.array([z[0] + 1, z[1] + 1]), lambda z: np.eye(2))
     found = newton(equations, np.array([x, y]), positive=1, **HOW)
     assert found.status is not Status.SOLVED
@@ -161,4 +161,4 @@ def test_a_stop_is_obeyed_before_the_next_step():
     assert found.steps == 5
     assert found.unknowns[0] == calls[5][0]
     root = newton(lambda x: Point(np.zeros(1), never), np.ones(1), stop=stop, **HOW)
-    assert root.status is Status.SOLVED  # what is found is found, however late
+    assert root.status is Status.SOLVED  # a found root counts, however late

@@ -1,4 +1,4 @@
-"""Shooting on switching times: a closed form, its Jacobian, a published benchmark, and what a failure says."""
+"""Shooting on switching times: a closed form, its Jacobian, a published benchmark, and messages of failures."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_unknowns_are_all_but_the_start():
     np.testing.assert_array_equal(starts[0, :4] * equations.scale[:4], equations.problem.x_start)
     np.testing.assert_allclose((starts * equations.scale)[1:], guess.starts[1:], rtol=1e-15)
     np.testing.assert_allclose(lengths * equations.time, guess.lengths, rtol=1e-15)
-    assert np.max(np.abs(starts[:, 4:])) == 1  # the costates' peaks are what is one
+    assert np.max(np.abs(starts[:, 4:])) == 1  # the costates' peaks are the unit
 
 
 def test_along_its_step_the_residual_falls_by_as_much():
@@ -69,7 +69,7 @@ def test_along_its_step_the_residual_falls_by_as_much():
 def test_a_singular_jacobian_is_told():
     problem = cart_bang_bang()
     guess = cart_guess()
-    guess = replace(guess, starts=guess.starts * [1, 1, 0, 0])  # no costates: H is 1 whatever the torque
+    guess = replace(guess, starts=guess.starts * [1, 1, 0, 0])  # no costates: H is 1 for any torque
     equations = ShootingEquations.of(problem, guess)
     stuck = replace(problem, lower=problem.upper)  # no torque jumps: S may be anything
     with pytest.raises(SingularError):

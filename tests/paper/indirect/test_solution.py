@@ -1,4 +1,4 @@
-"""Options, what an extremal is turned into, the limits that it does not know, and the comparison."""
+"""Options, the solution of an extremal, limits outside its equations, and the comparison."""
 
 from dataclasses import replace
 
@@ -75,7 +75,7 @@ def test_a_limit_that_is_left_is_told(limits, shift, said):
     found = line(problem, shift=shift)
     assert not found.success and found.status is Status.INFEASIBLE
     assert said in found.message and "torque limits only" in found.message
-    assert line(problem, Status.FAILED, shift).message == "4 s; converged"  # of what failed no more is said
+    assert line(problem, Status.FAILED, shift).message == "4 s; converged"  # a failure's message has no more
 
 
 def test_torque_cost_and_h_of_an_extremal():

@@ -99,7 +99,7 @@ def test_two_links_minimum_time_from_time_energy_and_from_the_direct_costates():
         assert [arc.modes for arc in found.arcs] == [arc.modes for arc in direct.arcs]
         assert found.hamiltonian_spread < 1e-8
         errors = compare_with_direct(found, direct.phases)
-        # The issue asks for 1e-2 of the peak; costates linear between 48 samples per arc leave 3e-4.
+        # Required: 1e-2 of the peak; costates linear between 48 samples per arc leave 3e-4.
         assert max(errors.costate_q, errors.costate_v) < 1e-3
         assert errors.tau == 0  # both are on the limits, and switch at the same times
         assert max(errors.q, errors.v) < 1e-5

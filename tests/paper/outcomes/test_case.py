@@ -1,4 +1,4 @@
-"""Cases: what they are called, where they start, what is none."""
+"""Cases: names, starts, refused ones."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Outcomes are computed without what draws them."""
+"""Outcomes are computed without drawing libraries."""
 
 import json
 import subprocess

@@ -74,7 +74,7 @@ def _check_time_energy(outcome, expected):
     assert outcome.facts["indirect_hamiltonian_spread"] < 1e-6
     for part in ("q", "v", "tau", "costate_q", "costate_v"):  # against the peak of each
         assert outcome.facts[f"indirect_{part}_difference"] < 0.01, part
-    # What stands for "no torque limit" must limit nothing.
+    # The value for "no torque limit" must limit nothing.
     assert np.max(np.abs(outcome.trajectory.tau)) < 0.5 * outcome.case.problem().limits.effort_upper[0]
 
 

@@ -1,4 +1,4 @@
-"""Figures 2 to 7: what is in them, and that it is drawn where it belongs."""
+"""Figures 2 to 7: their content, and its place."""
 
 from dataclasses import replace
 

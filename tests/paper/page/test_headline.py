@@ -1,4 +1,4 @@
-"""What the page says first is what the comparison came to, and is not said of what was not computed."""
+"""The page's headline is the result of the comparison, of computed cases only."""
 
 import html
 import re

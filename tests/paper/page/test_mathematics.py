@@ -1,4 +1,4 @@
-"""Mathematics as MathML: what is written in a line is set, and nothing else is touched."""
+"""Mathematics as MathML: linear notation is set, and other text is unchanged."""
 
 import re
 from xml.etree import ElementTree

@@ -72,7 +72,7 @@ def test_what_failed_is_said_of_the_papers_numbers_and_not_of_ours(written):
     folder, _ = written
     page = text_of(folder / "index.html")
     assert "<h1>The paper’s numbers do not follow from its own data</h1>" in page
-    # Outside what is folded away, no single number is called not reproduced.
+    # Outside the folded parts no single number is called not reproduced.
     open_ = re.sub(r"<details>.*?</details>", "", page, flags=re.DOTALL)
     assert open_.count('class="tag bad">not reproduced</span>') == 1  # the legend
     cells = re.findall(r'<td class="([^"]*)"[^>]*>|<td [^>]*class="([^"]*)"[^>]*>', open_)
@@ -143,7 +143,7 @@ def test_wide_tables_say_that_they_scroll(chromium, written):
 def test_mathematics_is_set_by_the_browser(chromium, written):
     folder, _ = written
     with open_page(chromium, folder / "index.html", ready=READY) as (page, requests, errors):
-        # As mathematics a subscript stands lower than what it belongs to, and a fraction's parts above each other.
+        # As mathematics a subscript stands lower than its base, and a fraction's parts above each other.
         low = """() => { const [base, sub] = document.querySelector('#errata msub').children;
             return sub.getBoundingClientRect().bottom - base.getBoundingClientRect().bottom; }"""
         assert page.evaluate(low) > 0

@@ -71,7 +71,7 @@ def test_equation_7_departs_from_the_mechanics_it_describes():
 
 
 def test_equation_7_with_the_errata_is_mechanics():
-    """The corrections of each term of D, added to what is printed, give the hand-derived D."""
+    """The corrections of each term of D, added to the printed one, give the hand-derived D."""
     spec = with_coms_at_half_length(RRR)
     printed, right = PrintedArm.from_spec(spec), PlanarArm.from_spec(spec)
     (_, m2, m3), (L1, L2, L3), (lc1, lc2, _) = printed.mass, printed.length, printed.com

@@ -1,4 +1,4 @@
-"""The printed law (19) to (21): what it is, and what comes of it."""
+"""The printed law (19) to (21), and its motion."""
 
 import pickle
 from dataclasses import replace
@@ -50,7 +50,7 @@ def test_it_is_slower_and_worse_and_its_h_varies(arm):
     assert "H varies by" in printed.message and "does not minimise" in printed.message
     assert "varies" not in proper.message
     assert printed.duration > 1.1 * proper.duration and printed.cost > 1.02 * proper.cost
-    # What is constant is H + k/2 τᵀτ, with k = 1 for (20) and 1/D for (19): energy at a fixed time is minimised.
+    # H + k/2 τᵀτ is constant, with k = 1 for (20) and 1/D for (19): energy at a fixed time is minimised.
     inertia = Dynamics(problem.robot).crba(problem.q_start)[0, 0]
     k = 1 / inertia if arm == "r" else 1.0
     kept = printed.hamiltonian + k / 2 * np.sum(printed.trajectory.tau**2, axis=1)

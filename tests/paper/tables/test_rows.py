@@ -11,7 +11,7 @@ from armdyn.paper.tables.rows import Row, all_rows, judge, table_3, time_row, to
 
 def loop(case, time=None, growth=-1.0, error=1e-6):
     facts = {"max_real_eigenvalue": growth, "goal_error": error}
-    return Outcome(case, time, None, time is not None, "settled", "told", facts)
+    return Outcome(case, time, None, time is not None, "settled", "message", facts)
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_table_4_column_3_is_reproduced_up_to_500_g(r_loops):
         row = rows[payload, "mM"]
         assert row.verdict == "reproduced" and abs(row.ours - row.published) <= 0.01
     assert rows[1.0, "mM"].verdict == "close"
-    # With the payload at the tip heavier loads arrive earlier: not what is published.
+    # With the payload at the tip heavier loads arrive earlier, unlike the published ones.
     assert all(rows[payload, "tip"].verdict != "reproduced" for payload in PAYLOADS)
 
 

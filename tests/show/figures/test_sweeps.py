@@ -1,4 +1,4 @@
-"""Figures of studies show what the rows say."""
+"""Figures of studies show the rows' numbers."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Runs to write reports of: what a solve would say of a motion, without the solve."""
+"""Runs for reports: the facts of a solve, without the solve."""
 
 import numpy as np
 
@@ -55,6 +55,6 @@ FACTS = {
 
 
 def judged(**more):
-    """The bang-bang motion with what a solve says of it."""
+    """The bang-bang motion with the facts of a solve."""
     robot, motion = bang_bang()
     return robot, ShownMotion("minimum time", motion, Facts({**FACTS, **more}))

@@ -1,4 +1,4 @@
-"""What a stranger's result says is read, or is nothing; it never raises."""
+"""Untrusted facts are read, or empty; they never raise."""
 
 import pytest
 

@@ -70,7 +70,7 @@ def test_arm_curves_and_slider_have_one_time(chromium, tmp_path, size):
         for time in (0.0, 0.2, 0.4, 0.5):
             seek(page, time)
             agree(page, time, 1e-9)
-            for k, move in enumerate((fast, slow)):  # both stand in one place; what has arrived stays
+            for k, move in enumerate((fast, slow)):  # both stand in one place; a motion that has arrived stays
                 seen = page.evaluate(f"armdyn.linkPosition('tip', {k})")
                 # Read from the scene: 32-bit floats, and straight lines between 60 frames per second.
                 np.testing.assert_allclose(seen, tip_of(robot, move.motion(time).q), rtol=0, atol=1e-4)
@@ -94,7 +94,7 @@ def test_arm_curves_and_slider_have_one_time(chromium, tmp_path, size):
 
 
 def spans(page):
-    """What the charts see of the time [s], shape (charts, 2)."""
+    """Visible time spans of the charts [s], shape (charts, 2)."""
     return np.array(page.evaluate("armdyn.seen"))
 
 
@@ -124,7 +124,7 @@ def test_zoom_is_of_all_charts_together(chromium, tmp_path):
             np.testing.assert_allclose(spans(page), [[0.1, 0.3]] * 4, atol=2 * pixel)
             assert page.evaluate("armdyn.time") == 0.1  # which a plain drag would move
             page.mouse.move(box["x"] + 0.5 * box["width"], y)
-            page.mouse.down()  # and a plain one still does, in what is seen
+            page.mouse.down()  # and a plain one still does, in the visible span
             page.mouse.up()
             agree(page, 0.2, 3 * pixel)
             page.mouse.dblclick(box["x"] + 0.5 * box["width"], y)
@@ -145,7 +145,7 @@ def test_zoom_is_of_all_charts_together(chromium, tmp_path):
         whole.click()
         page.get_by_role("button", name="zoom in at this time").click()
         np.testing.assert_allclose(spans(page), [[0.25, 0.5]] * 4, atol=1e-9)
-        page.evaluate("armdyn.play()")  # what is seen is played
+        page.evaluate("armdyn.play()")  # the visible span is played
         wait_until(page, "armdyn.time > 0.26 && armdyn.time < 0.4")
         np.testing.assert_allclose(spans(page), [[0.25, 0.5]] * 4, atol=1e-9)
         assert not errors

@@ -25,7 +25,7 @@ CUT = """() => [...document.querySelectorAll("main *, nav *")].filter(node => {
   const box = node.getBoundingClientRect(), hidden = node.scrollWidth - node.clientWidth > 1;
   return box.width && (box.right > innerWidth + 1 || (getComputedStyle(node).overflowX === "auto" && hidden));
 }).map(node => `${node.tagName}.${node.className}`)"""
-"""What is beyond the page's edge, or can be seen only by scrolling sideways."""
+"""Elements beyond the page's edge, or visible only by scrolling sideways."""
 BROKEN = """words => {
   const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), broken = [];
   while (texts.nextNode()) for (const word of words) {

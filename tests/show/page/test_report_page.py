@@ -1,4 +1,4 @@
-"""The report as a page: what it says, what it may do, and how large it is."""
+"""The report as a page: its text, its rights, and its size."""
 
 import base64
 import hashlib

@@ -45,7 +45,7 @@ main()
 
 @contextlib.contextmanager
 def served(folder, *arguments, robot="rr", command=COMMAND):
-    """A running studio, and what it says of itself first; killed in the end, if it has not ended."""
+    """A running studio, and its first output; killed in the end, if it has not ended."""
     line = [
         *command,
         "studio",
@@ -71,7 +71,7 @@ def served(folder, *arguments, robot="rr", command=COMMAND):
 
 @contextlib.contextmanager
 def browser(chromium):
-    """Opens pages, each in a profile of its own; in the end none of them has met an error or asked another host."""
+    """Opens pages, each in a profile of its own; in the end none of them has met an error or called another host."""
     requests, errors, contexts = [], [], []
 
     def opened(url, size=DESKTOP):
@@ -273,7 +273,7 @@ def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, 
 
 
 def test_a_taken_port_pages_of_others_and_ctrl_c(tmp_path):
-    """It takes the next port, talks to nobody else's page, and in the end no process is left."""
+    """It takes the next port, refuses other pages, and in the end no process is left."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with served(tmp_path, "--port", port) as (process, said):

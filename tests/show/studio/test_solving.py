@@ -10,7 +10,7 @@ from armdyn.show.studio.solving import NewestFirst
 
 
 def slowly(seconds):
-    """Its argument after so long, or at once if it is interrupted; negative: its process dies."""
+    """Its argument after that many seconds, or at once if interrupted; negative: its process dies."""
     if seconds < 0:
         os._exit(1)
     stopped = []

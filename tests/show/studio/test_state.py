@@ -1,4 +1,4 @@
-"""What is changed by hand, as a value."""
+"""The state edited by the user, as a value."""
 
 import json
 

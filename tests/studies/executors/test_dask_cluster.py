@@ -26,7 +26,7 @@ reserve = { from = 0.0, to = 0.2, count = 5 }
 
 @pytest.fixture
 def cluster():
-    """Two workers, forked by a process that has imported what they need, as they are killed and started again."""
+    """Two workers, forked by a process that has imported their modules, as they are killed and started again."""
     import dask
     from distributed import LocalCluster
     from distributed.utils import get_mp_context
@@ -53,7 +53,7 @@ def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
     with read_rows(run.file) as rows:
         found = list(rows.rows())
     assert [row.k for row in found] == list(range(40)) and all(row.facts["certified"] for row in found)
-    # The same as here without neighbours: certified to 1e-9, whoever did it, and from which guesses.
+    # The same as here without neighbours: certified to 1e-9, from any worker and any guesses.
     for k in (0, 17, 39):
         alone = ad.solve_minimum_time(study.task.problems.problem(study.parameters(k)))
         assert found[k].facts["duration_s"] == pytest.approx(alone.duration, rel=1e-8)
@@ -92,7 +92,7 @@ def test_a_neighbour_of_the_same_batch_is_a_guess(cluster, tmp_path):
     with read_rows(run.file) as rows:
         found = list(rows.rows())
     assert len(found) == 300 and all(row.facts["begun"] == row.begun_from for row in found)
-    # Batches begin with what is ready, 12 cases off at most, or with nothing; within a batch it is the case before.
+    # Batches begin with the ready cases, 12 cases off at most, or with nothing; within a batch it is the case before.
     assert sum(row.begun_from == row.k - 1 for row in found) > 200
 
 

@@ -14,7 +14,7 @@ def test_each_case_begins_with_the_nearest_motion_that_is_there():
     given = {"guess": np.array([9.0]).tobytes(), "begun_from": 9}
     first, second, third = (
         StudyCase(k=3, settings={"x": 3.0}, near=(2, 9), **given),
-        StudyCase(k=4, settings={"x": 4.0}, near=(3, 9), **given),  # the first is nearer than what was given
+        StudyCase(k=4, settings={"x": 4.0}, near=(3, 9), **given),  # the first is nearer than the given one
         StudyCase(k=8, settings={"x": 8.0}, near=(9, 4), **given),  # here it is not
     )
     done = list(run_in_turn(Square(neighbours="add"), [first, second, third], 10.0))

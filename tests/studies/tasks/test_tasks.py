@@ -1,4 +1,4 @@
-"""A case's work is what the same call does by itself."""
+"""A case's work equals the same call by itself."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What may be chosen, and the controller that it makes."""
+"""Tunable parameters, and the controllers that they make."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Indices of runs whose integrals are known, and what a search makes of them."""
+"""Indices of runs whose integrals are known, and their search."""
 
 from dataclasses import replace
 

@@ -111,7 +111,7 @@ def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longe
     robot, ends = paper_arm(arm), POSES[arm]
     arms, others = ad.Plants(**FRICTION).corners(robot), ad.Plants(**FRICTION).arms(robot, 50)
     family = ad.ControllerFamily.pid(robot, ends[1])
-    # Half a per cent less than what is asked of the held-out arms, which are others than those it is chosen on.
+    # Half a per cent less than is required of the held-out arms, on which it is not chosen.
     options = ad.TuneOptions(generations=5, duration=1.2, overshoot=0.045)
     found = ad.tune(robot, ad.Ramps(*ends, (0.2, longest)), family, arms, others, options=options)
     for each in (found.training, found.held_out):

@@ -19,7 +19,7 @@ VALUES = ca.vertcat(
 )
 FUNCTION = ca.Function("several", [X], [VALUES])
 ROUNDING = 1e-14
-"""By which a value computed in floats may lie beside the exact one: some ten operations on numbers below ten."""
+"""Largest error of a value computed in floats: some ten operations on numbers below ten."""
 
 
 @given(

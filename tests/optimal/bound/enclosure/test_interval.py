@@ -1,4 +1,4 @@
-"""Interval operations contain what they stand for: sums and products against fractions, which do not round."""
+"""Interval operations contain the exact results: sums and products against fractions, which do not round."""
 
 from fractions import Fraction
 

@@ -120,7 +120,7 @@ def test_factors_exist_where_the_curvature_is_a_minimums(newton_step):
         nothing, opened = np.zeros(SIZE), np.ones(SIZE, dtype=np.int8)
         there = newton_step(*parts, nothing, opened, nothing, np.zeros(STATE * N)) is not None
         judged.append((least > 0, there))
-        # HELD is a number: what is flat by less than its inverse may count as bent the wrong way.
+        # HELD is a number: curvature below its inverse may count as of the wrong sign.
         assert there == (least > 0) or abs(least) < 1e-2
     assert len(set(judged)) >= 2  # both kinds were there
 

@@ -130,7 +130,7 @@ def test_no_numbers():
 
 
 class Impatient(Stop):
-    """Asked for the third time it says, or raises, what it is told."""
+    """At the third poll it returns True, or raises its error."""
 
     def __init__(self, failure=None):
         super().__init__()

@@ -1,4 +1,4 @@
-"""Times that are fastest: closed forms, what the arcs' collocation says, the model against motions beside it."""
+"""Fastest switching times: closed forms, the arcs' collocation, the model against neighbouring motions."""
 
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@ TORQUE = {"r": [3.0], "rr": [3.0, -3.0], "rrr": [3.0, -3.0, 3.0]}
 
 
 def rolled_out(arm, duration, x=None, held=None, torques=None):
-    """The steps of one arc, and what they answer."""
+    """The steps of one arc, and their derivatives."""
     robot = paper_arm(arm)
     n = robot.nv
     dynamics = ad.Dynamics(robot, free_last_body=True)

@@ -1,4 +1,4 @@
-"""Limits of position and velocity on the way down: what exceeds them touches them, or is held on them."""
+"""Limits of position and velocity in the descent: a state that exceeds them touches them, or is held on them."""
 
 from dataclasses import replace
 

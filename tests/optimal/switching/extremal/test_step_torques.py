@@ -1,4 +1,4 @@
-"""Free torques of a rollout: how its arcs answer to their singular controls, against rollouts beside it."""
+"""Free torques of a rollout: derivatives of its arcs by their singular controls, against neighbouring rollouts."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Structures: arcs there and back, what is taken out and put in, free torques as full ones."""
+"""Structures: conversion from and to arcs, removed and inserted segments, free torques as full ones."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Quadratic models within balls and planes: against a fine grid, and against what can be said by hand."""
+"""Quadratic models within balls and planes: against a fine grid, and against closed forms."""
 
 import numpy as np
 import pytest
