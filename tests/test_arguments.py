@@ -44,7 +44,7 @@ def test_values_are_made_of_anything_or_refused(made, data):
 
 
 @pytest.mark.parametrize("made", [ad.Arc, ad.Certificate, ad.Run, ad.Sample, ad.Sensitivities, ad.Solution])
-def test_answers_hold_what_they_are_given(made):
+def test_answers_hold_their_arguments(made):
     for value in NONSENSE:
         attempt(made, dict.fromkeys(inspect.signature(made).parameters, value))
 
@@ -136,7 +136,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("wrong", "words"), WRONG, ids=[words[:40] for _, words in WRONG])
-def test_the_argument_is_named_and_what_would_be_right(wrong, words):
+def test_the_argument_is_named_and_the_right_form(wrong, words):
     with pytest.raises(ArmdynError, match=words):
         wrong()
 
@@ -155,13 +155,13 @@ def test_numbers_are_read_as_they_are():
         arguments.number(10**5000, "x")
 
 
-def test_a_message_shows_the_beginning_of_what_is_long():
+def test_a_message_shows_the_beginning_of_long_values():
     assert arguments.shown("a" * 10**6).startswith("'aaa") and len(arguments.shown("a" * 10**6)) <= 100
     assert arguments.shown(list(range(10**6))) == "[0, 1, 2, 3, 4, 5, 6, 7, ...]"
     assert "Hostile" in arguments.shown(Hostile())
 
 
-def test_checked_fields_are_what_their_check_returns():
+def test_checked_fields_are_the_results_of_their_checks():
     @dataclass(frozen=True)
     class Oven:
         trays: int = arguments.checked(arguments.whole, least=1)

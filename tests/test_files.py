@@ -95,7 +95,7 @@ def test_small_files_take_little_memory(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/proc/self/mountinfo").exists(), reason="a file system that reports no sizes")
-def test_a_file_that_tells_no_size_is_bounded_too():
+def test_a_file_that_reports_no_size_is_bounded_too():
     assert Path("/proc/self/mountinfo").stat().st_size == 0 and read_bounded("/proc/self/mountinfo", 2**20)
     with pytest.raises(FileError, match="larger than 10 bytes"):
         read_bounded("/proc/self/mountinfo", 10)
@@ -117,7 +117,7 @@ def irregular(folder, kind):
 
 
 @pytest.mark.parametrize("kind", ["a named pipe", "a folder", "a device", "a socket"])
-def test_what_is_no_regular_file_is_refused_at_once(kind, tmp_path, monkeypatch):
+def test_irregular_files_are_refused_at_once(kind, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = irregular(tmp_path, kind)
     with pytest.raises(FileError, match=f"{path}: cannot be read .it is {kind}; give the path of a regular file"):

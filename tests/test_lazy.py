@@ -52,7 +52,7 @@ def test_importing_the_package_loads_nothing_big():
     assert not loaded("import armdyn") & set(HEAVY)
 
 
-def test_a_problem_is_posed_without_what_solving_it_takes():
+def test_a_problem_is_posed_without_the_solvers_modules():
     # A robot from a file: a generated one is written by yourdfpy, which loads trimesh, and that some of scipy.
     code = "import armdyn as ad; robot = ad.Robot.from_library('panda'); q = robot.model.lowerPositionLimit"
     there = loaded(

@@ -49,7 +49,7 @@ def test_threads_that_ask_for_the_same_get_the_same(hurried):
     assert build.__doc__ == "Its docstring." and build.__wrapped__.cache_info().currsize == 2
 
 
-def test_who_builds_may_build_of_what_is_built_once():
+def test_who_builds_may_build_from_cached_objects():
     @built_once(maxsize=4)
     def build(k):
         return [*build(k - 1), k] if k else []

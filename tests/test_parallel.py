@@ -148,7 +148,7 @@ def dies_elsewhere(k):
 
 
 @pytest.mark.parametrize("together", [in_processes, as_completed])
-def test_what_a_dead_worker_left_is_done_here(together):
+def test_a_dead_workers_job_is_done_here(together):
     results = sorted(together([partial(dies_elsewhere, k) for k in range(6)], 2))
     assert [k for k, _ in results] == list(range(6))
     assert {results[1][1], results[3][1], results[5][1]} == {HERE}
@@ -181,7 +181,7 @@ def gone(deadline=PATIENCE):
     return not multiprocessing.active_children()
 
 
-def test_who_has_seen_enough_waits_for_nobody():
+def test_a_caller_that_stops_does_not_wait():
     for result in in_processes([partial(first_of_all, k) for k in range(3)], 2):
         assert result == 0
         break

@@ -172,7 +172,7 @@ def test_every_public_call_is_tried(calls):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("table", ["values", "functions", "methods"])
-def test_whatever_it_is_given_it_does_its_work_or_says_what_is_wrong(table, calls):
+def test_with_any_arguments_it_works_or_reports_the_fault(table, calls):
     wrong = []
     for call, right in calls[table].items():
         call(**right)

@@ -25,7 +25,7 @@ class Value:
     usual: float = 1.5
 
 
-def test_a_line_has_names_shapes_and_what_is_not_as_usual():
+def test_a_line_has_names_shapes_and_unusual_fields():
     value = Value("arm", np.array([1.0, -0.123456]), np.zeros((100, 3)))
     assert repr(value) == "Value(name='arm', few=[1, -0.1235], many=array(100, 3))"
     assert "usual=2.5" in repr(dataclasses.replace(value, usual=2.5))
@@ -44,7 +44,7 @@ def is_line(text):
 
 
 @given(st.text(max_size=300), st.lists(st.text(max_size=50), max_size=20))
-def test_whatever_names_are_the_line_is_one(name, more):
+def test_with_any_names_it_is_one_line(name, more):
     for value in (Value(name, np.zeros(3), np.zeros(3)), Value(name, np.zeros(2), np.zeros(2), tuple(more))):
         assert is_line(repr(value))
     assert is_line(called(name))

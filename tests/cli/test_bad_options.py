@@ -101,7 +101,7 @@ def test_what_numbers_cannot_hold_is_bad_input(run, arguments):
         (("export", "motion.csv"), "motion.csv is no .npz file; armdyn export takes the trajectory.npz that armdyn"),
     ],
 )
-def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
+def test_too_large_a_value_is_named_by_its_option(arguments, message, tmp_path):
     done = run_here(*arguments, "--json", "--out", tmp_path)
     assert done.returncode == 2 and json.loads(done.stdout)["message"].startswith(message)
 
@@ -118,7 +118,7 @@ def test_what_is_too_much_is_said_by_its_option(arguments, message, tmp_path):
         (["identify", "r", "--exciting", "-3"], "--exciting is -3"),
     ],
 )
-def test_what_would_change_nothing_is_refused_by_its_option(arguments, message):
+def test_an_option_without_effect_is_refused(arguments, message):
     assert message in answer(run_here(*arguments, "--json"), 2)["message"]
 
 

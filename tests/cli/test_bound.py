@@ -6,7 +6,7 @@ import pytest
 from cli.command import answer, run_here
 
 
-def test_bound_tells_the_duration_and_what_decides_it():
+def test_bound_reports_the_duration_and_the_deciding_joint():
     output = answer(run_here("bound", "r", "--velocity-limit", 5, "--payload", 0.1006, "--json"))
     assert 0.99 * 0.368482508 < output["bound"] <= 0.368482508  # the fastest motion
     assert output["joint"] == "joint1"

@@ -87,7 +87,7 @@ def test_the_torque_interface_takes_torques(motion, here):
     assert most(heavy) > most(facts)
 
 
-def test_what_is_refused(motion, here):
+def test_refusals(motion, here):
     motion.save(here / "own.npz")
     cases = {
         ("own.npz", "--preset", "ur5e"): "has 6 joints, but the motion has 7",

@@ -43,7 +43,7 @@ def test_mintime(tmp_path):
         (["--no-figure", "--no-report"], {"figure.png", "figure.pdf", "report.html"}),
     ],
 )
-def test_what_is_not_wanted_is_not_written(options, missing, tmp_path):
+def test_unwanted_files_are_not_written(options, missing, tmp_path):
     answer = run_json("mintime", "r", *options, "--out", tmp_path)
     written = {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"} - missing
     assert {Path(file).name for file in answer["files"]} == written == {file.name for file in tmp_path.iterdir()}
@@ -52,7 +52,7 @@ def test_what_is_not_wanted_is_not_written(options, missing, tmp_path):
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
-def test_people_are_told_what_was_written_and_how_long_it_took(tmp_path):
+def test_people_see_the_files_and_the_time(tmp_path):
     words = " ".join(run_here("pid", "r", "--duration", 1, "--no-report", "--out", "here", cwd=tmp_path).stdout.split())
     assert "results here" in words
     assert "written trajectory.npz, figure.png, figure.pdf, result.json in" in words

@@ -96,7 +96,7 @@ def test_the_table_is_for_people(solved):
         (('search = "quick"', "time_limit = 1e-3"), (), 3, "time"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, change, arguments, code, said):
+def test_faults_are_named(tmp_path, change, arguments, code, said):
     (tmp_path / "bolt.toml").write_text(BOLT.replace(*change))
     facts = run_json("cycle", "bolt.toml", "--out", "out", *arguments, code=code, cwd=tmp_path)
     assert not facts["success"]

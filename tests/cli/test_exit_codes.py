@@ -23,7 +23,7 @@ def test_a_usable_motion_is_exit_0_certified_or_not(tmp_path):
     assert output["usable"] and not output["certified"] and output["what_to_do"]
 
 
-def test_what_is_required_and_missing_is_exit_4_and_named(tmp_path):
+def test_an_unmet_requirement_is_exit_4_and_named(tmp_path):
     output = run_json(*SOLVE, "--require", "gap:0.5%", "--require", "certified", code=4, cwd=tmp_path)
     assert output["success"] and output["usable"] and output["certified"]
     (missing,) = output["missing"]
@@ -34,7 +34,7 @@ def test_what_is_required_and_missing_is_exit_4_and_named(tmp_path):
     assert "--velocity-limit" in done.stdout and "`" not in done.stdout
 
 
-def test_a_motion_that_is_not_usable_is_exit_3_whatever_is_required(tmp_path):
+def test_a_motion_that_is_not_usable_is_exit_3_with_any_requirement(tmp_path):
     for required in ([], ["--require", "certified"]):
         output = here("mintime", "rr", *BARE, "--time-limit", 0.001, *required, code=3, cwd=tmp_path)
         assert not output["usable"] and not output["success"] and output["what_to_do"]
@@ -49,7 +49,7 @@ def test_a_requirement_that_is_none_is_exit_2_before_anything_is_solved(command,
     assert not list(tmp_path.iterdir())
 
 
-def test_a_sweep_asks_it_of_every_payload(tmp_path):
+def test_a_sweep_requires_it_of_every_payload(tmp_path):
     sweep = ("sweep", "r", "--payload", "0,0.1", "--no-figure")
     output = here(*sweep, "--require", "certified", code=0, cwd=tmp_path)
     assert output["missing"] == [] and all(row["usable"] and row["certified"] for row in output["rows"])

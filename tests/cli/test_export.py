@@ -22,7 +22,7 @@ def here(tmp_path):
     return tmp_path
 
 
-def test_a_table_beside_the_file(here):
+def test_a_table_next_to_the_file(here):
     output = answer(run_here("export", "trajectory.npz", "--json", cwd=here))
     assert output["success"] and output["status"] == "written" and output["files"] == ["trajectory.csv"]
     table = pandas.read_csv(here / "trajectory.csv")

@@ -111,14 +111,14 @@ def test_a_payload_that_makes_up_for_wrong_inertias_is_warned_of(tmp_path):
         (["--then", ""], "No such command"),
     ],
 )
-def test_what_follows_is_read_before_anything_is_done(tmp_path, words, message):
+def test_the_next_command_is_read_before_anything_is_done(tmp_path, words, message):
     done = run_here("identify", "rrr", "none.csv", *words, cwd=tmp_path)
     assert done.returncode == 2 and message in " ".join(done.stderr.split())
     assert only_command(["identify", *words]) == ""  # all commands are at hand
 
 
 @pytest.mark.slow
-def test_what_follows_is_run_only_after_success(log, tmp_path):
+def test_the_next_command_runs_only_after_success(log, tmp_path):
     line = ("identify", "rrr", log, "--payload-only", "--out", tmp_path)
     done = answer(run_here("identify", "rrr", "none.csv", "--then", "bound", "--json"), code=2)
     assert done["command"] == "identify" and "no such file" in done["message"]

@@ -122,7 +122,7 @@ def test_a_job_in_the_background_hears_nothing():
 
 
 @pytest.mark.slow
-def test_a_line_says_what_is_still_being_finished():
+def test_a_line_names_the_step_being_finished():
     then = (
         "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"
     )
@@ -134,7 +134,7 @@ def test_a_line_says_what_is_still_being_finished():
     assert done.stderr.startswith(line)
 
 
-def test_a_second_one_ends_what_knows_no_signals():
+def test_a_second_one_ends_code_without_signals():
     then = "import ctypes, subprocess\n    from armdyn.optimal.problem.stop import stopping\n    with stopping(60):"
     then += "\n        signal.pthread_sigmask(signal.SIG_BLOCK, {{signal.SIGINT}})  # of the main thread alone"
     then += "\n        again = f'for k in 1 2; do sleep 1; kill -INT {os.getpid()}; done'"

@@ -58,7 +58,7 @@ def test_fewer_than_are_required_have_an_exit_code(tmp_path):
     assert many(tmp_path, *more)["settled"] == 0
 
 
-def test_people_are_told_how_many_settle(tmp_path):
+def test_people_see_how_many_settle(tmp_path):
     done = run_here(*MANY, "--out", tmp_path, "--count", 4, "--no-figure")
     assert done.returncode == 0
     words = " ".join(done.stdout.split())
@@ -100,7 +100,7 @@ def test_ctrl_c_keeps_the_rows(tmp_path):
 
 
 @pytest.mark.slow
-def test_tune_writes_what_it_has_chosen(tmp_path):
+def test_tune_writes_its_choice(tmp_path):
     output = answer(run_here(*TUNE, "--friction-range", "0,0.06", "--json", "--out", tmp_path))
     assert output["success"] is True
     assert set(output["values"]) == {"kp", "ki", "kd", "ramp"}
@@ -137,7 +137,7 @@ def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(
 
 
 @pytest.mark.slow
-def test_tune_tells_people_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
+def test_tune_prints_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
     done = run_here(*TUNE, "--controller", "computed-torque", "--out", tmp_path, "--duration", "0.6")
     words = " ".join(done.stdout.split())
     assert "r: computed-torque, tuned" in words

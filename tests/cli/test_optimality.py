@@ -60,7 +60,7 @@ def test_every_format_of_a_motion_has_one_answer(motion, here, rr):
 
 
 @pytest.mark.slow
-def test_what_it_says_and_writes(motion, here):
+def test_its_output_and_files(motion, here):
     motion.save(here / "own.npz")
     done = run_here("optimality", "rr", "own.npz", "--search", "quick", "--no-report", "--out", "out")
     words = " ".join(done.stdout.split())
@@ -92,7 +92,7 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
         (["rr", "own.npz", "--reserve", "2"], "reserve of joint 'joint1' is 2"),
     ],
 )
-def test_what_is_no_motion(motion, here, arguments, words):
+def test_a_wrong_motion_is_refused(motion, here, arguments, words):
     motion.save(here / "own.npz")
     (here / "bad.csv").write_text("x,y\n1,2\n")
     (here / "other.csv").write_text("t,q_arm1,q_arm2\n0,0,0\n1,1,1\n")
@@ -103,7 +103,7 @@ def test_what_is_no_motion(motion, here, arguments, words):
 
 @pytest.mark.parametrize("column", [1, 2])
 @pytest.mark.parametrize("value", ["1e308", "-1e308", "1e13"])
-def test_numbers_that_nobody_can_reckon_with(motion, here, column, value):
+def test_numbers_that_are_too_large(motion, here, column, value):
     rows = [[str(x) for x in (t, *q)] for t, q in zip(motion.t, motion.q, strict=True)]
     rows[5][column] = value
     (here / "large.csv").write_text("\n".join(",".join(row) for row in [["t", "q1", "q2"], *rows]))

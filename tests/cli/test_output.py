@@ -136,7 +136,7 @@ def test_a_full_disk_is_exit_5(command, here, monkeypatch):
     assert left <= {"payloads.sqlite", "payloads.sqlite.lock"} if command == "sweep" else not left  # the rows are whole
 
 
-def test_what_was_written_before_the_disk_was_full_is_whole(tiny_disk):
+def test_files_written_before_the_disk_was_full_are_whole(tiny_disk):
     answer = run("pid", "r", "--no-figure", "--out", tiny_disk / "run", code=5)
     assert answer["message"].startswith(f"disk full while writing {tiny_disk}/run/report.html")
     assert [path.name for path in (tiny_disk / "run").iterdir()] == ["trajectory.npz"]
@@ -154,7 +154,7 @@ def test_reproduce_goes_on_when_the_disk_has_room_again(tiny_disk):
     assert kept == whole
 
 
-def test_people_are_told_in_one_line(tiny_disk):
+def test_people_get_one_line(tiny_disk):
     (tiny_disk / "filler").write_bytes(bytes(64 * 2**10))
     done = CliRunner().invoke(app, ["urdf", "rr", "--out", str(Path(tiny_disk) / "run")])
     assert done.exit_code == 5 and "disk full while writing" in " ".join(done.output.split())

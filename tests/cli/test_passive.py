@@ -41,7 +41,7 @@ def test_bound_takes_it_too(stranger):
         ((), "name the joint in --passive if it has no motor"),
     ],
 )
-def test_what_is_refused(stranger, options, words):
+def test_refusals(stranger, options, words):
     assert words in answer(run_here("mintime", stranger, *MOVE, *options, "--json"), code=2)["message"]
 
 

@@ -18,7 +18,7 @@ def turntable(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_files_friction_is_applied_unless_told_otherwise(turntable):
+def test_a_files_friction_is_applied_unless_disabled(turntable):
     poses = ("--q-start", "0", "--q-goal", "2")
     own = run_json("mintime", "arm.urdf", *BARE, *poses, cwd=turntable)
     assert (own["damping"], own["friction"], own["friction_width"]) == ([0.1], [0.2], 0.05)
@@ -72,7 +72,7 @@ def test_pid_knows_friction(turntable):
     )
 
 
-def test_doctor_says_what_is_applied(turntable):
+def test_doctor_names_the_applied_friction(turntable):
     answer = run_json("doctor", "arm.urdf", cwd=turntable)
     assert answer["joints"][0]["damping_applied"] == 0.1
     assert answer["joints"][0]["friction_applied"] == 0.2

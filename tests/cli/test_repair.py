@@ -51,7 +51,7 @@ def test_a_physical_library_arm():
     assert "--lock panda_finger_joint1=0" in run_here("doctor", "panda", "--repair").stdout
 
 
-def test_what_is_refused_even_so(tmp_path):
+def test_remaining_refusals(tmp_path):
     massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))
     (tmp_path / "arm.urdf").write_text(massless)
     data = run_json("doctor", "arm.urdf", "--repair", code=3, cwd=tmp_path)

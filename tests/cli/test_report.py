@@ -58,14 +58,14 @@ def test_from_disk_comes_the_report_that_the_run_has_written(tracked, tmp_path):
     assert (tmp_path / "report.html").read_bytes() == (tracked / "report.html").read_bytes()
 
 
-def test_what_it_was_asked_can_be_typed_again(tracked):
+def test_its_command_can_be_typed_again(tracked):
     request = json.loads((tracked / "result.json").read_text())["asked"]
     assert request["command"].startswith("armdyn track rr --payload 0.1 --ramp 0.5 --controller computed-torque")
     assert request["options"]["rate"] == 1000.0
     assert "armdyn track rr --payload 0.1" in (tracked / "report.html").read_text()
 
 
-def test_it_is_written_beside_a_single_result(loop, tmp_path):
+def test_it_is_written_next_to_a_single_result(loop, tmp_path):
     folder = tmp_path / "run"
     shutil.copytree(loop, folder)
     assert report(folder / "result.json")["files"] == [str(folder / "report.html")]
@@ -144,7 +144,7 @@ def planned(tracked, folder):
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
-def test_motions_of_other_planners_stand_beside(tracked, tmp_path):
+def test_motions_of_other_planners_are_compared(tracked, tmp_path):
     files = planned(tracked, tmp_path)
     output = answer(run_here("compare", tracked, *files, "--json", "--out", tmp_path / "out"))
     first, *others = output["motions"]
@@ -193,7 +193,7 @@ def test_joints_of_a_bigger_robot(tmp_path):
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
-def test_a_motion_that_breaks_limits_or_has_another_task_is_told(tracked, tmp_path):
+def test_a_motion_that_breaks_limits_or_has_another_task_is_reported(tracked, tmp_path):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1))
     reference = ad.Trajectory.load(tracked / "reference.npz")
     fast = ad.ramp(robot, reference.q[0], reference.q[-1], 0.1)
@@ -266,7 +266,7 @@ def test_a_damaged_result(facts, message, tracked, tmp_path):
 
 @pytest.mark.parametrize("facts", [{"model__limits": 3}, {"model__limits__velocity": ["x", 1]}, {"model__sliding": [1]},
                                    {"model__payload": {"mass": -1}}, {"model__armature": [-1, 1]}])  # fmt: skip
-def test_a_model_that_makes_no_sense_is_left_out_or_told(facts, tracked, tmp_path):
+def test_a_model_that_makes_no_sense_is_left_out_or_reported(facts, tracked, tmp_path):
     assert report(changed(tracked, tmp_path / "run", **facts))["success"]
 
 
@@ -308,7 +308,7 @@ def test_a_file_that_a_result_names_is_the_arm_if_it_is_the_very_one(tracked, tm
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
-def test_a_motion_stands_beside_its_tracking_on_another_arm(tracked, tmp_path):
+def test_a_motion_is_compared_with_its_tracking_on_another_arm(tracked, tmp_path):
     fast = ("--no-figure", "--no-report", "--json")
     loop = ("--payload", "0.1", "--ramp", "0.5", "--plant-payload", "0.12")
     answer(run_here("track", "rr", *loop, *fast, "--out", tmp_path / "real"))

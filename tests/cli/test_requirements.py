@@ -44,13 +44,13 @@ def test_what_it_does_not_know_it_refuses(text):
         requirements_of([text])
 
 
-def test_what_holds_is_not_missing():
+def test_met_conditions_are_not_missing():
     assert missing(solved("r"), "certified", "extremal") == []
     assert missing(gap(4e-3), "gap:0.5%", "gap:0.004001") == []
     assert missing(gap(5e-4, no_extremal(solved("r"))), "certified") == []
 
 
-def test_what_does_not_hold_is_missing_and_says_why():
+def test_unmet_conditions_are_missing_with_their_reasons():
     plain = no_extremal(solved("r"))
     assert missing(plain, "certified") == ["certified is missing: the Hamiltonian strays from 0 by 1"]
     (line,) = missing(gap(5e-4, plain), "certified", "extremal")
@@ -66,7 +66,7 @@ def test_a_gap_that_is_not_proven_is_none():
     assert "not proven" in line
 
 
-def test_of_what_is_not_usable_all_is_missing():
+def test_of_unusable_motions_all_is_missing():
     beside = replace(solved("r"), certificate=replace(solved("r").certificate, goal_error=0.1))
     assert missing(beside, "certified", "gap:1%") == [
         "certified is missing: the motion is not usable",

@@ -6,7 +6,7 @@ from armdyn.studies import reserve
 from cli.command import answer, run_here
 
 
-def test_mintime_keeps_and_tells_it(tmp_path):
+def test_mintime_keeps_and_reports_it(tmp_path):
     leave_out = ("--no-figure", "--no-report", "--out", tmp_path)
     kept = answer(run_here("mintime", "r", "--reserve", "0.1", "--velocity-reserve", "0.03", *leave_out, "--json"))
     assert kept["reserve"] == {"effort": [0.1], "velocity": [0.03]}

@@ -23,7 +23,7 @@ def test_every_arm_is_listed_and_loads(listed):
     assert all(arm["loads"] for arm in listed["robots"]), [arm for arm in listed["robots"] if not arm["loads"]]
 
 
-def test_what_is_missing(listed):
+def test_missing_conditions(listed):
     arms = {arm["name"]: arm for arm in listed["robots"]}
     assert arms["double_pendulum"]["missing"]["effort"] == ["joint1", "joint2"]
     assert arms["bravo7_no_ee"]["missing"]["effort"] == ["joint1", "joint4", "joint6"]
@@ -81,7 +81,7 @@ def test_any_part_of_a_robot_is_an_arm():
         ("rr", "joint1,joint2", "--arm: 'rr' has no joints to lock"),
     ],
 )
-def test_what_is_no_arm(robot, part, words):
+def test_a_wrong_arm_is_refused(robot, part, words):
     assert words in run_json("doctor", robot, "--arm", part, code=2)["message"]
 
 

@@ -33,7 +33,7 @@ def test_closed_standard_output_is_named():
 
 
 @pytest.mark.slow
-def test_closed_standard_error_disturbs_nobody():
+def test_closed_standard_error_disturbs_nothing():
     done = shell("armdyn urdf rr 2>&- <&-")
     assert done.returncode == 0 and done.stdout.rstrip().endswith("</robot>")
     assert shell("armdyn urdf rrrr 2>&-").returncode == 2

@@ -60,7 +60,7 @@ def test_the_checks_are_said_apart():
     assert words["lower bound"] == "none is known" and not {"idle", "what you can do"} & set(words)
 
 
-def test_a_small_gap_certifies_and_a_larger_one_says_what_may_help():
+def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
     assert title_words(bounded(4e-4)).endswith(", certified, gap 0.04 %")
     near, far = (solution_words(bounded(gap), wrap=False) for gap in (4e-4, 2e-2))
     slower = "The motion is executable. It is proven to be at most {} % slower than the fastest possible."
@@ -81,13 +81,13 @@ def test_idle_joints_are_named():
     )
 
 
-def test_what_is_not_usable_says_what_to_do_before_all_else():
+def test_an_unusable_motion_has_its_remedies_first():
     words = solution_words(failure(), wrap=False)
     assert words["verdict"] == "No motion was found: no motion was found." and "lands" not in words
     assert "--time-limit" in words["what you can do"]
 
 
-def test_the_tip_and_what_hangs_where():
+def test_the_tip_and_the_payloads_place():
     box = ad.Box((0.1, 0.1, 0.1), (0, 0, 0))
     payload = ad.Payload(mass=2.0, com=(0, 0, 0.05), shapes=[box])
     robot = ad.Robot.from_library("panda", payload=payload, tool=ad.Tool(mass=0.5, tip=(0, 0, 0.1)))

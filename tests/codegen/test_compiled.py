@@ -83,7 +83,7 @@ def test_several_at_once_build_one_library(own_cache):
     assert len(list(own_cache.iterdir())) == 1
 
 
-def test_virtual_machine_where_asked_or_where_there_is_no_compiler(own_cache, monkeypatch):
+def test_virtual_machine_on_request_or_where_there_is_no_compiler(own_cache, monkeypatch):
     plain = function()
     assert compiled([plain], False) == [plain]
     monkeypatch.setenv("PATH", str(own_cache))
@@ -101,7 +101,7 @@ def test_compiler_that_fails_is_done_without(own_cache, monkeypatch):
 
 
 @needs_compiler
-def test_large_functions_are_not_built_unasked(own_cache, monkeypatch):
+def test_large_functions_are_not_built_by_default(own_cache, monkeypatch):
     monkeypatch.setattr("armdyn.codegen.compiled._WORTH_IT", 5)
     plain = function()
     assert compiled([plain]) == [plain]
@@ -167,7 +167,7 @@ for fast in [*compiled([plain], True), *([] if {before} else [early])]:
 @pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("before", [True, False], ids=["before it is loaded", "while it is in use"])
-def test_truncated_library_ends_nobody(before):
+def test_truncated_library_ends_no_process(before):
     run = subprocess.run([sys.executable, "-c", TRUNCATED.format(before=before)], capture_output=True, text=True)
     assert (run.returncode, run.stderr) == (0, "")  # not by SIGBUS
 
@@ -185,7 +185,7 @@ def test_library_of_other_functions_is_not_taken_for_these(own_cache):
 
 
 @needs_compiler
-def test_large_damaged_library_is_built_again_unasked(own_cache, monkeypatch):
+def test_large_damaged_library_is_built_again_by_default(own_cache, monkeypatch):
     compiled([function()], True)
     monkeypatch.setattr("armdyn.codegen.compiled._WORTH_IT", 5)
     library, _ = library_in(own_cache)
@@ -291,7 +291,7 @@ def test_any_compiler_that_fails_is_done_without(does, said, tmp_path, own_cache
     assert not any(own_cache.iterdir())
 
 
-def test_compiler_that_hung_is_not_asked_again(tmp_path, monkeypatch):
+def test_compiler_that_hung_is_not_run_again(tmp_path, monkeypatch):
     calls = tmp_path / "calls"
     monkeypatch.setenv("CC", script(tmp_path / "compiler", f"echo >> {calls}; sleep 10"))
     monkeypatch.setattr("armdyn.codegen.compiler._TIMEOUT", 1.0)

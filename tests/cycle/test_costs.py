@@ -22,7 +22,7 @@ def test_rests_cost_their_time(costs):
 
 
 @pytest.mark.slow
-def test_limits_cost_what_their_multipliers_say(costs):
+def test_limits_cost_by_their_multipliers(costs):
     solved = planar_solved()
     most = next(name for name, _ in solved.decides if name != "rests")
     cost = costs[0, f"10 % more of {most}"]
@@ -41,7 +41,7 @@ def test_the_nearest_branches_are_no_better(costs):
 
 
 @pytest.mark.slow
-def test_planning_for_the_heaviest_payload_costs_what_the_moves_without_it_lose(costs):
+def test_planning_for_the_heaviest_payload_costs_the_loss_of_the_other_moves(costs):
     solved = planar_solved()
     loaded = solved.cycle.arms[2]
     total = solved.cycle.dwell
@@ -55,7 +55,7 @@ def test_planning_for_the_heaviest_payload_costs_what_the_moves_without_it_lose(
 
 
 @pytest.mark.slow
-def test_a_stop_that_nobody_needs_costs_the_time_that_passing_saves():
+def test_a_stop_without_a_need_costs_the_time_that_passing_saves():
     robot = planar().robot
     between = ad.Move([0.5, 0.3], name="between")
     solved = ad.solve_cycle(ad.Cycle(robot, start=[0, 0], steps=[between, ad.Move([1, 0.5])]), QUICK)

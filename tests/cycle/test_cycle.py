@@ -93,7 +93,7 @@ def test_wrong_steps_are_refused(make, said):
         make()
 
 
-def test_jobs_are_what_is_done_from_one_empty_hand_to_the_next():
+def test_jobs_go_from_one_empty_hand_to_the_next():
     there = ad.Move([1, 1])
     steps = [ad.Wait(1), there, ad.Grasp(PART), ad.Move([1, 0]), ad.Release(), ad.Wait(1), ad.Move([0, 1]), ad.Wait(2)]
     cycle = ad.Cycle(planar().robot, start=[0, 0], steps=steps, order="free")
@@ -105,14 +105,14 @@ def test_jobs_are_what_is_done_from_one_empty_hand_to_the_next():
     assert closed.jobs == ((2, 3, 4, 5, 6), (7, 8))  # the way home stays the last
 
 
-def test_a_goal_out_of_reach_is_told_with_its_step():
+def test_a_goal_out_of_reach_is_reported_with_its_step():
     robot = planar().robot
     far = ad.Move(ad.GoalPose(robot.tip, (3.0, 0.0, 0.0)), name="to the bin")
     with pytest.raises(CycleError, match=r"step 2 \(to the bin\): .*cannot reach"):
         ad.solve_cycle(ad.Cycle(robot, start=[0, 0], steps=[ad.Move([1, 1]), far]))
 
 
-def test_a_part_that_is_too_heavy_is_told_with_its_step():
+def test_a_part_that_is_too_heavy_is_reported_with_its_step():
     robot = planar().robot
     steps = [ad.Move(ad.GoalPose(robot.tip, HERE)), ad.Grasp(ad.Payload(mass=50.0, name="anvil")), ad.Move([0, 0])]
     with pytest.raises(

@@ -53,7 +53,7 @@ def read(tmp_path, text):
     return ad.read_cycle(path)
 
 
-def test_a_file_says_what_python_says(tmp_path):
+def test_a_file_equals_its_python(tmp_path):
     cycle = read(tmp_path, FILE)
     move, grasp, wait, release = cycle.steps
     assert cycle.closed
@@ -90,7 +90,7 @@ def test_a_file_says_what_python_says(tmp_path):
         ("[[steps]]", "[steps]", "not TOML|must be an array"),
     ],
 )
-def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
+def test_a_mistake_is_reported_with_its_line(tmp_path, old, new, said):
     with pytest.raises(ProblemError, match=said):
         read(tmp_path, FILE.replace(old, new, 1))
 
@@ -107,7 +107,7 @@ def test_a_mistake_is_told_with_its_line(tmp_path, old, new, said):
         ),
     ],
 )
-def test_what_only_the_solve_finds_is_told_with_its_line(tmp_path, old, new, said):
+def test_faults_found_by_the_solve_is_reported_with_its_line(tmp_path, old, new, said):
     path = tmp_path / "cell.toml"
     path.write_text(BOLT.replace(old, new, 1))
     read = read_cycle_file(path)

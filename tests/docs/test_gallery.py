@@ -29,7 +29,7 @@ def test_every_picture_is_made_by_a_script():
     assert not {name for name in shown() - made if name not in scripts}
 
 
-def test_what_the_gallery_says_of_other_scripts_is_so():
+def test_the_gallery_is_right_about_other_scripts():
     for name, other in script("gallery").ELSEWHERE.items():
         assert name in (ROOT / other).read_text()
 

@@ -20,7 +20,7 @@ def test_formulas_become_mathml_and_the_rest_stays():
 
 
 @pytest.mark.parametrize("latex", [r"\nosuch x", r"\begin{matrix} a"])
-def test_what_cannot_be_set_stops_the_build(latex):
+def test_unsupported_mathematics_stops_the_build(latex):
     with pytest.raises(ValueError, match=re.escape(latex)):
         script("site_mathematics").mathml(latex)
 

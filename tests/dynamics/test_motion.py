@@ -71,7 +71,7 @@ def test_no_time_passes_over_a_jump():
     np.testing.assert_allclose(replayed(robot, later, 1e-10, 1000), found[2:], rtol=1e-15)
 
 
-def test_what_is_not_finite_ends_it():
+def test_numbers_that_are_not_finite_end_it():
     robot, wanted = swing(0.02, samples=5)
     limits = ConstantTorque(np.full(2, -9.0), np.full(2, 9.0))
     tau = wanted.tau.copy()

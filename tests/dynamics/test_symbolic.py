@@ -58,7 +58,7 @@ def test_inertia_is_symmetric(name):
 
 
 @pytest.mark.parametrize("kind", [ca.DM, ca.SX, ca.MX])
-def test_what_goes_in_comes_out(kind):
+def test_round_trip(kind):
     robot = robot_named("rr")
     dynamics = Dynamics(robot)
     x = [0.1, 0.2]

@@ -31,7 +31,7 @@ SWAPPED = [1, 0, 2, 3, 4, 5, 6]
         ({"q": GOOD.q[:1].repeat(5000, 0), "v": None}, "no joint moves"),
     ],
 )
-def test_what_is_no_log_of_this_arm(changes, message):
+def test_a_wrong_log_of_this_arm_is_refused(changes, message):
     with pytest.raises(LogError, match=message):
         identify(PANDA, replace(GOOD, **changes))
 

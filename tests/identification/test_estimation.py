@@ -131,7 +131,7 @@ def test_likely_arms_are_physical_and_differ_as_the_confidence_says(name, what):
     assert np.sqrt(np.mean(np.square(less))) < spread
 
 
-def test_the_given_robot_is_what_an_estimate_is_compared_with():
+def test_the_given_robot_is_the_reference_of_an_estimate():
     prior = robot_named("rrr").with_payload(ad.Payload(mass=0.1, com=(0.01, 0, 0))).with_friction(0.01, 0.02)
     estimate = identify(prior, simulated_log(prior, duration=4.0), "payload", QUICK)
     before = {one.name: one.prior for one in estimate.parameters}

@@ -48,7 +48,7 @@ def test_it_is_clear_of_obstacles():
     assert exciting_motion(robot, 4.0, ExcitingOptions(**near, allowed_contacts=allowed)).duration == 4.0
 
 
-def test_what_cannot_be_is_refused():
+def test_impossible_values_are_refused():
     robot = robot_named("rrr")
     with pytest.raises(ProblemError, match="margin is 2"):
         ExcitingOptions(margin=2)

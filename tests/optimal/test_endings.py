@@ -31,7 +31,7 @@ def test_unreachable_goal_is_reported_not_pretended():
     assert "joint1" in solution.message
 
 
-def test_time_limit_returns_what_there_is():
+def test_time_limit_returns_the_best_so_far():
     solution = ad.solve_minimum_time(paper_problem("rrr"), ad.MinimumTimeOptions(time_limit=1e-3))
     assert not solution.success
     assert solution.status is ad.Status.TIME_LIMIT
@@ -112,7 +112,7 @@ def test_a_search_that_the_time_limit_ended_with_nothing_says_so(posed, when, mo
     assert not solution.certified
 
 
-def test_what_is_certified_is_solved_whatever_the_clock_says_afterwards(monkeypatch):
+def test_a_certified_motion_is_solved_for_any_clock_afterwards(monkeypatch):
     def cut(task, *found):
         task.stop.cut()
         return assembled(task, *found)
@@ -137,7 +137,7 @@ def test_optima_that_only_a_coarse_mesh_has_are_none_and_a_curve_is_the_answer(m
     assert solution.usable and not solution.arcs and solution.intervals > 0
 
 
-def test_interrupt_returns_what_there_is():
+def test_interrupt_returns_the_best_so_far():
     messages = []
 
     def press(text):

@@ -109,7 +109,7 @@ def test_ctrl_c_leaves_the_solutions_that_are_finished(workers):
     assert left > 0
 
 
-def test_what_is_no_problem_is_refused():
+def test_a_wrong_problem_is_refused():
     with pytest.raises(ad.ArmdynError, match=r"problems\[1\]"):
         ad.solve_many([problems(1)[0], ARM])
 

@@ -150,7 +150,7 @@ def test_a_larger_arm_keeps_its_curves_and_has_a_proven_gap():
     assert "torque-speed curve" in {share.limit for share in found.decides}
 
 
-def test_a_loop_gives_what_the_motor_gives_at_its_speed():
+def test_a_loop_gives_the_motors_torque_at_its_speed():
     robot = turntable(torque_speed={"turn": [[0, 10], [5, 0]]})
     hard = ad.PidGains(kp=1e4, ki=0, kd=1)
     run = ad.simulate_pid(robot, q_start=[0.0], q_goal=[20.0], gains=hard, duration=1.0, form="torque")
@@ -208,7 +208,7 @@ LIFT = """<robot name="lift"><link name="base"/><link name="car"><inertial><mass
 <limit lower="-9" upper="9" effort="90" velocity="100"/></joint></robot>"""
 
 
-def test_a_dwell_counts_what_holds_the_arm():
+def test_a_dwell_counts_the_holding_torque():
     """m q'' = τ - m g: the weight adds (m g)² to the mean square, moving or not."""
     robot, weight, rms, dwell = ad.Robot.from_urdf_string(LIFT), 2 * 9.81, 22.0, 0.7
     options = [ad.RmsTorque(rms, dwell=dwell)]

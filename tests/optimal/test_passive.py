@@ -74,7 +74,7 @@ def test_the_indirect_method_agrees():
     assert indirect.duration == pytest.approx(direct.duration, rel=1e-6)  # Lobatto's tolerance
 
 
-def test_small_side_moves_take_what_linear_theory_says():
+def test_small_side_moves_follow_linear_theory():
     """A tenth of a metre for every newton is one linear motion; nonlinear terms fall with its square."""
     beside = []
     for force in (0.8, 0.4, 0.2):
@@ -120,7 +120,7 @@ def test_a_start_that_is_no_equilibrium():
     assert_optimal(solution)
 
 
-def test_velocity_limits_beside_a_joint_without_a_motor():
+def test_velocity_limits_with_a_joint_without_a_motor():
     solution = solve(problem_of("cart_pole", [1.0, 0.0], effort_limit=10.0, velocity_limit=[0.8, np.inf]))
     assert_optimal(solution)
     assert Mode.VELOCITY_UPPER in {arc.modes[0] for arc in solution.arcs}
@@ -137,7 +137,7 @@ def test_either_way_up():
 
 
 @pytest.mark.slow
-def test_what_is_asked_along_the_way():
+def test_path_constraints():
     limit = ad.TorqueRateLimit(200.0)
     solution = solve(problem_of("cart_pole", [1.0, 0.0], effort_limit=10.0, path_constraints=[limit]))
     assert solution.usable and solution.duration > 1.2313  # without: bang-bang

@@ -63,7 +63,7 @@ def test_the_example_of_the_docs_is_a_problem(write_problem):
     assert problem.goal_pose.frame == "panda_link7"
 
 
-def test_a_urdf_beside_the_file_and_below(write_problem, tmp_path):
+def test_a_urdf_next_to_the_file_and_below(write_problem, tmp_path):
     text = ad.urdf_from_spec(ad.ArmSpec.paper("rr"))
     (tmp_path / "home" / "arms").mkdir()
     (tmp_path / "home" / "arms" / "mine.urdf").write_text(text)
@@ -259,7 +259,7 @@ def test_a_robots_file_is_named_if_it_is_inside_the_folder(tmp_path):
         assert_same(problem, ad.read_problem(tmp_path / "problem.toml"))
 
 
-def test_what_no_file_can_say_is_refused(tmp_path):
+def test_values_without_a_file_form_are_refused(tmp_path):
     arm = ad.Robot.from_spec(SPEC)
     ends = {"q_start": [0, 0], "q_goal": [1, 0]}
     with pytest.raises(SpecError, match="no file and no text"):
@@ -281,7 +281,7 @@ def test_what_no_file_can_say_is_refused(tmp_path):
         problem.to_toml()
 
 
-def test_likely_arms_are_as_the_robot_but_for_what_they_say(tmp_path):
+def test_likely_arms_are_as_the_robot_but_for_their_differences(tmp_path):
     file = tmp_path / "identified.toml"
     file.write_text("[robot]\nname = 'rr'\npayload = { mass = 0.1 }\n[[robot.likely]]\npayload = { mass = 0.11 }\n"
                     "[[robot.likely]]\nfriction = [0.1, 0.2]\n")  # fmt: skip

@@ -85,11 +85,11 @@ def test_four_threads_of_two_arms(alone, threads):
     assert threads["two arms"] == [alone["r"], alone["rr"]] * 2
 
 
-def test_the_indirect_method_beside_the_direct_one(alone, threads):
+def test_the_indirect_method_in_parallel_with_the_direct_one(alone, threads):
     assert threads["indirect"] == [alone["indirect"], alone["rr"]] * 2
 
 
-def test_one_threads_time_limit_is_nobody_elses(alone, threads):
+def test_one_threads_time_limit_is_its_own(alone, threads):
     assert threads["late"][1::2] == [alone["rr"], alone["r"]]
 
 
@@ -109,7 +109,7 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
     assert found == [alone["r"], alone["rr"], alone["r"]]
 
 
-def test_a_fork_beside_a_solve_solves_too(alone):
+def test_a_fork_during_a_solve_solves_too(alone):
     """Its child must find no lock taken, and no solver half-way."""
     found = output_of("""
 over, found = threading.Event(), [bits("rr")]  # all that is imported is: Python's own lock is not ours to wait for

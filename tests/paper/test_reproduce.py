@@ -54,7 +54,7 @@ def test_progress_counts_every_case_once(loops):
     assert [done for _, done, _ in messages] == list(range(1, len(messages) + 1)) and messages[-1][1] == messages[-1][2]
 
 
-def test_what_is_shown_is_told_once_with_its_figures(loops):
+def test_shown_cases_are_reported_once_with_their_figures(loops):
     folder, plan, _, messages, ((cases, page, count),) = loops
     assert cases == {case for case in plan.cases() if case.payload == PAYLOAD}
     assert page or count == len(messages)  # a page that will be rewritten at once is not reported
@@ -63,7 +63,7 @@ def test_what_is_shown_is_told_once_with_its_figures(loops):
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_what_is_done_is_not_done_again(loops):
+def test_finished_cases_are_not_done_again(loops):
     folder, plan, *_ = loops
     cases = sorted((folder / "cases").iterdir())
     before = {path: path.stat().st_mtime_ns for path in cases}
@@ -76,7 +76,7 @@ def test_what_is_done_is_not_done_again(loops):
     assert again == {f"{case.name}{s}" for case in cases_of(4, 0.2) for s in (".json", ".npz")}
 
 
-def test_an_interrupt_leaves_what_is_done(tmp_path):
+def test_an_interrupt_keeps_finished_cases(tmp_path):
     plan = Plan(only=("example4", "example1"), payloads=(PAYLOAD, 0.2), workers=2)
 
     def stop(outcome, done, of):

@@ -70,7 +70,7 @@ def test_an_error_gets_the_line_of_the_key_that_it_speaks_of_first(toml):
         ("a" * (MAX_BYTES + 1), "larger than"),
     ],
 )
-def test_what_is_no_toml(toml, text, words):
+def test_a_wrong_toml_is_refused(toml, text, words):
     with pytest.raises((ProblemError, FileError), match=words):
         toml(text)
 
@@ -82,7 +82,7 @@ def test_names_with_thousands_of_dots_are_refused_before_they_are_read(toml, tex
         toml(text.format(".".join([name] * 20_000)))
 
 
-def test_what_is_no_file(tmp_path):
+def test_a_wrong_file_is_refused(tmp_path):
     with pytest.raises(FileError, match="no such file"):
         read_toml(tmp_path / "none.toml")
     with pytest.raises(FileError, match="it is a device"):

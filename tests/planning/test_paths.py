@@ -96,7 +96,7 @@ def test_a_stop_ends_an_attempt():
     assert walled.model.checks < PlannerOptions().checks
 
 
-def test_a_path_that_nobody_asks_for_is_not_planned():
+def test_a_path_is_planned_on_demand():
     wall = space(Box((0.4, 5.0, 1.0), (0, 0, 0)))  # so that a path round it is not nearly straight
     paths = plan_paths(wall, np.array([-2.0, 0]), np.array([2.0, 0]), 3, EVERYWHERE)
     next(paths)

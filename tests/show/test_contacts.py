@@ -33,7 +33,7 @@ def test_the_error_says_where_and_what():
 
 
 @pytest.mark.slow
-def test_what_touches_is_red_and_said(chromium, tmp_path):
+def test_touching_bodies_are_red_and_named(chromium, tmp_path):
     error = refused()
     report = contacts_report(error)
     assert report.verdict.level == "bad" and "'link2' is" in report.verdict.said

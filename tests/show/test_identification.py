@@ -14,7 +14,7 @@ RRR = robot_named("rrr")
 
 
 @pytest.mark.parametrize("held_out", [0.25, 0])
-def test_the_page_has_torques_numbers_and_what_is_not_known(tmp_path, held_out):
+def test_the_page_has_torques_numbers_and_unknowns(tmp_path, held_out):
     arm = RRR.with_payload(ad.Payload(mass=0.12)).with_friction(0.02, 0.03)
     estimate = ad.identify(RRR, simulated_log(arm, duration=3.0), "payload", ad.IdentifyOptions(held_out=held_out))
     page = write_identification(estimate, tmp_path / "report.html").read_text()

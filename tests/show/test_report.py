@@ -23,7 +23,7 @@ ALWAYS = ["trajectory.npz", "result.json"]
         ),
     ],
 )
-def test_what_is_asked_for_is_written_told_and_listed(parts, drawn, messages, tmp_path):
+def test_requested_files_are_written_reported_and_listed(parts, drawn, messages, tmp_path):
     robot, heard = paper_arm("r"), []
     motion = quintic(robot, HANGING["r"], RAISED["r"], 0.5)
     files = write_run(

@@ -64,7 +64,7 @@ def test_what_is_not_understood_is_refused(path, changes, words):
         (b'"' + b"x" * MAX_BYTES, "larger than"),
     ],
 )
-def test_what_is_no_result(path, data, words):
+def test_a_wrong_result_is_refused(path, data, words):
     path.write_bytes(data)
     with pytest.raises(ResultError, match=words):
         load_result(path)
@@ -91,7 +91,7 @@ def test_no_file(tmp_path):
         ("ArmSpec 'rr'", "ArmSpec 'rr'"), ("Pinocchio model 'a/b'", "Pinocchio model 'a/b'"), ("", ""),
     ],
 )  # fmt: skip
-def test_a_source_is_told_without_the_folders_of_a_machine(source, name):
+def test_a_source_is_shown_without_the_folders_of_a_machine(source, name):
     assert source_name(source) == name
 
 

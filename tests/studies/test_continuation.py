@@ -63,7 +63,7 @@ def test_a_larger_arm_with_more_and_more_payload():
     assert problems[0].duration_bound() < first.duration == pytest.approx(second.duration, rel=0.02)
 
 
-def test_the_way_back_takes_what_a_later_search_found(monkeypatch):
+def test_the_way_back_takes_a_later_searchs_optimum(monkeypatch):
     """Where the first search is sent astray, the second problem's optimum puts it right."""
     solve, calls = module.solve_minimum_time, []
 
@@ -80,7 +80,7 @@ def test_the_way_back_takes_what_a_later_search_found(monkeypatch):
     assert solutions[0].duration == pytest.approx(ad.solve_minimum_time(paper_problem("r", 0.1)).duration, rel=1e-9)
 
 
-def test_interruption_leaves_what_there_is(monkeypatch):
+def test_interruption_keeps_the_results_so_far(monkeypatch):
     solve, calls = module.solve_minimum_time, []
 
     def interrupted(problem, options, progress):

@@ -63,7 +63,7 @@ def test_rows_are_the_same_with_any_number_of_threads_and_arms():
     assert len({row.settled_time for row in alone}) == 12
 
 
-def test_a_row_is_what_track_makes_of_its_arm():
+def test_a_row_equals_track_on_its_arm():
     robot, reference = ramped()
     result = study()
     sample = PLANTS.sample(7, 1)
@@ -134,7 +134,7 @@ def test_a_row_that_was_changed_is_refused(tmp_path):
         study(file=file)
 
 
-def test_what_does_not_fit_is_refused_before_there_is_a_file(tmp_path):
+def test_misfits_are_refused_before_there_is_a_file(tmp_path):
     robot, reference = ramped()
     file = tmp_path / "rows.sqlite"
     for given, message in (

@@ -53,7 +53,7 @@ def test_a_draw_is_within_its_ranges_and_always_the_same(k, nv):
     assert all(-0.02 <= x <= 0.02 for x in draw.start)
 
 
-def test_what_is_drawn_is_evenly_spread_and_of_each_number_and_seed_another():
+def test_samples_are_evenly_spread_and_differ_by_number_and_seed():
     loads = np.array([BOTH.sample(k, 3).payload for k in range(2000)])
     # With this seed the hypothesis of an even spread is not rejected; a triangle's would be at 1e-100.
     assert kstest(loads, "uniform", args=(0.8, 0.4)).pvalue > 0.05
@@ -118,7 +118,7 @@ def test_a_robot_without_payload_has_none_that_could_differ():
     assert ad.Plants(payload=(1, 1), damping=(0, 1)).arms(robot, 1)[0].friction.present
 
 
-def test_a_study_tells_motors_apart():
+def test_a_study_distinguishes_motors():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     falling = robot.with_torque_speed({"joint1": [[0, 3], [9, 1]]})
     assert "torque_speed" not in identity(robot) and identity(falling) != identity(robot)

@@ -29,7 +29,7 @@ def solved(tmp_path, acceleration, **more):
 
 
 @pytest.mark.slow
-def test_what_an_acceleration_limit_costs(tmp_path):
+def test_cost_of_an_acceleration_limit(tmp_path):
     solution = solved(tmp_path, 10.0)
     own = {cost.condition: cost for cost in condition_costs(solution)}
     assert set(own) == {"velocity", "acceleration"}  # the necessary ones

@@ -28,7 +28,7 @@ def study(tmp_path):
     return write
 
 
-def test_what_a_study_says(study):
+def test_text_of_a_study(study):
     request = study(
         ARM + '[fixed]\nreserve = 0.1\nq_start."joint1" = -1.4\n[vary]\npayload = [0.1, 0.2]\n'
         "q_goal.joint2 = { from = -0.1, to = 0.1, count = 3 }\n[search]\nstarts = 4\nneighbours = 'off'\n"
@@ -87,7 +87,7 @@ def test_several_arms_are_an_axis_of_their_own(study):
     assert request.task.problems.problem(request.parameters(2)).robot.joint_names == ("joint1",)
 
 
-def test_a_file_beside_the_study_goes_with_it(study, tmp_path):
+def test_a_file_next_to_the_study_goes_with_it(study, tmp_path):
     text = ad.urdf_from_spec(ad.ArmSpec.paper("r"))
     (tmp_path / "arms").mkdir()
     (tmp_path / "arms" / "one.urdf").write_text(text)
@@ -164,7 +164,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         ("task = 'track'\n" + ARM + VARY + "[track]\nduration = -1\n", "line 8: duration is -1 s"),
     ],
 )
-def test_a_complaint_says_the_line_and_what_would_be_right(study, text, words):
+def test_a_complaint_has_the_line_and_the_right_form(study, text, words):
     with pytest.raises(ProblemError, match=words):
         study(text)
 

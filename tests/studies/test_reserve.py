@@ -17,7 +17,7 @@ def curve():
     return ad.reserve_curve(paper_problem("rr"), [ad.Lqr(), ad.ComputedTorque()], reserves=(0.0, 0.15), duration=1.0)
 
 
-def test_it_is_what_track_says(curve):
+def test_it_equals_track(curve):
     # One row again, by hand: the motion that keeps 15 %, on the heaviest arm that rubs.
     row = next(row for row in curve.rows if row.reserve == 0.15 and isinstance(row.controller, ad.Lqr))
     problem = paper_problem("rr", reserve=0.15)

@@ -63,7 +63,7 @@ def test_a_death_is_tried_again_elsewhere_and_the_third_is_a_row(tmp_path):
     assert mended.counts == {"squared": 12}
 
 
-def test_ctrl_c_leaves_what_there_is_and_the_rest_follows(tmp_path):
+def test_ctrl_c_keeps_the_rows_and_the_rest_follows(tmp_path):
     def press(progress):
         if progress.done >= 5:
             os.kill(os.getpid(), signal.SIGINT)
@@ -120,7 +120,7 @@ def test_a_case_has_no_second_row(tmp_path):
         rows.append([row], {})
 
 
-def test_another_study_is_refused_with_what_differs(tmp_path):
+def test_another_study_is_refused_with_the_differences(tmp_path):
     run_study(squares(3), tmp_path / "s.sqlite", TWO)
     with pytest.raises(
         ResultError, match=r"vary\.x\.values is \[0\.0, 1\.0, 2\.0\] there and \[0\.0, 1\.0, 2\.0, 3\.0"
@@ -140,7 +140,7 @@ def test_one_at_a_time(tmp_path, monkeypatch):
         pass
 
 
-def test_what_is_no_study_of_ours(tmp_path):
+def test_another_study_of_ours(tmp_path):
     other = tmp_path / "other.sqlite"
     with sqlite3.connect(other) as connection:
         connection.execute("CREATE TABLE t (x)")
@@ -167,7 +167,7 @@ def test_a_case_begins_with_the_nearest_that_is_ready(tmp_path):
         assert row.facts["begun"] == (None if before is None else row.settings["x"] - 1)
 
 
-def test_time_left_is_what_cases_took_and_how_unlike_they_were():
+def test_time_left_is_by_mean_and_spread_of_the_cases():
     now = [0.0]
     alike, unlike = TimeLeft(lambda: now[0]), TimeLeft(lambda: now[0])
     for k in range(8):

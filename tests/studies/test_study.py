@@ -64,6 +64,6 @@ def test_words_each_have_their_share_of_a_draw():
         (lambda: Axis(name="a", values=(1.0, 2.0, 1.0)), "a value twice"),
     ],
 )
-def test_what_is_no_study(make, words):
+def test_a_wrong_study_is_refused(make, words):
     with pytest.raises(ProblemError, match=words):
         make()

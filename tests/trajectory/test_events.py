@@ -76,7 +76,7 @@ def test_a_table_of_a_load_that_is_not_known(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_events_of_ros2_stand_beside_the_message(tmp_path):
+def test_the_events_of_ros2_are_next_to_the_message(tmp_path):
     samples = UR.resample(250)
     text = Ros2().text(samples)
     message = json.loads(text)

@@ -110,7 +110,7 @@ def test_seconds_carry():
     assert fields["points"][1]["time_from_start"] == {"sec": 1, "nanosec": 0}
 
 
-def test_what_no_message_can_say():
+def test_motions_that_no_message_can_have():
     rest = np.zeros((2, 1))
     motion = solved("r").trajectory
     with pytest.raises(TrajectoryError, match="joint_names is empty"):
@@ -180,7 +180,7 @@ def test_joints_without_names_are_numbered():
     assert list(motion.to_dataframe().columns[:3]) == ["t [s]", "q_joint1 [rad or m]", "q_joint2 [rad or m]"]
 
 
-def test_without_pandas_it_says_what_to_do(monkeypatch):
+def test_without_pandas_it_has_a_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)  # Python's mark of a module that cannot be imported
     with pytest.raises(
         MissingPackageError, match="to_dataframe needs pandas: pip install pandas; to_csv does"

@@ -37,7 +37,7 @@ def written(tmp_path, content, name="motion.json"):
 
 
 @pytest.mark.parametrize("suffix", [".json", ".yaml", ".yml"])
-def test_what_is_exported_is_read_back(tmp_path, suffix):
+def test_an_exported_motion_is_read_back(tmp_path, suffix):
     samples = Trajectory(T, Q, V, 3 * V, JOINTS).resample(100)
     planned = read_planned(written(tmp_path, Ros2().text(samples), f"a{suffix}"), JOINTS)
     assert planned.t == pytest.approx(samples.t, abs=0.5e-9)  # whole nanoseconds
@@ -120,13 +120,13 @@ def point(**changed):
         (json.dumps(point(positions=[1, 2])).replace("[1, 2]", "[1, 1e999]"), "has inf, which is no number"),
     ],
 )  # fmt: skip
-def test_what_is_no_message(tmp_path, content, words):
+def test_a_wrong_message_is_refused(tmp_path, content, words):
     with pytest.raises(TrajectoryError, match=r"motion\.json: ") as caught:
         read_planned(written(tmp_path, content), JOINTS)
     assert words in str(caught.value)
 
 
-def test_what_is_no_yaml(tmp_path):
+def test_a_wrong_yaml_is_refused(tmp_path):
     for text, words in (
         ("a: [", "not YAML"),
         ("joint_names: !!python/object/apply:os.system [ls]", "no JointTrajectory"),  # a tag makes no object

@@ -101,7 +101,7 @@ def test_names_that_xml_must_escape():
     assert model.actuator(0).name == '<a & "b">'
 
 
-def test_what_xml_cannot_say():
+def test_names_that_xml_cannot_have():
     rest = np.zeros((2, 1))
     with pytest.raises(TrajectoryError, match="characters that XML cannot say"):
         ad.Samples([0.0, 1.0], rest, rest, rest, rest, ("a\0",)).to_mjcf()

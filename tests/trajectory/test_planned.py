@@ -92,14 +92,14 @@ def test_arrays(tmp_path, names):
         ("t,q1,q2\n0,1,\n", "line 2: '' is not a number"), ("a\0b,c\n1,2", "there is no t and no q"),
     ],
 )  # fmt: skip
-def test_what_is_no_table(tmp_path, content, words):
+def test_a_wrong_table_is_refused(tmp_path, content, words):
     (tmp_path / "bad.csv").write_text(content)
     with pytest.raises(TrajectoryError, match=r"bad\.csv") as caught:
         read_planned(tmp_path / "bad.csv", JOINTS)
     assert words in str(caught.value)
 
 
-def test_what_is_no_npz(tmp_path):
+def test_a_wrong_npz_is_refused(tmp_path):
     path = tmp_path / "bad.npz"
     for make in (
         lambda: path.write_bytes(b"no zip"),

@@ -59,7 +59,7 @@ def test_urscript_is_the_samples(rate, tick):
     assert not re.search(r"\d[eE]", "".join(body[1:-1]))  # no exponents
 
 
-def test_urscript_tells_the_payload_before_it_moves():
+def test_urscript_sets_the_payload_before_it_moves():
     body = UrScript(payload=2.5, payload_com=(0, 0.01, 0.08)).text(UR.resample(500)).partition("def ")[2].splitlines()
     assert body[1] == "  set_target_payload(2.500000000, [0.000000000, 0.010000000, 0.080000000])"
     assert body[2].startswith("  movej(")
@@ -78,7 +78,7 @@ def test_urscript_tells_the_payload_before_it_moves():
         (PandaPython(), 1000, "the motion has 6 joints; panda-python is for arms of 7"),
     ],
 )
-def test_what_a_controller_does_not_take(made, rate, said):
+def test_motions_that_a_controller_refuses(made, rate, said):
     with pytest.raises(TrajectoryError, match=re.escape(said)):
         made.text(UR.resample(rate))
 
@@ -187,7 +187,7 @@ def test_ur_rtde_refuses(faults, said, tmp_path, monkeypatch):
     assert not arm.arguments_of("servoJ") and not arm.arguments_of("moveJ") and arm.arguments_of("stopScript")
 
 
-def test_ur_rtde_moves_to_the_start_only_when_asked(tmp_path, monkeypatch):
+def test_ur_rtde_moves_to_the_start_only_on_request(tmp_path, monkeypatch):
     samples = UR.resample(500)
     file = program(UrRtde(tolerance=0.02), samples, tmp_path)
     away = Arm(samples.q[0] + 0.03)

@@ -313,7 +313,7 @@ def test_load_of_no_npz(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["a named pipe", "a device", "a folder"])
-def test_what_is_no_regular_file_is_neither_waited_for_nor_read(kind, tmp_path):
+def test_irregular_files_are_neither_waited_for_nor_read(kind, tmp_path):
     path = Path("/dev/zero") if kind == "a device" else tmp_path / "motion.npz"
     if kind != "a device":
         os.mkfifo(path) if kind == "a named pipe" else path.mkdir()

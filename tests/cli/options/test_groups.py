@@ -51,7 +51,7 @@ def test_options_of_nested_groups_arrive_in_them(run):
     assert json.loads(given.stdout) == ["x", 2.0, True, ["a", "b"], True]
 
 
-def test_a_required_argument_is_asked_for(run):
+def test_a_required_argument_is_required(run):
     assert run().exit_code == 2
 
 

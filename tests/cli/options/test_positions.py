@@ -32,7 +32,7 @@ def test_joints_that_slide_are_in_metres():
 
 
 @pytest.mark.parametrize("text", ["", "deg", "x", "1,2", "1degree", "1 2deg", "90degdeg", "m", "--1"])
-def test_what_is_no_position(text):
+def test_a_wrong_position_is_refused(text):
     with pytest.raises(ProblemError, match="is not a number"):
         position(text, "--q-goal")
 
@@ -76,7 +76,7 @@ def test_degrees_of_a_lock_that_slides_need_a_unit():
             sliding_locks(["torso_lift_joint=0.1"], tiago)
 
 
-def test_degrees_of_a_lock_whose_kind_nobody_knows_need_a_unit():
+def test_degrees_of_a_lock_of_unknown_kind_need_a_unit():
     bare = ad.Robot.from_model(ad.Robot.from_library("panda").model)
     with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="say the unit"):
         sliding_locks(["panda_joint1=5"], bare)

@@ -27,7 +27,7 @@ def test_an_arm_that_follows_exactly_gets_the_references_torque(loop):
         assert tau == pytest.approx(ticks.ahead(loop.delay)[k], abs=1e-9)  # torques to 20 N m, rounded
 
 
-def test_an_error_asks_for_its_acceleration():
+def test_an_error_commands_its_acceleration():
     w, z, ki = 60.0, 0.8, 2e4
     loop = ad.Loop.ideal()
     ticks = Ticks.of(ROBOT, ad.set_point(ROBOT, GOAL), loop.rate)
@@ -63,7 +63,7 @@ def test_the_integral_waits_for_the_goal():
 
 
 @pytest.mark.parametrize("faulty", [{"bandwidth": 0.0}, {"damping": -1.0}, {"integral": -1.0}, {"bandwidth": np.inf}])
-def test_what_it_refuses(faulty):
+def test_refusals(faulty):
     with pytest.raises(ad.ArmdynError, match=next(iter(faulty))):
         ad.ComputedTorque(**faulty)
 

@@ -66,7 +66,7 @@ def deviating(law, ticks, loop, far):
     return np.array(out)
 
 
-def test_the_weights_mean_what_they_say():
+def test_the_weights_have_their_meaning():
     # One cart of mass m under a force f_max, no delay: the continuous regulator for weights 1/p², (T/p)² and 1/f² is
     # k_p = f/p and k_d = √((T f/p)² + 2 m f/p); at 10 kHz the sampled one is within a thousandth per millisecond of
     # the loop's time constant, here 50 ms.
@@ -125,7 +125,7 @@ def test_a_weight_out_of_range_is_named(faulty):
         ad.Lqr(**faulty)
 
 
-def test_what_does_not_fit_is_refused():
+def test_misfits_are_refused():
     with pytest.raises(ad.ArmdynError, match="2 and 3 joints"):
         ad.Lqr(position=(0.1, 0.1), velocity=(0.1, 0.1, 0.1))
     ticks = Ticks.of(ROBOT, MOTION, 1000.0)

@@ -84,7 +84,7 @@ def test_feedforward_alone_lands(arm):
     assert np.abs(run.q[-1] - motion.q[-1]).max() < {"rr": 1e-3, "rrr": 4e-3}[arm]
 
 
-def test_what_it_refuses():
+def test_refusals():
     with pytest.raises(ad.ArmdynError, match="gravity"):
         ad.Pid(GAINS, "computed_torque", gravity=True)
     with pytest.raises(ad.ArmdynError, match="form"):

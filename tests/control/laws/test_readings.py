@@ -30,7 +30,7 @@ def test_a_loop_without_a_filter_shows_the_velocity_itself(velocity):
 
 
 @pytest.mark.parametrize(("rate", "cutoff"), [(1000.0, 80.0), (500.0, 20.0), (1000.0, 2000.0)])
-def test_a_filtered_velocity_is_what_the_filter_makes_of_the_positions(rate, cutoff):
+def test_a_filtered_velocity_is_the_filters_output_of_the_positions(rate, cutoff):
     shown, loop = reference(rate=rate, cutoff=cutoff)
     true = true_velocities(shown, loop)
     plain = Filtered(loop, shown.q[0], true[0])
@@ -74,7 +74,7 @@ def test_a_slow_filter_adds_no_more_rows_than_memory_bears():
     assert len(shown.v) <= 20_000 + 20_002
 
 
-def test_what_does_not_fit_is_refused():
+def test_misfits_are_refused():
     ticks = Ticks.of(ROBOT, MOTION, 500.0)
     with pytest.raises(ad.ArmdynError, match="500 ticks a second; the loop has 1000"):
         reference_of(ROBOT, ticks, ad.Loop())

@@ -92,7 +92,7 @@ def test_unstable_for_its_sampling():
     )
 
 
-def test_unstable_whatever_the_rate():
+def test_unstable_at_any_rate():
     """The paper's acceleration form of RRR."""
     robot, poses = example("RRR Ex6", grams=100.6)
     controller = Pid(PAPER, "acceleration", feedforward=False)

@@ -64,7 +64,7 @@ def test_arrival_rules():
 
 
 @pytest.mark.parametrize("name", ["R Ex4", "RR Ex5", "RR Ex2", "RRR Ex6"])
-def test_settled_and_arrived_are_one_unless_asked(name):
+def test_settled_and_arrived_are_one_by_default(name):
     robot, poses = example(name, grams=100.6)
     run = simulate_pid(robot, **poses)
     assert run.settled == (run.arrival_time is not None)

@@ -125,7 +125,7 @@ def test_the_papers_gains_at_1_khz_name_their_sampling():
         assert run.stability.slowest_stable_rate > 1000.0
 
 
-def test_unstable_gains_are_told():
+def test_unstable_gains_are_reported():
     robot = paper_arm("rr")
     goal, loop = ad.set_point(robot, [0.1, 0.1]), replace(ad.Loop.ideal(), rate=1000.0)
     wrong = ad.Pid(ad.PidGains(0.0, 500.0, 0.0), "acceleration", feedforward=False)
@@ -135,7 +135,7 @@ def test_unstable_gains_are_told():
     assert np.all(np.isfinite(run.trajectory.q))
 
 
-def test_a_motor_that_does_not_hold_the_arm_is_told():
+def test_a_motor_that_does_not_hold_the_arm_is_reported():
     robot = paper_arm("rr")
     weak = robot.with_limits(0.2, None)
     run = ad.track(robot, ad.set_point(robot, [0.0, 0.0]), ad.Lqr(), weak, q_start=[0.0, 0.0])
@@ -157,7 +157,7 @@ def test_a_motor_that_does_not_hold_the_arm_is_told():
         ({"tolerance": 0.0}, "tolerance"),
     ],
 )
-def test_what_does_not_fit_is_refused(references, change, words):
+def test_misfits_are_refused(references, change, words):
     given = {"robot": paper_arm("rr"), "reference": references["rr"]} | change
     with pytest.raises(ProblemError, match=words):
         ad.track(**given)

@@ -125,7 +125,7 @@ def test_friction_and_armature_are_the_files():
     assert (robot.friction.damping, robot.friction.coulomb, robot.model.armature) == (0.1, 0.2, 0.3)
 
 
-def test_what_is_locked():
+def test_locked_joints():
     text = mjcf(two('<joint name="k" range="20 30"/>', 'pos="1 0 0"'))
     assert READ(text, lock={"k": 0.5}).locked == {"k": 0.5}
     assert READ(text, arm=("j", "b")).locked == {"k": pytest.approx(np.radians(20))}
@@ -205,7 +205,7 @@ def test_a_coupled_joint_can_be_locked():
         (mjcf(""), UrdfError, None, "has no moving joint"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_read(text, kind, element, words):
+def test_refused_if_it_cannot_be_read(text, kind, element, words):
     with pytest.raises(kind) as caught:
         READ(text, source="arm.xml")
     assert words in str(caught.value) and caught.value.element == element

@@ -226,7 +226,7 @@ def test_a_trajectory_that_ends_in_motion_is_refused():
     )
 
 
-def test_what_is_refused():
+def test_refusals():
     motion, _ = ramps(0, v=1.0, a=5.0, j=2000.0)
     with pytest.raises(ProblemError, match="has 7 joints, but the motion has 6"):
         PANDA.check(Planned(motion.t, motion.q[:, :6]))

@@ -28,7 +28,7 @@ recommended = ["jerk"]
 
 
 @pytest.mark.parametrize("name", ad.ControllerPreset.names())
-def test_a_built_in_preset_says_its_sources_and_what_is_not_public(name):
+def test_a_built_in_preset_has_its_sources_and_unpublished_limits(name):
     preset = ad.ControllerPreset.named(name)
     assert preset.name == name and preset.robot and preset.sources and preset.not_public
     assert len(preset.date) == 10 and all(source.startswith("https://") for source in preset.sources)
@@ -110,7 +110,7 @@ def test_a_users_file(tmp_path):
         ("[interfaces.position]", "[velocity_taper]\ngain = 1.0\n[interfaces.position]", "velocity_taper has no lower"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_file(tmp_path, old, new, said):
+def test_faults_of_a_file(tmp_path, old, new, said):
     file = tmp_path / "mine.toml"
     assert old in MINE
     file.write_text(MINE.replace(old, new))

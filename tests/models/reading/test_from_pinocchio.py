@@ -82,7 +82,7 @@ def test_limits_that_are_given():
         MODEL(pendulum(), limits=3)
 
 
-def test_missing_torque_limits_are_asked_for():
+def test_missing_torque_limits_are_required():
     robot = MODEL(pendulum())
     assert np.isinf(robot.limits.effort_upper) and np.isinf(robot.limits.velocity)
     with pytest.raises(ProblemError, match=r"joint 'turn' has torque limits .* give `effort_limit`"):

@@ -134,7 +134,7 @@ def test_followers_of_themselves(leaders, read):
         read(followers(*leaders))
 
 
-def test_follower_of_nobody(read):
+def test_follower_of_an_unknown_joint(read):
     with pytest.raises(UrdfError, match="mimics 'ghost', which is no joint") as caught:
         read(followers("ghost"))
     assert caught.value.element == "joint 'j0'"

@@ -69,7 +69,7 @@ def test_a_mesh_that_is_no_regular_file(tmp_path):
         list(load_meshes(tmp_path / "a.stl", np.ones(3)))
 
 
-def test_files_beside_a_mesh_are_read_as_it_is(tmp_path):
+def test_files_next_to_a_mesh_are_read_as_it_is(tmp_path):
     """A material is read where it is a file of the mesh's folder; a pipe is not waited for."""
     folder = tmp_path / "meshes"
     folder.mkdir()

@@ -43,7 +43,7 @@ def test_nothing_physical_is_nearer(seed):
     assert np.linalg.eigvalsh(second_moments(nearest))[0] >= 0.999 * mass * THINNEST**2
 
 
-def test_what_is_physical_stays():
+def test_physical_inertias_stay():
     tensor = np.diag([1.0, 2.0, 2.5])
     np.testing.assert_allclose(nearest_physical(1.0, tensor), tensor, atol=1e-15)
 

@@ -15,7 +15,7 @@ TOWER = urdf(
 )  # fmt: skip
 
 
-def test_inertia_of_what_never_moves_does_not_matter(read):
+def test_inertia_of_fixed_links_does_not_matter(read):
     with pytest.raises(UrdfError, match="triangle") as caught:
         read(TOWER)
     assert caught.value.element == "link 'b'"
@@ -23,7 +23,7 @@ def test_inertia_of_what_never_moves_does_not_matter(read):
     assert read(TOWER, arm=("i", "a")).joint_names == ("i",)
 
 
-def test_tensors_that_are_a_rounding_beside_zero_are_zero(read):
+def test_tensors_that_are_a_rounding_off_zero_are_zero(read):
     tiny = BAD_TENSOR.replace('ixx="1"', 'ixx="-3e-17"').replace('iyy="1"', 'iyy="0"').replace("9", "2e-17")
     robot = read(urdf('<link name="base"/>', link("a", f'{tiny[:10]}<origin xyz="1 0 0"/>{tiny[10:]}'),
                       joint("i", "base", "a", inside=f'<axis xyz="0 1 0"/>{LIMIT}')))  # fmt: skip
@@ -52,7 +52,7 @@ def test_two_joints_about_one_axis_with_nothing_between(read):
     assert read(urdf(link("base"), link("a", ""), link("b"), joint("i", "base", "a"), across)).nv == 2
 
 
-def test_only_what_dynamics_need_is_read(read):
+def test_only_elements_of_the_dynamics_are_read(read):
     """Visuals that Pinocchio's own reader would stop at."""
     mess = '<visual><geometry><mesh filename="package://gone/x.stl"/></geometry></visual><visual/><collision/>'
     text = urdf(
@@ -63,7 +63,7 @@ def test_only_what_dynamics_need_is_read(read):
 
 
 @pytest.mark.parametrize("inside", ['<limit lower="1e"/>', '<axis xyz="x"/>', '<dynamics damping="-"/>', "<mimic/>"])
-def test_what_a_fixed_joint_has_besides_its_place_is_not_read(read, inside):
+def test_of_a_fixed_joint_only_the_place_is_read(read, inside):
     text = urdf(
         '<link name="base"/>', link("a"), link("b"), joint("i", "base", "a"), joint("j", "a", "b", "fixed", inside)
     )

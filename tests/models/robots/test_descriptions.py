@@ -51,7 +51,7 @@ def test_urdf_and_mjcf(package, prefix, capsys):
     assert capsys.readouterr().out == ""  # its cloning's output is no result
 
 
-def test_what_it_cannot_provide(package):
+def test_unsupported_requests(package):
     with pytest.raises(UrdfError, match=r"cannot provide it \(RuntimeError\('no route to host'\)\); it clones"):
         READ("far_description")
     with pytest.raises(UrdfError, match="as xacro only"):

@@ -29,6 +29,6 @@ def test_payload_and_inertias_do_not_disturb_each_other(name):
         ({"joint1": [-1, 0, 0, 0, 0.1, 0, 0.1, 0, 0, 0.1]}, "no body has such an inertia"),
     ],
 )
-def test_what_is_no_inertia_is_refused(inertias, message):
+def test_a_wrong_inertia_is_refused(inertias, message):
     with pytest.raises(SpecError, match=message):
         robot_named("rrr").with_inertias(inertias)

@@ -93,7 +93,7 @@ def test_backwards_the_same_torques_lead_back():
     np.testing.assert_allclose(again.t, motion.t, rtol=0, atol=1e-15)
 
 
-def test_what_cannot_be_reversed():
+def test_refused_if_it_cannot_be_reversed():
     arm = pendulum()
     motion = ad.ramp(arm, [0.3, 0], [1, 0.5], 0.4)
     with pytest.raises(TrajectoryError, match=f"{arm.joint_names[1]} of .* has friction, so that the motion backwards"):

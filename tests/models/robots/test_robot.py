@@ -50,7 +50,7 @@ def test_spec_payload_on_a_link_is_pins_appended_inertia():
 
 
 @pytest.mark.parametrize("frame", ["base", "hand"])
-def test_spec_payload_on_what_does_not_move_is_refused(frame):
+def test_spec_payload_on_a_fixed_link_is_refused(frame):
     with pytest.raises(SpecError, match=f"no moving link '{frame}'"):
         Robot.from_spec(ArmSpec.paper("rr"), Payload(mass=1.0, frame=frame))
 

@@ -61,14 +61,14 @@ def test_a_long_tool_is_compared_with_the_forearm_on_the_neighbouring_joint():
     assert ("link1", "tool") not in problem.collision_model().pairs
 
 
-def test_a_tool_at_the_flange_is_not_compared_with_the_wrist_beside_it():
+def test_a_tool_at_the_flange_is_not_compared_with_the_neighbouring_wrist():
     # Its cylinder stands 5 mm off the UR5's second wrist, for any angle of the third one.
     tool = ad.Tool(mass=0.5, tip=(0, 0, 0.2), shapes=[ad.Cylinder((0, 0, 0), (0, 0, 0.2), 0.03)])
     names = {first for first, second in CollisionModel(ad.Robot.from_library("ur5", tool=tool), (), True).pairs}
     assert "wrist_1_link" in names and "wrist_2_link" not in names
 
 
-def test_what_cannot_be_carried():
+def test_refused_if_it_cannot_be_carried():
     with pytest.raises(SpecError, match="payload shapes have 3"):
         ad.Payload(mass=1.0, shapes=[3])
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), payload=ad.Payload(mass=0.1, shapes=[ad.Plane((0, 0, 0))]))

@@ -74,7 +74,7 @@ def test_links_that_are_built_touching_are_left_out():
     assert collision_model(robot_named("panda"), (), True).nearer(folded, np.inf)[0].distance < 0
 
 
-def test_what_cannot_be_checked_is_an_error(read):
+def test_a_motion_that_cannot_be_checked_is_an_error(read):
     with pytest.raises(ProblemError, match="no geometry"):
         bodies(cart())
     mesh = '<collision><geometry><mesh filename="gone.stl"/></geometry></collision></link>'

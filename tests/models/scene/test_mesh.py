@@ -105,7 +105,7 @@ def test_a_problem_file_has_them(tmp_path):
         (lambda: Group([3]), "members"),
     ],
 )
-def test_what_is_wrong_is_named(make, says):
+def test_faults_are_named(make, says):
     with pytest.raises(ProblemError, match=says):
         make()
 

@@ -45,7 +45,7 @@ def test_equal_obstacles_are_equal_and_hash_alike():
         (lambda: pose_of([0, 0, 0], [0, 0, 0, 1], [0, 0, 0], "it"), "one of them"),
     ],
 )
-def test_what_is_wrong_is_named(make, says):
+def test_faults_are_named(make, says):
     with pytest.raises(ProblemError, match=says):
         make()
 
@@ -101,7 +101,7 @@ def test_json_that_is_none(tmp_path, text, says):
         load_obstacles(tmp_path / "nowhere.json")
 
 
-def test_what_is_no_file_of_obstacles(tmp_path):
+def test_another_file_of_obstacles(tmp_path):
     os.mkfifo(tmp_path / "pipe.json")
     with pytest.raises(ProblemError, match="it is a named pipe"):
         load_obstacles(tmp_path / "pipe.json")

@@ -117,7 +117,7 @@ def test_files_that_are_refused(tmp_path):
         (lambda: HeightMap([[1e5]], 0.1), "greatest height|larger one"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(make, says):
+def test_faults_are_named(make, says):
     with pytest.raises(ProblemError, match=says):
         make()
 

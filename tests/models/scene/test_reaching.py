@@ -18,7 +18,7 @@ def placement(robot, frame, q):
 
 
 @pytest.mark.parametrize("name", ["ur5", "panda", "kinova"])
-def test_what_is_found_reaches_the_goal_within_the_limits(name):
+def test_solutions_reach_the_goal_within_the_limits(name):
     robot = robot_named(name)
     random = np.random.default_rng(1)
     low, high = np.maximum(robot.limits.position_lower, -2), np.minimum(robot.limits.position_upper, 2)

@@ -144,7 +144,7 @@ BALL = solid("sphere", [0.1], id="ball")
         ([3], {}, "must be a table"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_in_a_message_is_named(objects, more, says, tmp_path):
+def test_faults_of_a_message_are_named(objects, more, says, tmp_path):
     with pytest.raises(ProblemError, match=says) as caught:
         loaded(tmp_path, *objects, **more)
     assert str(caught.value).startswith(f"{tmp_path / 'scene.yaml'}: ")

@@ -106,7 +106,7 @@ def test_a_reserve_takes_its_part_at_every_speed():
         ("fast", "expected [speed, torque] of two or more points"),
     ],
 )
-def test_what_is_no_curve_is_refused(curve, words):
+def test_a_wrong_curve_is_refused(curve, words):
     with pytest.raises(SpecError, match="torque_speed of joint 'a' is ") as refused:
         TorqueSpeed(LOWER, UPPER, joints=JOINTS, curves={"a": curve})
     assert words in str(refused.value)

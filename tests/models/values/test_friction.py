@@ -42,7 +42,7 @@ def test_one_number_is_for_every_joint():
 @pytest.mark.parametrize(
     "wrong", [{"damping": -1}, {"coulomb": [1, np.nan]}, {"damping": np.inf}, {"width": 0.0}, {"width": [0.1, np.nan]}]
 )
-def test_what_is_no_friction_is_refused(wrong):
+def test_a_wrong_friction_is_refused(wrong):
     with pytest.raises(SpecError, match=next(iter(wrong))):
         JointFriction(**wrong)
 
@@ -71,7 +71,7 @@ def test_locked_joints_take_their_friction_with_them(tmp_path):
     assert (friction.damping.tolist(), friction.coulomb.tolist()) == ([2.0], [0.2])
 
 
-def test_the_librarys_placeholders_are_taken_only_if_asked():
+def test_the_librarys_placeholders_are_taken_only_on_request():
     assert not robot_named("z1").friction.present
     friction = Robot.from_library("z1", damping="urdf", friction="urdf").friction
     assert np.array_equal(friction.damping, [1, 2, 1, 1, 1, 1])

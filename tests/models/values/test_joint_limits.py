@@ -16,7 +16,7 @@ def limits(lower, upper):
     )  # fmt: skip
 
 
-def test_passive_is_what_has_no_torque():
+def test_passive_joints_have_no_torque():
     own = limits([-1.0, 0.0, 0.0], [3.0, 0.0, 2.0])
     assert own.passive.tolist() == [False, True, False]  # the last pushes one way
     assert own.actuators.scale.tolist() == [2.0, 1.0, 1.0]  # half the ranges; the least of the others'
@@ -36,6 +36,6 @@ def test_without_motors():
 @pytest.mark.parametrize(
     ("passive", "words"), [(["d"], "there are a, b, c"), ("a", "must be a list"), ([3], r"passive\[0\] is 3")]
 )
-def test_what_is_no_joint(passive, words):
+def test_a_wrong_joint_is_refused(passive, words):
     with pytest.raises(ProblemError, match=words):
         limits([-1.0] * 3, [1.0] * 3).without_motors(passive, JOINTS, ProblemError)

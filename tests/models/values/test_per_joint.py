@@ -43,7 +43,7 @@ def test_without_an_arm_any_number_of_joints_is_right():
         ([1.0, 0.0], {"sign": "positive"}, "x of joint 'elbow' is 0.0 (index 1); it must be positive"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place_and_with_what_would_be_right(value, options, message):
+def test_faults_are_named_with_place_and_right_form(value, options, message):
     with pytest.raises(ProblemError) as raised:
         per_joint(value, JOINTS, "x", error=ProblemError, **options)
     assert message in str(raised.value)

@@ -19,14 +19,14 @@ def generate_urdfs():
     return script("generate_urdfs")
 
 
-def test_urdf_folder_is_what_the_script_writes(script):
+def test_urdf_folder_is_written_by_the_script(script):
     files = script.contents()
     assert len(files) == len(PLANAR_ARMS) * (1 + len(PAYLOADS))
     assert {"r.urdf", "rr_100.6g.urdf", "rrr_21.2g.urdf", "r_1000g.urdf"} <= set(files)
     assert script.differing(ROOT / "urdf", files) == []
 
 
-def test_check_names_what_differs(script, tmp_path, monkeypatch, capsys):
+def test_check_names_the_differences(script, tmp_path, monkeypatch, capsys):
     def run(*arguments):
         monkeypatch.setattr(sys, "argv", ["generate_urdfs.py", "--folder", str(tmp_path), *arguments])
         return script.main()

@@ -30,7 +30,7 @@ def said(certificate, kept=(), arcs=False, **options):
         (replace(LANDED, limit_violation=5.6e-4), "limits", ["exceeds a limit"]),
     ],
 )
-def test_what_is_not_usable_is_to_become_so_first(certificate, thing, words):
+def test_an_unusable_motion_must_become_usable_first(certificate, thing, words):
     lines = said(certificate)
     assert list(lines) == [thing]
     assert all(word in lines[thing] for word in words)
@@ -75,7 +75,7 @@ def test_why_it_is_no_extremal(certificate, arcs, options, words):
     assert words in said(certificate, arcs=arcs, **options)["extremal"]
 
 
-def test_a_curve_with_a_gap_is_not_told_to_become_extremal():
+def test_a_curve_with_a_gap_is_not_advised_to_become_extremal():
     gap = replace(LANDED, remark=ON_CURVE, lower_bound=1.0, gap=0.02)
     assert "faster motion" in said(gap)["gap"]
     assert "extremal" not in said(gap)
@@ -98,6 +98,6 @@ def test_why_there_is_no_small_gap(certificate, options, words):
     assert words in said(certificate, **options)["gap"]
 
 
-def test_of_what_is_there_nothing_is_said():
+def test_met_conditions_have_no_advice():
     assert "extremal" not in said(solved("rr").certificate, arcs=True)
     assert "gap" not in said(LANDED.bounded(1.0, 1.0005))

@@ -116,7 +116,7 @@ def test_how_near_the_goal_a_motion_lands_is_the_callers_to_say(task):
     assert answer(patient, beside).usable and answer(patient, beside).success
 
 
-def test_what_decides_is_the_optimums_own_word_or_its_arcs(task):
+def test_deciding_limits_are_by_multipliers_or_arcs(task):
     shares = (Share("velocity limit", "joint2", 0.996),)
     assert answer(task, replace(optimum(task), decides=shares)).decides == shares
     assert answer(task, optimum(task)).decides == ()
@@ -124,13 +124,13 @@ def test_what_decides_is_the_optimums_own_word_or_its_arcs(task):
     assert answer(task, replace(optimum(task), phases=arcs.phases)).decides == arcs.decides
 
 
-def test_success_is_a_usable_motion_of_a_solve_that_nobody_stopped(task):
+def test_success_is_a_usable_motion_of_a_solve_that_was_not_stopped(task):
     stopped = replace(task, stop=Stop(interrupted=True))
     solution = answer(stopped, optimum(stopped))
     assert solution.status is ad.Status.INTERRUPTED and solution.usable and not solution.success
 
 
-def test_the_adjoint_equations_are_asked_of_the_answer(task):
+def test_the_adjoint_equations_are_checked_on_the_answer(task):
     right = solved("rr")
     candidate = replace(right.certificate, adjoint_error=None)
     arcs = replace(optimum(task), trajectory=right.trajectory, certificate=candidate, phases=right.phases)

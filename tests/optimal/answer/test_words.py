@@ -16,7 +16,7 @@ def solution():
     return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick"))
 
 
-def test_print_says_duration_verdict_and_what_decides(solution):
+def test_print_says_duration_verdict_and_deciding_limits(solution):
     words = str(solution)
     assert words.startswith(f"The fastest motion found for rr, 2 joints, takes {solution.duration:.6f} s. ")
     assert "The motion is executable. Pontryagin's conditions hold along it" in words
@@ -41,7 +41,7 @@ def test_a_bound_that_is_far_below_says_nothing(solution):
         assert ("no useful lower bound is known" in words, "% slower" in words) == (useless, not useless)
 
 
-def test_what_is_certified_by_its_bound_says_so(solution):
+def test_a_motion_certified_by_its_bound_says_so(solution):
     bound = solution.duration / 1.0005
     near = dataclasses.replace(
         solution.certificate, hamiltonian_spread=float("inf"), lower_bound=bound, gap=solution.duration / bound - 1
@@ -50,7 +50,7 @@ def test_what_is_certified_by_its_bound_says_so(solution):
     assert "It is proven to be at most 0.05 % slower than the fastest possible." in words
 
 
-def test_what_is_not_usable_says_so(solution):
+def test_an_unusable_motion_says_so(solution):
     missed = dataclasses.replace(solution.certificate, goal_error=0.1)
     short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")
     assert "The motion is not executable: ends beside the goal." in str(short) and "What you can do: " in str(short)

@@ -33,7 +33,7 @@ def test_another_mesh_finds_the_same_durations(solution):
     np.testing.assert_allclose(np.bincount(found.arc_of, np.diff(found.t)), lengths[0], rtol=1e-12)
 
 
-def test_it_ends_beside_the_goal_by_what_is_asked(solution):
+def test_it_ends_off_the_goal_by_the_given_error(solution):
     offset = np.array([1e-3, -2e-3, 0.01, 0.02])
     found = again(solution, near=True, offset=offset)
     np.testing.assert_allclose(np.hstack([found.q[-1], found.v[-1]]), solution.problem.x_goal + offset, atol=1e-12)

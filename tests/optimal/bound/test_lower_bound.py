@@ -165,7 +165,7 @@ def test_random_pairs_are_bounded_closely_and_never_above_a_motion(name):
     assert np.max(gaps) < 0.033  # found: 0.0317 and 0.0091; the first pair of the Panda: see the next test
 
 
-def test_most_of_the_widest_gap_is_what_turning_back_costs():
+def test_most_of_the_widest_gap_is_the_cost_of_turning_back():
     """The first pair of the Panda, of which joint 2 decides the time, but for joint 1's way, which it does not see.
 
     M does not depend on joint 1, so that the ramps are the same for any goal of it. Where it may go on as it starts
@@ -195,7 +195,7 @@ def test_known_optima_of_the_papers_arms(arm, known):
         ({"acceleration_limit": np.full(6, 3.0)}, 1.0),
     ],
 )
-def test_more_asked_is_never_faster(changes, slower):
+def test_stricter_limits_are_never_faster(changes, slower):
     problem = random_problem(ARMS["ur5"](), 0)
     own = {"effort_limit": problem.limits.effort_upper, "velocity_limit": problem.limits.velocity}
     changes = {name: own.get(name, 1.0) * value for name, value in changes.items()}
@@ -233,7 +233,7 @@ def test_stopped_at_once_the_kinematic_bound_is_left():
     assert found.duration == found.kinematic
 
 
-def test_what_is_no_problem_is_refused():
+def test_a_wrong_problem_is_refused():
     with pytest.raises(ProblemError, match="pose it"):
         ad.lower_bound(ARMS["ur5"]())
 

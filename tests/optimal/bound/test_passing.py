@@ -71,7 +71,7 @@ def members(robot, region, near, along, count, seed):
     return np.array(found)
 
 
-def test_forms_hold_zero_in_the_region_and_not_far_beside_it(straight):
+def test_forms_hold_zero_in_the_region_and_not_far_outside_it(straight):
     problem, _, passage = straight
     line, near = passage.lines[0], np.asarray(problem.q_start)
     inside = members(problem.robot, line, near, (-UP, 0.0), 60, seed=3)

@@ -82,7 +82,7 @@ def test_acceleration_limits_narrow_the_boxes():
     assert np.all(cells.v.upper[: cells.middle] <= 2.0 * ends * (1 + 1e-12))
 
 
-def test_shorter_sides_keep_what_is_known():
+def test_shorter_sides_keep_known_bounds():
     leg, cells = nested(random_problem(ARMS["ur5"](), 0))
     half = float(np.sum(cells.side))
     cut = cells.cut(leg, half / 3)

@@ -16,7 +16,7 @@ ROUNDING = 1e-11
 
 @pytest.mark.parametrize("arm", ARMS)
 @pytest.mark.parametrize("radius", [0.0, 0.01, 0.3])
-def test_terms_hold_what_pinocchio_computes(arm, radius):
+def test_terms_contain_pinocchios_values(arm, radius):
     robot = ARMS[arm]()
     model, dynamics, rng = robot.model, Dynamics(robot), np.random.default_rng(0)
     middle = rng.uniform(-1.5, 1.5, (5, robot.nv))

@@ -44,7 +44,7 @@ def test_factors_make_the_control_points_of_a_derivative(breaks, order):
 
 
 @given(st.integers(1, 60), st.floats(1e-5, 0.2))
-def test_a_graded_mesh_is_symmetric_and_its_ends_are_as_short_as_asked(intervals, shortest):
+def test_a_graded_mesh_is_symmetric_and_its_ends_are_as_short_as_requested(intervals, shortest):
     lengths = np.diff(graded(intervals, shortest))
     assert lengths.size == intervals and np.all(lengths > 0)
     np.testing.assert_allclose(lengths, lengths[::-1], rtol=1e-9)  # differences of breaks near one, ulp / 1e-5

@@ -67,7 +67,7 @@ def test_poses_are_where_bodies_pass_each_other(swing):
     assert np.all((places > 0) & (places < 1)) and np.all(np.diff(places) > 0) and places.size > policy.poses
 
 
-def test_a_pair_just_beyond_the_clearance_at_the_goal_is_asked_for_more_than_the_clearance(swing):
+def test_a_pair_just_beyond_the_clearance_at_the_goal_must_keep_more_than_the_clearance(swing):
     problem = swing[0]
     near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
     tight = problem.variant(clearance=near - 3e-4)  # as a finger next to the part to grasp

@@ -36,7 +36,7 @@ def test_torques_are_pinocchios_and_frictions():
         np.testing.assert_allclose(tau, bare + rubbing, rtol=1e-12, atol=1e-12)  # rounding of a sum
 
 
-def test_at_a_slower_pace_what_is_not_gravity_falls_by_the_square():
+def test_at_a_slower_pace_other_torques_than_gravity_fall_by_the_square():
     nlp_data = problem("plain")
     robot, curve = nlp_data.robot, bent(nlp_data)
     slow = curve.slower(3.0)
@@ -98,7 +98,7 @@ def test_a_curve_near_a_motion_begins_ends_and_passes_where_it_does():
     np.testing.assert_allclose(whole.at(S)[0][[0, -1]], spec.q[[0, -1]], rtol=0, atol=1e-15)  # an ulp
 
 
-def test_samples_are_the_curves_and_as_many_as_asked():
+def test_samples_are_the_curves_and_as_many_as_requested():
     nlp_data = problem("via")
     curve = bent(nlp_data)
     samples = curve.trajectory(nlp_data.robot, [3, 10])

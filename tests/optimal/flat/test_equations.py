@@ -59,7 +59,7 @@ def test_stages_are_the_curves():
         np.testing.assert_allclose(tau.T[0], line, atol=1e-10)
 
 
-def test_equal_intervals_share_what_is_made_of_them():
+def test_equal_intervals_share_their_objects():
     first, second = (CurveInterval(Dynamics(problem("plain").robot, free_last_body=True)) for _ in range(2))
     assert first.dynamics == second.dynamics
     assert first == second and hash(first) == hash(second)

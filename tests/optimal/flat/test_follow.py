@@ -73,7 +73,7 @@ def test_a_motion_in_flight_begins_in_flight():
     assert np.max(np.abs(nlp_data.goal_error_of(motion))) < 1e-6
 
 
-def test_torques_that_may_not_jump_end_with_what_holds_the_arm():
+def test_torques_that_may_not_jump_end_with_the_holding_torque():
     nlp_data = problem("torque rate")
     motion = follow(Task.of(nlp_data), sampled(Task.of(nlp_data), gentle(nlp_data, 0.9)))
     np.testing.assert_allclose(motion.tau[-1], nlp_data.holding_torque(), atol=1e-9)  # the curve's end, to rounding
@@ -113,7 +113,7 @@ def test_a_motion_that_is_lost_ends_early(monkeypatch):
     np.testing.assert_array_equal(motion.q[1], motion.q[0])
 
 
-def test_samples_are_as_dense_as_gravity_asks_for():
+def test_samples_are_as_dense_as_gravity_requires():
     """At constant velocities heavy links let the torques of light wrists bend: lines between samples miss those."""
     robot = ad.Robot.from_library("kinova")
     q_start, q_goal = [-2.1, 2.9, 3.4, -1.9, 1.1, 0.5], [0.3, 4.1, 1.9, 2.4, 3.3, -1.7]

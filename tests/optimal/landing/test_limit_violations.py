@@ -28,7 +28,7 @@ def test_the_worst_limit_is_named_with_joint_and_time():
     assert excesses(problem.limits, motion, dense=1)[1].worst(("a", "b")).joint == "a"
 
 
-def test_what_keeps_its_limits_exceeds_none():
+def test_a_motion_within_its_limits_exceeds_none():
     problem = paper_problem("rr")
     still = ad.Trajectory([0, 1], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
     assert limit_violation(problem.limits, still) == 0.0

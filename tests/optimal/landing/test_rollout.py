@@ -20,7 +20,7 @@ def test_double_integrator_with_a_jump_of_the_force_is_exact():
 
 
 @pytest.mark.parametrize("friction", [(0.0, 0.0), (0.01, 0.05)], ids=["none", "friction"])
-def test_energy_is_what_the_torque_puts_in_less_what_friction_takes(friction):
+def test_energy_is_the_work_of_torque_less_that_of_friction(friction):
     robot = paper_arm("rrr").with_friction(*friction, 0.5)
     random = np.random.default_rng(0)
     t = np.linspace(0, 0.3, 61)

@@ -232,7 +232,7 @@ def test_a_goal_pose_is_reached():
     np.testing.assert_allclose(data.oMf[frame].homogeneous, pose.pose.homogeneous, atol=1e-6)
 
 
-def test_bad_input_says_what_is_wrong():
+def test_bad_input_is_named():
     resolver = ad.Resolver(panda())
     with pytest.raises(ad.ArmdynError, match="deadline"):
         resolver.solve(READY, REST, THERE, deadline=-1.0)
@@ -260,7 +260,7 @@ def test_towards_the_same_goal_the_last_motion_goes_on():
     assert not np.any(there.trajectory.v)
 
 
-def test_what_one_call_has_no_time_for_the_next_ones_go_on_with(monkeypatch):
+def test_unfinished_work_continues_in_the_next_calls(monkeypatch):
     whole, ticks = first_motion(), count()
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))  # a step takes a second, however busy the machine
     monkeypatch.setattr(improving, "time", clock)

@@ -42,7 +42,7 @@ def test_the_guide_s_example_works():
     assert "power limits" in limited.problem.path_constraint_names
 
 
-def test_all_that_is_asked_is_found_once():
+def test_every_constraint_is_found_once():
     ball = ad.Sphere((1.0, 0, 1.0), 0.05)
     two = [ad.FrameSpeedLimit(2.0), ad.FrameSpeedLimit(1.0, "link2")]
     problem = rr(*two, obstacles=[ball], via=[[-0.7, 0.8]], acceleration_limit=100, jerk_limit=1e4)

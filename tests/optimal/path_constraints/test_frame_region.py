@@ -94,7 +94,7 @@ def test_a_planar_arm_keeps_to_a_strip():
     assert solution.duration > solve(solution.problem.variant(path_constraints=[])).duration * (1 - 5e-3)
 
 
-def test_what_happens_between_samples_is_found():
+def test_excess_between_samples_is_found():
     robot = paper_arm("rr")
     region = ad.FrameRegion(ad.GoalPose("tip", (0.3, 0.0, 0.0), ("x",), (0, 0, 0.35, 0, 0, 0)))
     problem = ad.MinimumTimeProblem(robot, q_start=[-0.3, 0.0], q_goal=[0.3, 0.0], path_constraints=[region])
@@ -135,7 +135,7 @@ def test_bounds_on_a_frame_hold_on_cubics():
         (ad.FrameRegion(ad.GoalPose("hand", (0.3, 0, 0), ("x", "z"))), "FrameRegion: .*hand"),
     ],
 )
-def test_what_is_wrong_with_a_region_is_said(region, says):
+def test_faults_of_a_region_are_named(region, says):
     with pytest.raises(ProblemError, match=says):
         ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, path_constraints=[region])
 

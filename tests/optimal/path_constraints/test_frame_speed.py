@@ -92,7 +92,7 @@ def test_one_that_is_never_reached_changes_nothing():
         (lambda: "slowly", r"path_constraints\[0\] = 'slowly' is no path constraint"),
     ],
 )
-def test_what_is_wrong_is_named(condition, says):
+def test_faults_are_named(condition, says):
     with pytest.raises(ProblemError, match=says):
         ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, path_constraints=[condition()])
 

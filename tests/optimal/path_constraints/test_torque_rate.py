@@ -85,6 +85,6 @@ def test_a_motion_that_begins_in_flight_begins_with_any_torque():
         ([1.0, 2.0, 3.0], r"has shape \(3,\); expected one number or 2, one per joint: joint1, joint2"),
     ],
 )
-def test_what_is_wrong_is_named(limit, says):
+def test_faults_are_named(limit, says):
     with pytest.raises(ProblemError, match=says):
         rr(ad.TorqueRateLimit(limit))

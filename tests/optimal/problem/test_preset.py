@@ -104,7 +104,7 @@ def test_a_problem_file_has_a_preset_of_ones_own(panda, tmp_path):
         ('{ name = "x", joints = 7, speed = 1 }', "no key 'speed'"),
     ],
 )
-def test_what_is_wrong_with_the_preset_of_a_file(panda, tmp_path, value, said):
+def test_faults_of_the_preset_of_a_file(panda, tmp_path, value, said):
     text = under(panda, PANDA).to_toml().replace('"franka-panda:position"', value)
     (tmp_path / "problem.toml").write_text(text)
     with pytest.raises(ProblemError, match=r"problem\.toml, line") as error:

@@ -59,7 +59,7 @@ def test_a_joint_without_a_motor_has_none_with_a_reserve_either():
         (True, "is True"),
     ],
 )
-def test_what_is_no_part_of_a_limit_is_refused(name, value, message):
+def test_a_wrong_part_of_a_limit_is_refused(name, value, message):
     with pytest.raises(ProblemError, match=f"^{name} {message}"):
         paper_problem("rr", **{name: value})
 
@@ -69,7 +69,7 @@ def test_a_torque_that_cannot_be_zero_has_no_reserve():
         paper_problem("rr", effort_limit=([1.0, -3.0], [3.0, 3.0]), reserve=0.1)
 
 
-def test_a_state_faster_than_what_is_left_is_refused_with_the_reserve():
+def test_a_state_faster_than_the_remaining_limit_is_refused_with_the_reserve():
     message = r"start velocity of joint 'joint1' .* 4.5 rad/s, beyond its limit 4 rad/s .20 % of 5 rad/s is kept"
     with pytest.raises(ProblemError, match=message):
         paper_problem("rr", velocity_limit=5, velocity_reserve=0.2, v_start=[4.5, 0.0])
@@ -130,7 +130,7 @@ def test_asymmetrical_limits():
     assert kept.duration == pytest.approx(lesser.duration, rel=SAME)
 
 
-def test_the_lower_bound_is_of_what_is_left():
+def test_the_lower_bound_is_of_the_remaining_limits():
     kept = lower_bound(paper_problem("r", velocity_limit=5, reserve=0.1, velocity_reserve=0.2))
     lesser = lower_bound(paper_problem("r", effort_limit=2.7, velocity_limit=4))
     # Limits differ by roundings, the bound of a leg of 0.5 s by as little.
@@ -144,7 +144,7 @@ def test_speed_limited_motions_keep_the_velocity_reserve():
     assert solution.duration == pytest.approx(solve(paper_problem("r", velocity_limit=4)).duration, rel=SAME)
 
 
-def test_optimality_is_that_of_what_is_left():
+def test_optimality_is_that_of_the_remaining_limits():
     solution = solve(paper_problem("rr", reserve=0.1))
     robot = solution.problem.robot
     kept = time_optimality(robot, solution.trajectory, reserve=0.1)
@@ -169,7 +169,7 @@ def test_continuation_keeps_it():
         assert solution.duration == pytest.approx(solve(lesser).duration, rel=SAME)
 
 
-def test_the_summary_tells_it():
+def test_the_summary_reports_it():
     assert reserve_summary(paper_problem("rr")) is None
     solution = solve(paper_problem("r", reserve=0.1))
     assert minimum_time_summary(solution)["reserve"] == {"effort": [0.1], "velocity": [0.0]}

@@ -11,7 +11,7 @@ import pytest
 from armdyn.optimal.problem.stop import Stop, stopping
 
 
-def test_nothing_stops_it_unless_told():
+def test_nothing_stops_it_unless_requested():
     stop = Stop()
     assert not stop and not stop.late and not stop.interrupted
     stop.interrupt()
@@ -27,7 +27,7 @@ def test_a_deadline_that_has_passed():
         assert not stop
 
 
-def test_ctrl_c_is_told_once_and_raised_twice():
+def test_ctrl_c_is_reported_once_and_raised_twice():
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt), stopping(3600.0) as stop:
         os.kill(os.getpid(), signal.SIGINT)

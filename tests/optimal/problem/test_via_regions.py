@@ -97,7 +97,7 @@ def test_a_planar_arm_passes_a_position(fastest):
         (ad.GoalPose("hand", (0.3, 0.0, 0.0)), r"via\[0\]: .*hand"),
     ],
 )
-def test_what_is_wrong_with_a_region_is_said(region, says):
+def test_faults_of_a_region_are_named(region, says):
     with pytest.raises(ProblemError, match=says):
         ad.MinimumTimeProblem(paper_arm("rr"), q_start=START, q_goal=GOAL, via=[region])
 

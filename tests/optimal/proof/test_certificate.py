@@ -12,7 +12,7 @@ LANDED = Certificate(1e-9, 1e-9, 0.0)
 """A motion that is on the goal within its limits, and of which no arcs are known."""
 
 
-def test_certificate_refuses_what_is_not_optimal():
+def test_certificate_refuses_motions_that_are_not_optimal():
     solution = solved("rr")
     problem = solution.problem
     slower = solution.local_optima[0]
@@ -38,7 +38,7 @@ def test_certificate_refuses_what_is_not_optimal():
     assert not without.ok and without.reasons == ("without arcs",)
 
 
-def test_a_costate_beside_the_adjoint_equations_is_no_extremal():
+def test_a_costate_off_the_adjoint_equations_is_no_extremal():
     """|H| and the signs need not see it: at a switch the costates may turn within both tolerances."""
     solution = solved("rr")
     certificate = replace(solution.certificate, adjoint_error=2e-4)
@@ -125,5 +125,5 @@ def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_sa
     assert np.abs(certificate.costate[:, [1, 3]]).max() < 1e-4 * np.abs(certificate.costate[:, [0, 2]]).max()
 
 
-def test_nobody_is_idle_where_every_torque_is_on_its_limit():
+def test_no_joint_is_idle_where_every_torque_is_on_its_limit():
     assert solved("rr").certificate.idle == ()

@@ -96,7 +96,7 @@ def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
     assert task.problem is FAST
 
 
-def test_what_time_leaves_idle_does_not_count():
+def test_idle_joints_do_not_count():
     optimum = mesh_optimum(*attempted(gantry_problem()), "")
     assert optimum.certificate.ok
     assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)

@@ -88,7 +88,7 @@ def test_round_a_ball_that_the_fastest_motion_hits():
     assert not solution.certified
 
 
-def test_check_says_what_is_hit():
+def test_check_names_the_contact():
     straight = solve(rr(), arcs=False, starts=1)
 
     def check(problem, *passing):
@@ -146,7 +146,7 @@ def test_a_via_point_is_passed_in_flight():
         ({"jerk_limit": [1, 2, 3]}, "jerk_limit"),
     ],
 )
-def test_what_is_wrong_is_named(path_constraints, says):
+def test_faults_are_named(path_constraints, says):
     with pytest.raises(ProblemError, match=says):
         rr(**path_constraints)
 

@@ -345,7 +345,7 @@ ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
 
 
 @pytest.mark.parametrize("options", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
-def test_what_the_free_optimum_clears_costs_nothing(options):
+def test_obstacles_off_the_free_optimum_cost_nothing(options):
     problem, messages = ur5(**options), []
     task = replace(Task.of(problem), progress=messages.append)
     optima, found = curves(task)
@@ -382,7 +382,7 @@ def test_guesses_of_the_options_are_begun_with():
         curves(Task.of(problem, ad.MinimumTimeOptions(guesses=(other,))))
 
 
-def test_what_is_interrupted_at_once_is_usable():
+def test_a_solve_interrupted_at_once_is_usable():
     problem = ur5()
     optima, found = curves(Task.of(problem, stop=Stop(interrupted=True)))
     if optima:
@@ -392,7 +392,7 @@ def test_what_is_interrupted_at_once_is_usable():
         assert found.failed[0].status is Status.INTERRUPTED
 
 
-def test_what_is_interrupted_later_is_usable():
+def test_a_solve_interrupted_later_is_usable():
     task = Task.of(ur5(), ad.MinimumTimeOptions(workers=1), Stop())
     optima, _ = curves(replace(task, progress=lambda text: task.stop.interrupt() if "round 1" in text else None))
     assert optima[0].landed(1e-6) and optima[0].within_limits
@@ -401,7 +401,7 @@ def test_what_is_interrupted_later_is_usable():
 @pytest.mark.parametrize(
     "options", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
 )
-def test_what_did_not_converge_says_so(options):
+def test_a_solve_that_did_not_converge_says_so(options):
     solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**options))
     assert not solution.certificate.ok
     if solution.success:  # any curve within its limits is a motion
@@ -478,7 +478,7 @@ def test_a_curve_that_refinement_leaves_too_fast_is_slowed_down(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_curve_that_cannot_be_slowed_says_what_it_exceeds(monkeypatch):
+def test_a_curve_that_cannot_be_slowed_reports_its_excess(monkeypatch):
     _, optima, found = too_fast(monkeypatch, held(v_goal=0.2 * np.array(V[:3])), 0.5)
     assert not optima
     assert "exceed their limits by" in found.failed[0].message

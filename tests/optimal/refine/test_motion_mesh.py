@@ -125,7 +125,7 @@ def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatc
     assert 1 < kept.trajectory.duration / optimum.trajectory.duration < 1 + 4.5e-5
 
 
-def test_a_divided_mesh_stays_within_position_limits_by_what_was_exceeded():
+def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
     within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=1e-3)).problem.limits

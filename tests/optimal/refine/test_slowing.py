@@ -85,7 +85,7 @@ def test_arcs_that_exceed_a_velocity_limit_are_slowed_down_by_as_much(excess):
     assert np.max(np.abs(end - problem.x_goal)) < 1e-5  # positions [rad] and velocities [rad/s]
 
 
-def test_what_keeps_its_limits_stays_a_certified_extremal():
+def test_a_motion_within_its_limits_stays_a_certified_extremal():
     solution = solved("rr")
     arcs = optimum_of(solution.problem, solution.trajectory, solution.phases)
     assert slowed(Task.of(solution.problem), arcs) is arcs
@@ -111,7 +111,7 @@ def test_other_strategies_end_in_the_same_slowing(options):
 
 
 @pytest.mark.parametrize("options", [{"v_goal": [1e-3, 0]}, {"position_limit": (-np.inf, 0.15)}])
-def test_what_no_slower_motion_mends_is_left_as_it_is(options):
+def test_a_motion_that_slowing_down_does_not_mend_stays_unchanged(options):
     solution = solved("rr")
     limit = np.max(np.abs(solution.trajectory.v)) / 1.01
     problem = solution.problem.variant(velocity_limit=limit)

@@ -81,7 +81,7 @@ def test_what_strays_on_the_finest_mesh_is_no_optimum_and_said(monkeypatch):
     assert "on 120 intervals is no optimum: the Hamiltonian strays from 0 by 0.5" in found.failed[0].message
 
 
-def test_as_many_as_asked_and_none_once_stopped():
+def test_as_many_as_requested_and_none_once_stopped():
     problem = paper_problem("rr", effort_weight=1.0)
     assert len(search(problem, 1)) == 1
     assert search(problem, 6, Stop(deadline=0.0)) == ()

@@ -26,7 +26,7 @@ ATTEMPTS = st.lists(st.builds(attempt, st.floats(0.1, 10), STATUSES, st.sampled_
 
 
 @given(st.lists(st.floats(0.1, 10)), st.floats(0, 0.5))
-def test_groups_lose_none_and_hold_what_is_like_their_first(numbers, same):
+def test_groups_lose_none_and_hold_those_like_their_first(numbers, same):
     alike = within(same)
     groups = grouped(sorted(numbers), alike)
     assert [number for group in groups for number in group] == sorted(numbers)
@@ -35,7 +35,7 @@ def test_groups_lose_none_and_hold_what_is_like_their_first(numbers, same):
 
 
 @given(ATTEMPTS)
-def test_ranked_loses_none_and_puts_what_converged_first(attempts):
+def test_ranked_loses_none_and_puts_converged_ones_first(attempts):
     order = ranked(attempts)
     assert sorted(map(id, order)) == sorted(map(id, attempts))
     converged = [a.status is ad.Status.SOLVED for a in order]
@@ -69,7 +69,7 @@ def test_the_finer_mesh_speaks_for_an_optimum():
 
 
 @given(ATTEMPTS)
-def test_motions_that_are_alike_are_told_apart_by_their_durations_alone(attempts):
+def test_motions_that_are_alike_differ_by_their_durations_alone(attempts):
     assert distinct(attempts, 0.01, apart=0.3) == distinct(attempts, 0.01)
 
 

@@ -70,7 +70,7 @@ def test_quick_solution_goes_on_from_the_condensed_one():
     assert quick.iterations == condensed.iterations
 
 
-def test_what_cannot_be_condensed():
+def test_refused_if_it_cannot_be_condensed():
     plain = paper_problem("rr")
     assert condensable(task(plain))
     assert not condensable(task(plain, replace(CONSTANT, dynamics="inverse")))
@@ -79,7 +79,7 @@ def test_what_cannot_be_condensed():
     assert not condensable(task(paper_problem("rr", via=([0.0, 0.5],))))
 
 
-def test_failure_names_the_worst_equation_and_what_was_in_the_way():
+def test_failure_names_the_worst_equation_and_the_blocking_limit():
     problem = paper_problem("rr")
     early = solve(solve_condensed, problem, options=replace(TIGHT, max_iterations=3))
     assert early.status is ad.Status.ITERATION_LIMIT

@@ -59,7 +59,7 @@ def test_a_solution_its_multipliers_and_its_equations():
     np.testing.assert_allclose(solver.equations(np.array([2.0, 3.0]), np.array([1.0])), [3.0])
 
 
-def test_words_for_what_went_wrong():
+def test_words_for_failures():
     solver = Ipopt(valley(Shape(100.0)), SETTINGS)
     assert solve(Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 2))).status is Status.ITERATION_LIMIT
     assert solve(solver, x_bounds=(FREE[0], np.zeros(2))).status is Status.INFEASIBLE
@@ -72,7 +72,7 @@ def test_unknowns_are_finite_always():
     assert np.all(np.isfinite(found.x))
 
 
-def test_a_stop_is_asked_in_its_own_call_only():
+def test_a_stop_is_polled_in_its_own_call_only():
     solver = Ipopt(valley(Shape(100.0)), SETTINGS)
     interrupted, late = solve(solver, stop=Stop(interrupted=True)), solve(solver, stop=Stop(deadline=0.0))
     assert interrupted.status is Status.INTERRUPTED and interrupted.message == "interrupted"
@@ -102,7 +102,7 @@ def test_settings_are_ipopts_options():
     assert "bound_push" not in warm and warm["mu_init"] == 0.1  # IPOPT's own
 
 
-def test_nothing_of_its_own_talk_is_heard_unless_asked(capfd):
+def test_it_prints_only_on_request(capfd):
     zeros = np.zeros(2)
     for verbose in (False, True):  # fixed unknowns and an equation: CasADi warns
         solver = Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 100, verbose))

@@ -26,6 +26,6 @@ def test_bad_options(option, message):
         ad.MinimumTimeOptions(**option)
 
 
-def test_every_option_is_told_of():
+def test_every_option_is_documented():
     text = ad.MinimumTimeOptions.__doc__
     assert all(f"{field.name}:" in text for field in fields(ad.MinimumTimeOptions))

@@ -42,7 +42,7 @@ TABLE = {
 
 
 @pytest.mark.parametrize("kind", TABLE)
-def test_what_depends_on_the_kind_of_problem(kind):
+def test_numbers_that_depend_on_the_kind_of_problem(kind):
     policy = Policy.of(problem(kind))
     program, search, curves = policy.program, policy.search, policy.curves
     found = (
@@ -121,7 +121,7 @@ def test_what_is_no_group_has_no_rows():
 
 
 @pytest.mark.parametrize(("effort", "guesses", "optima"), [("quick", 8, 6), ("normal", 24, 6), ("thorough", 120, 18)])
-def test_effort_scales_whatever_is_guessed(effort, guesses, optima):
+def test_effort_scales_all_guesses(effort, guesses, optima):
     search = Policy.of(paper_problem("rrr", effort_weight=1.0)).search
     options = ad.MinimumTimeOptions(search=effort)
     assert (search.guesses(options, 24), search.refinements(options, 6)) == (guesses, optima)

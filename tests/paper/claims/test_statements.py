@@ -63,7 +63,7 @@ def test_an_unstable_loop_is_found_out():
     assert check(items["Total time"], "there after 6.235 s").holds is False
 
 
-def test_what_was_not_computed_is_not_judged():
+def test_missing_outcomes_are_not_judged():
     items = by_topic("rr")
     assert items["Range of speeds"].verdict == "not computed"
     assert check(items["Total time"], "minimum time").holds is None
@@ -77,7 +77,7 @@ def test_a_payload_that_does_not_arrive_is_counted():
     assert "1 of 2 payloads has no time" in one.finding
 
 
-def test_verdict_is_over_what_could_be_checked():
+def test_verdict_is_over_possible_checks():
     def verdict(*holds):
         return Statement("6.1", "(i)", "x", tuple(Check("", "", one) for one in holds)).verdict
 

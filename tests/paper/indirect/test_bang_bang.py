@@ -71,14 +71,14 @@ def test_samples_are_the_motion():
     assert found.wrong_sign < 1e-12
 
 
-def test_a_wrong_sign_is_what_h_would_fall_by():
+def test_a_wrong_sign_is_the_possible_decrease_of_h():
     arcs = (Arc(HALF, (Mode.LOWER,)), Arc(HALF, (Mode.UPPER,)))
     found = with_samples(cart_bang_bang(), replace(exact(), arcs=arcs))
     # S is −1 at the start; the torque could go from −1 N to 1 N.
     assert found.wrong_sign == pytest.approx(2, rel=1e-9)
 
 
-def test_what_cannot_be_integrated_says_so():
+def test_a_motion_that_cannot_be_integrated_says_so():
     # Centrifugal torques of 1e50 rad/s leave no step.
     wild = BangBangExtremal((Arc(0.06, (Mode.UPPER, Mode.UPPER)),), (), np.full((1, 8), 1e50))
     with np.errstate(invalid="ignore", over="ignore"):

@@ -117,7 +117,7 @@ def test_a_mesh_that_may_not_grow_is_no_solution():
 
 
 @pytest.mark.parametrize("solve", [lambda p: solve_lobatto(p, 1e-6, 500), lambda p: solve_trapezoidal(p, 50, 1e-8)])
-def test_hopeless_guess_and_stop_are_told(solve):
+def test_hopeless_guess_and_stop_are_reported(solve):
     problem, _ = arm_problem(10)
     wild = replace(problem, guess=replace(problem.guess, y=-50 * problem.guess.y))
     found = solve(wild)
@@ -128,7 +128,7 @@ def test_hopeless_guess_and_stop_are_told(solve):
     assert solve(replace(problem, stop=Stop(interrupted=True))).status is Status.INTERRUPTED
 
 
-def test_a_stop_keeps_what_there_is():
+def test_a_stop_keeps_the_results_so_far():
     problem, _ = arm_problem(10)
     late = replace(problem, guess=replace(problem.guess, y=1.1 * problem.guess.y), stop=Stop(deadline=0.0))
     rough, even = solve_lobatto(late, 1e-6, 500), solve_trapezoidal(late, 20, 1e-8)
@@ -139,7 +139,7 @@ def test_a_stop_keeps_what_there_is():
     assert even.s.size == 21 and 0 < even.residual < np.inf
 
 
-def test_a_singular_jacobian_is_told():
+def test_a_singular_jacobian_is_reported():
     problem, _ = arm_problem(10)
     # No costates: nothing that H or the torque depend on moves them.
     y = np.vstack([problem.guess.y[:2], np.zeros((2, 11))])

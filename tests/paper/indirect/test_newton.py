@@ -119,7 +119,7 @@ def test_where_no_root_is_it_gets_stuck_or_singular(start):
     assert found.residual[0] == found.unknowns[0] ** 2 + 1
 
 
-def test_a_singular_jacobian_is_told():
+def test_a_singular_jacobian_is_reported():
     equations, calls = system(lambda x: np.array([x[0] + x[1], x[0] + x[1] - 1]), lambda x: np.ones((2, 2)))
     found = newton(equations, np.zeros(2), **HOW)
     assert found.status is Status.FAILED and "singular" in found.reason

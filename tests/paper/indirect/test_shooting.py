@@ -66,7 +66,7 @@ def test_along_its_step_the_residual_falls_by_as_much():
     np.testing.assert_allclose(slope, -point.residual / np.max(np.abs(step)), atol=1e-5 * np.max(np.abs(slope)))
 
 
-def test_a_singular_jacobian_is_told():
+def test_a_singular_jacobian_is_reported():
     problem = cart_bang_bang()
     guess = cart_guess()
     guess = replace(guess, starts=guess.starts * [1, 1, 0, 0])  # no costates: H is 1 for any torque
@@ -85,7 +85,7 @@ def test_a_way_that_the_modes_cannot_go_is_no_solution():
     assert np.all(found.lengths > 0)
 
 
-def test_a_stop_is_told():
+def test_a_stop_is_reported():
     late = shoot(replace(cart_bang_bang(), stop=Stop(deadline=0.0)), cart_guess())
     assert late.status is Status.TIME_LIMIT and "time limit" in late.message
 

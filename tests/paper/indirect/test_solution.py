@@ -53,7 +53,7 @@ def test_options_that_make_no_sense_are_refused(wrong):
         IndirectOptions(**wrong)
 
 
-def test_what_is_within_all_limits_is_a_solution():
+def test_a_motion_within_all_limits_is_a_solution():
     found = line(cart_problem())
     assert found.success and found.status is Status.SOLVED
     assert found.message == "4 s; converged"
@@ -70,7 +70,7 @@ def test_what_is_within_all_limits_is_a_solution():
         ({"position_limit": (-0.1, 3.0)}, -0.3, "'slide' leaves its position limit by 0.065 of it at t = 0 s"),
     ],
 )
-def test_a_limit_that_is_left_is_told(limits, shift, said):
+def test_a_limit_that_is_left_is_reported(limits, shift, said):
     problem = cart_problem(**limits)
     found = line(problem, shift=shift)
     assert not found.success and found.status is Status.INFEASIBLE

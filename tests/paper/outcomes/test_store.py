@@ -20,7 +20,7 @@ def outcome():
     return computed.outcome(CASE)
 
 
-def test_what_is_saved_is_loaded(tmp_path, outcome):
+def test_saved_ones_are_loaded(tmp_path, outcome):
     save_outcome(tmp_path / "cases", outcome)
     found = load_outcome(tmp_path / "cases", CASE)
     for name in ("case", "time", "success", "status", "message", "facts", "summary"):

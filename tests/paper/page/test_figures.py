@@ -102,7 +102,7 @@ def test_a_payload_that_the_paper_has_not_has_no_published_time():
     ]
 
 
-def test_nothing_is_drawn_of_what_has_no_motion():
+def test_nothing_is_drawn_without_a_motion():
     gone = replace(outcome(Case(4, "r", "pid", 0.1006)), trajectory=None)
     assert paper_figures([gone]) == ()
     assert paper_figures([]) == ()

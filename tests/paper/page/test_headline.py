@@ -74,7 +74,7 @@ def test_what_comes_out_again_is_said(rows):
     assert "come out again" not in words(evidence([], []))
 
 
-def test_each_table_says_what_came_of_it(rows):
+def test_each_table_has_its_result(rows):
     table = words(comparison(4, rows))
     assert "With the payload at the tip the PID times differ by" in table
     assert "no PID loop arrives within 10 s" in words(comparison(6, rows))

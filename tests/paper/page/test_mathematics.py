@@ -55,7 +55,7 @@ def test_powers_of_ten():
     assert scientific(0.0) == "0"
 
 
-def test_every_equation_has_what_is_printed_and_what_is_right():
+def test_every_equation_has_the_printed_and_the_right_form():
     page = errata_table()
     rows = re.findall(r"<tr>(.*?)</tr>", page)[1:]
     numbers = [re.search(r'class="first">([^<]*)<', row)[1] for row in rows]

@@ -32,7 +32,7 @@ def text_of(path):
     return path.read_text("utf-8")
 
 
-def test_what_is_written(written):
+def test_written_files(written):
     folder, files = written
     names = [str(path.relative_to(folder)) for path in files]
     assert names == [f"figures/figure{k}.{kind}" for k in (2, 3, 5, 7) for kind in ("pdf", "png")] + ["index.html"]
@@ -178,7 +178,7 @@ def test_the_same_outcomes_give_the_same_page(written, tmp_path, monkeypatch):
     assert text_of(folder / "index.html") == text_of(tmp_path / "index.html")
 
 
-def test_what_was_not_computed_is_said(tmp_path):
+def test_missing_outcomes_are_said(tmp_path):
     write_page(tmp_path, [], [])
     page = text_of(tmp_path / "index.html")
     assert page.count("Not computed.") > 5
@@ -187,7 +187,7 @@ def test_what_was_not_computed_is_said(tmp_path):
     assert "numbers do not follow" not in page
 
 
-def test_table_7_is_told_by_robot_example_and_torque():
+def test_table_7_is_keyed_by_robot_example_and_torque():
     page = comparison(7, all_rows(outcomes()))
     assert page.count("<table") == 3  # time optimal, PID, reasons
     tau = re.escape(formula(r"\tau_1"))

@@ -51,6 +51,6 @@ def _arm(example):
 
 
 @pytest.mark.parametrize("text", ["", "three"])
-def test_what_is_no_number_is_refused(text):
+def test_a_wrong_number_is_refused(text):
     with pytest.raises(ValueError, match="could not convert"):
         Printed.of(text)

@@ -25,7 +25,7 @@ def test_csv_is_exact_and_leaves_missing_numbers_empty(r_loops):
 
 
 @pytest.mark.slow
-def test_a_row_of_a_table_is_told_by_its_case_and_quantity(tmp_path, r_loops):
+def test_a_row_of_a_table_is_identified_by_its_case_and_quantity(tmp_path, r_loops):
     odd = [replace(o, case=replace(o.case, derivative_sign="printed"), time=None) for o in r_loops]
     write_tables(tmp_path, all_rows([*odd, *r_loops]))
     read = list(csv.DictReader((tmp_path / "table4.csv").open(newline="")))

@@ -6,7 +6,7 @@ from armdyn.paper.tables.rows import table_3, time_row
 
 
 @pytest.mark.slow
-def test_layout_is_the_papers_with_ours_beside(r_loops):
+def test_layout_is_the_papers_with_our_columns(r_loops):
     one = grid([time_row(o) for o in r_loops])
     assert one.header == ("M [g]", "Example 4 published", "PID, tip", "PID, mM")
     assert [line[0] for line in one.body] == [f"{1000 * m:g}" for m in PAYLOADS]

@@ -56,7 +56,7 @@ def test_reasons_say_why():
     assert other.published is None and other.verdict == "not reproduced"
 
 
-def test_a_hit_by_chance_is_told_from_a_column_that_fits():
+def test_a_hit_by_chance_is_distinguished_from_a_column_that_fits():
     outcomes = [
         loop(Case(4, "r", "pid", m, "mM"), printed_time(4, m).value * (1 + k / 10)) for k, m in enumerate((0.2, 0.5))
     ]

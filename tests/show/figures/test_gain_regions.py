@@ -25,7 +25,7 @@ def plane():
 
 
 @pytest.mark.parametrize("form", ["torque", "acceleration", "computed_torque"])
-def test_a_plane_is_what_each_point_is(form):
+def test_a_plane_equals_its_points(form):
     robot, poses = example("RR Ex5", grams=100.6)
     plane = gain_plane(robot, poses["q_goal"], kp=KP[::13], kd=KD[::13], ki=50.0, form=form)
     for place in np.ndindex(plane.radius.shape):

@@ -26,7 +26,7 @@ def test_an_envelope_has_the_least_the_greatest_and_a_runs_own_quantiles():
 
 
 @pytest.mark.slow
-def test_the_figure_shows_every_joint_in_a_panel_with_what_was_asked(tmp_path):
+def test_the_figure_shows_every_joint_in_a_panel_with_the_requirement(tmp_path):
     figure = plot_envelope(envelope(), "four runs")
     panels = figure.axes
     assert [panel.get_ylabel() for panel in panels] == ["shoulder", r"\$elbow"]

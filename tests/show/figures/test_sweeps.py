@@ -21,7 +21,7 @@ def rows_of(*axes):
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=30))
-def test_the_front_is_what_no_other_point_beats(points):
+def test_the_front_has_no_dominated_points(points):
     points = np.array(points, dtype=float)
     front = pareto(points)
     for k, point in enumerate(points):

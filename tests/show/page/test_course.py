@@ -22,7 +22,7 @@ def data_of(*moves, robot):
     return motions_data(moves, robot.limits, [False] * robot.nv)
 
 
-def test_jumps_stay_jumps_and_what_has_ended_is_not_drawn():
+def test_jumps_stay_jumps_and_ended_motions_are_not_drawn():
     robot, first = judged()
     later = quintic(robot, HANGING["rr"], RAISED["rr"], 0.5, "slow")
     data = data_of(first, ShownMotion("slow", later, Facts()), robot=robot)
@@ -71,7 +71,7 @@ def test_without_arcs_the_samples_say_it():
     assert first["lanes"][1][0][1] == pytest.approx(0.08, abs=1e-12)
 
 
-def test_what_is_kept_for_feedback_is_no_limit():
+def test_the_reserve_is_no_limit():
     robot, motion = bang_bang()
     limits = replace(robot.limits, effort_lower=[-LIMIT / 0.9] * 2, effort_upper=[LIMIT / 0.9] * 2)
     facts = Facts({"reserve": {"effort": [0.1, 0.1], "velocity": [0.0, 0.0]}})

@@ -20,7 +20,7 @@ def test_of_another_kind_is_nothing():
 
 
 @pytest.mark.parametrize("name", [*FACTS, "model", "reserve", "clearance", "conditions", "versions", "idle"])
-def test_a_report_is_written_whatever_a_fact_is(name):
+def test_a_report_is_written_with_any_facts(name):
     robot, _ = judged()
     for odd in ODD:
         _, move = judged(**{name: odd})

@@ -30,7 +30,7 @@ def text_of(page):
     return re.sub(r"<[^>]*>", " ", re.sub(r"<(script|style)\b.*?</\1>", "", page, flags=re.S))
 
 
-def test_it_says_what_is_missing_and_what_may_help():
+def test_it_names_missing_conditions_and_remedies():
     robot, move = judged()
     page = page_of(move, robot=robot, title="rr")
     said = " ".join(text_of(page).split())
@@ -98,7 +98,7 @@ def test_a_number_has_the_same_digits_wherever_it_stands():
     assert ("keeps speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
 
 
-def test_iterations_that_nobody_counted_are_not_said():
+def test_iterations_that_were_not_counted_are_not_said():
     robot, move = judged(solve_time=9.7)
     assert "iterations" not in text_of(page_of(move, robot=robot))
     assert "9.70 s, 5 iterations" in text_of(page_of(judged(solve_time=9.7, iterations=5)[1], robot=robot))
@@ -201,7 +201,7 @@ def test_costs_of_the_controllers_conditions_are_listed():
     assert "Costs of the controller" not in page_of(judged()[1], robot=robot)
 
 
-def test_paths_are_told_without_their_folders():
+def test_paths_are_shown_without_their_folders():
     command = "armdyn mintime '/home/me/my arms/arm.urdf' --q-start=-pi/2,0 --obstacle=/tmp/box.json --out ~/runs/one"
     options = {
         "robot": "/home/me/my arms/arm.urdf",

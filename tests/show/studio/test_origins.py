@@ -32,7 +32,7 @@ def test_only_the_own_page_may_talk_to_the_server(host, hosts, origins, refused)
     ("host", "loopback"),
     [("127.0.0.1", True), ("::1", True), ("localhost", True), ("0.0.0.0", False), ("lab.local", False)],
 )
-def test_the_loopback_address_is_told_from_others(host, loopback):
+def test_the_loopback_address_is_distinguished_from_others(host, loopback):
     assert is_loopback(host) is loopback
 
 

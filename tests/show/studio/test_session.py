@@ -98,7 +98,7 @@ def test_a_planar_arm_follows_a_position(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_is_wrong_is_said_in_words(tmp_path):
+def test_faults_are_named_in_words(tmp_path):
     setup = setup_of(position_limit=(-2.0, 2.0))
     with session_of(setup, tmp_path) as session:
         settle(session)

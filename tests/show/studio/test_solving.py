@@ -29,7 +29,7 @@ def next_result(solver, seconds=30.0):
     return found
 
 
-def test_the_newest_request_is_done_and_what_is_under_way_is_stopped_for_it():
+def test_the_newest_request_is_done_and_the_running_one_is_stopped_for_it():
     with NewestFirst(slowly, 60.0) as solver:
         began = time.monotonic()
         assert solver.seconds is not None

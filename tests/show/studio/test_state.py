@@ -105,7 +105,7 @@ def test_another_mass_keeps_place_and_shape_and_scales_the_inertia():
     assert carrying(paper_arm("rr"), 0.0).payload is None
 
 
-def test_what_the_state_does_not_say_stays():
+def test_conditions_outside_the_state_stay():
     problem = paper_problem("rr", via=[[-0.5, 0.3]], velocity_limit=30.0, reserve=[0.1, 0.3])
     state = StudioState.of(problem, 1e-3)
     made, warned = posed(problem, problem.robot, state, {})

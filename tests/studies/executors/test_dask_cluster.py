@@ -119,7 +119,7 @@ def test_a_connection_that_breaks_is_made_again(cluster, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_cannot_be_reached(monkeypatch, tmp_path):
+def test_refused_if_it_cannot_be_reached(monkeypatch, tmp_path):
     from distributed import LocalCluster
 
     monkeypatch.setattr(module, "_PATIENCE", 1.0)

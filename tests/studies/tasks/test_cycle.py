@@ -57,7 +57,7 @@ def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_pat
         (("[vary]", "[arms.rr]\n[vary]"), "no table 'arms'"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_line(study, change, said):
+def test_faults_are_named_with_its_line(study, change, said):
     with pytest.raises(ArmdynError, match=said):
         study(STUDY.replace(*change))
 

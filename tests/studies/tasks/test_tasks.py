@@ -106,7 +106,7 @@ def test_another_studys_arm_of_the_same_name_has_a_reference_of_its_own():
         ({"kp": 1.0, "ki": 1.0, "kd": 1.0}, "needs ramp"),
     ],
 )
-def test_what_does_not_fit_is_refused_in_a_row(settings, words):
+def test_misfits_are_refused_in_a_row(settings, words):
     outcome, seconds = result_of(
         TrackTask(problems=ArmProblems(arms=(R,)), controller="pid", reference="ramp"), settings, b""
     )

@@ -125,7 +125,7 @@ def test_factors_exist_where_the_curvature_is_a_minimums(newton_step):
     assert len(set(judged)) >= 2  # both kinds were there
 
 
-def test_what_has_no_library():
+def test_functions_without_a_library():
     dynamics = Dynamics(paper_arm("rr"), free_last_body=True)
     assert stagewise_library(dynamics, False) is None
     assert stagewise_library(dynamics, True) is stagewise_library(dynamics, True)

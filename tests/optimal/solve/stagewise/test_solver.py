@@ -102,7 +102,7 @@ def test_every_guess_of_a_search_converges_back_from_where_the_filter_stops():
     assert all(attempt.usable for attempt in attempts)
 
 
-def test_what_cannot_be_is_called_infeasible():
+def test_an_infeasible_program_is_called_infeasible():
     task = Task.of(paper_problem("rr"))
     start, p, (lower, upper) = program(task)
     upper[-1] = 0.5 * solver(task).solve(data(start, p, (lower, upper)), Stop()).x[-1]  # half of the least duration
@@ -143,7 +143,7 @@ class Impatient(Stop):
         return self.calls == 3
 
 
-def test_asked_every_few_iterations_whether_to_stop():
+def test_stop_is_polled_every_few_iterations():
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
     found = solver(task).solve(data(start, p, sides), Impatient())
@@ -155,7 +155,7 @@ def test_asked_every_few_iterations_whether_to_stop():
         solver(task).solve(data(start, p, sides), Impatient(KeyboardInterrupt()))
 
 
-def test_iteration_limit_and_what_is_printed(capsys):
+def test_iteration_limit_and_output(capsys):
     task = Task.of(paper_problem("rr"))
     start, p, sides = program(task)
     found = solver(task, replace(TIGHT, max_iterations=3, verbose=True)).solve(data(start, p, sides), Stop())
@@ -163,7 +163,7 @@ def test_iteration_limit_and_what_is_printed(capsys):
     assert len(capsys.readouterr().out.splitlines()) == 3  # a line for each iteration
 
 
-def test_what_it_is_not_for():
+def test_problems_that_it_is_not_for():
     dynamics = Task.of(paper_problem("rr")).dynamics
     for other in ({"control": "linear"}, {"compile": False}, {"dynamics": "inverse"}):
         assert Stagewise.of(dynamics, replace(CONSTANT, **other), N, TIGHT) is None

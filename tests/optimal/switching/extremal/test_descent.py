@@ -43,7 +43,7 @@ def test_the_double_integrator_turns_round_half_way():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
-def test_an_optimum_is_found_again_from_beside_it(arm):
+def test_an_optimum_is_found_again_from_a_neighbour(arm):
     solution = solved(arm)
     found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases), Stop())
     assert isinstance(found, Extremal)
@@ -57,7 +57,7 @@ def test_an_optimum_is_found_again_from_beside_it(arm):
 
 
 @pytest.mark.slow
-def test_the_model_is_what_motions_beside_it_do():
+def test_the_model_is_that_of_neighbouring_motions():
     solution = random_solution(15)  # of nine arcs, so that its times are not all determined by the goal
     own = shooting(solution.problem, solution.trajectory)
     linear = landed(own, beside(solution.phases, 0.005), 16)

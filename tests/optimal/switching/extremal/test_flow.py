@@ -46,7 +46,7 @@ def test_the_tableau_meets_the_conditions_of_order():
 
 
 @pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
-def test_it_is_what_another_integrator_says(arm):
+def test_it_equals_another_integrator(arm):
     robot, dynamics, (end, *_) = rolled_out(arm, 0.05)
     n = robot.nv
 

@@ -9,7 +9,7 @@ SIGNS = np.array([[0.0, sign] for sign in (1, 1, -1, -1, 0)])
 GIVEN = SingularControl((1.0, 2.0, 4.0), ((1, (0.5, 3.0)),))
 
 
-def test_it_is_a_polynomial_and_what_another_limit_adds():
+def test_it_is_a_polynomial_and_another_limits_share():
     x = 2 * S - 1
     smooth = 1 + 2 * x + 4 * (3 * x**2 - 1) / 2
     np.testing.assert_allclose(GIVEN.terms(S, SIGNS)[0] @ GIVEN.values, smooth + SIGNS[:, 1] * (0.5 + 3 * x))

@@ -21,7 +21,7 @@ from problems import cart, paper_arm, random_problem
 U, L = Mode.UPPER, Mode.LOWER
 
 
-def test_a_motion_that_goes_too_far_is_told_where():
+def test_a_motion_that_goes_too_far_is_reported_with_its_place():
     # 1 kg, 1 N, from rest at 0: accelerates for 1 s, brakes for 2 s, and turns round at 1 m, after 2 s.
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[0.5], position_limit=(-1.0, 0.9))
     t = np.linspace(0, 3, 31)
@@ -99,7 +99,7 @@ def test_changes_pass_each_other_unless_a_joint_is_held():
 
 
 @pytest.mark.slow
-def test_torque_that_presses_beyond_a_limit_beside_a_contact_goes():
+def test_torque_that_presses_beyond_a_limit_next_to_a_contact_goes():
     ends = {"q_start": [-0.5136696604371498, 2.8241964993549318], "q_goal": [1.0571266663392307, 2.8241964993546724]}
     problem = ad.MinimumTimeProblem(paper_arm("rr", 0.1), **ends)
     solution = ad.solve_minimum_time(problem, MinimumTimeOptions(search="quick", bound=False))

@@ -42,7 +42,7 @@ def test_touches_and_changes_at_one_time_come_back():
     np.testing.assert_allclose(given.states[:, :2], [[1, 1], [1.5, 1.5], [1.5, 1.5]])
 
 
-def test_a_segment_that_is_taken_out_leaves_what_was_around_it():
+def test_a_segment_that_is_taken_out_keeps_its_neighbours():
     given = structure([Arc(1.0, (U, L)), Arc(0.1, (L, L)), Arc(1.0, (U, L)), Arc(1.0, (U, U))])
     left = given.without([Segment(0, 1)])
     assert left.arcs(1e-7) == [Arc(2.1, (U, L)), Arc(1.0, (U, U))]
