@@ -260,15 +260,12 @@ def interval(
     return low, high
 
 
-def several(
-    value: object, name: str, *, most: int = MOST_MEMBERS, error: type[ArmdynError] = ProblemError
-) -> tuple[object, ...]:
+def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> tuple[object, ...]:
     """The members of a list or another iterable, but no text.
 
     Args:
-        value: as given; of one without end no more is read than the most.
+        value: as given; of one without end no more is read than `MOST_MEMBERS`.
         name: of the argument.
-        most: members that there may be.
         error: class of the raised error.
 
     Raises:
@@ -277,11 +274,11 @@ def several(
     if not isinstance(value, Iterable) or isinstance(value, str | bytes):
         raise error(f"{name} is {shown(value)}; it must be a list")
     try:
-        members = tuple(islice(value, most + 1))
+        members = tuple(islice(value, MOST_MEMBERS + 1))
     except Exception as why:  # an array without dimensions; a stranger's iterator
         raise error(f"{name} is {shown(value)}; it must be a list ({why})") from None
-    if len(members) > most:
-        raise error(f"{name} is {shown(value)}; it must have at most {most} members")
+    if len(members) > MOST_MEMBERS:
+        raise error(f"{name} is {shown(value)}; it must have at most {MOST_MEMBERS} members")
     return members
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import Sign, check_fields, checked, number
+from armdyn.arguments import check_fields, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, held, law_function, reference_of, table
@@ -15,7 +15,7 @@ from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import PerJoint, expect_one_count, one_or_each, per_joint
 
 
 class ErrorWeights(NamedTuple):
@@ -105,9 +105,6 @@ def diagonals(weights: ErrorWeights, delay: int, share: tuple[float, float], mov
     return np.asarray(np.where(moving[:, None], on_the_way, at_goal) ** 2)
 
 
-PerJoint = float | tuple[float, ...]
-"""One number for all joints, or one per joint."""
-
 _WEIGHTS = ("position", "velocity", "integral")
 
 
@@ -142,24 +139,16 @@ class Lqr:
         ProblemError: position or phase not positive, others negative, something not finite; counts that do not agree.
     """
 
-    position: PerJoint = 0.03
-    velocity: PerJoint = 0.008
-    integral: PerJoint = 0.5
+    position: PerJoint = checked(one_or_each, 0.03, sign="positive")
+    velocity: PerJoint = checked(one_or_each, 0.008, sign="not negative")
+    integral: PerJoint = checked(one_or_each, 0.5, sign="not negative")
     position_on_the_way: float = checked(number, 0.07, sign="not negative")
     velocity_on_the_way: float = checked(number, 0.4, sign="not negative")
     phase: float = checked(number, 1.0, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
         check_fields(self)
-        counts = set()
-        for name in _WEIGHTS:
-            value = getattr(self, name)
-            sign: Sign = "positive" if name == "position" else "not negative"
-            array = per_joint(value, None, name, error=ProblemError, sign=sign)
-            object.__setattr__(self, name, float(array) if array.ndim == 0 else tuple(map(float, array)))
-            counts |= {array.size} if array.ndim else set()
-        if len(counts) > 1:
-            raise ProblemError(f"weights are for {' and '.join(map(str, sorted(counts)))} joints at once")
+        expect_one_count("weights", self.position, self.velocity, self.integral)
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
         """The law along a reference; see `Controller`.

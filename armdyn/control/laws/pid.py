@@ -7,7 +7,6 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from armdyn.arguments import MOST_MEMBERS, check_fields, checked, expect, flag, one_of, whole
 from armdyn.arrays import Array
@@ -18,7 +17,7 @@ from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.values.per_joint import per_joint
+from armdyn.models.values.per_joint import PerJoint, expect_one_count, one_or_each
 
 Form = Literal["acceleration", "torque", "computed_torque"]
 """Meaning of the output u of eq. (27):
@@ -44,16 +43,13 @@ class PidGains:
         kd: derivative [1/s].
     """
 
-    kp: float | tuple[float, ...]
-    ki: float | tuple[float, ...]
-    kd: float | tuple[float, ...]
+    kp: PerJoint = checked(one_or_each, sign="not negative")
+    ki: PerJoint = checked(one_or_each, sign="not negative")
+    kd: PerJoint = checked(one_or_each, sign="not negative")
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            object.__setattr__(self, name, _gain(name, value))
-        counts = {len(value) for value in vars(self).values() if isinstance(value, tuple)}
-        if len(counts) > 1:
-            raise ProblemError(f"gains are for {' and '.join(map(str, sorted(counts)))} joints at once")
+        check_fields(self)
+        expect_one_count("gains", self.kp, self.ki, self.kd)
 
     def per_joint(self, nv: int) -> tuple[Array, Array, Array]:
         """kp, ki and kd, each of shape (nv,).
@@ -67,11 +63,6 @@ class PidGains:
                 raise ProblemError(f"{name} has {len(value)} numbers; expected one, or {nv}, one per joint")
         kp, ki, kd = (np.broadcast_to(np.array(g, dtype=float), (nv,)) for g in (self.kp, self.ki, self.kd))
         return kp, ki, kd
-
-
-def _gain(name: str, value: ArrayLike) -> float | tuple[float, ...]:
-    array = per_joint(value, None, name, error=ProblemError, sign="not negative")
-    return float(array) if array.ndim == 0 else tuple(map(float, array))
 
 
 DEFAULT_GAINS = PidGains(kp=30.0, ki=50.0, kd=10.0)

@@ -7,7 +7,10 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import Sign, numbers
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, SpecError
+from armdyn.errors import ArmdynError, ProblemError, SpecError
+
+PerJoint = float | tuple[float, ...]
+"""One number for all joints, or one per joint."""
 
 
 def per_joint(
@@ -51,6 +54,19 @@ def per_joint(
             at = f" (index {i})" if array.ndim else ""
             raise error(f"{what}{of} is {f'{number} {unit}'.rstrip()}{at}; it must {right}")
     return array
+
+
+def one_or_each(value: ArrayLike, name: str, *, sign: Sign) -> PerJoint:
+    """One number for all joints of an arm that is not known yet, or one per joint; see `per_joint`."""
+    array = per_joint(value, None, name, error=ProblemError, sign=sign)
+    return float(array) if array.ndim == 0 else tuple(map(float, array))
+
+
+def expect_one_count(what: str, *given: PerJoint) -> None:
+    """Refuse numbers per joint that are for arms of different numbers of joints."""
+    counts = sorted({len(one) for one in given if isinstance(one, tuple)})
+    if len(counts) > 1:
+        raise ProblemError(f"{what} are for {' and '.join(map(str, counts))} joints at once")
 
 
 def _expected(joints: Sequence[str] | None, scalar: bool) -> str:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from armdyn.arguments import expect, one_of
+from armdyn.arguments import check_fields, checked, expect, one_of
 from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.words import standing
@@ -42,14 +42,13 @@ class MinimumTimeTask:
     outcomes: ClassVar = ("duration_s", "torque_squared")
 
     problems: ProblemSource
-    options: MinimumTimeOptions = field(default_factory=MinimumTimeOptions)
-    neighbours: Neighbours = "add"
+    options: MinimumTimeOptions = checked(expect, MinimumTimeOptions(), kind=MinimumTimeOptions)
+    neighbours: Neighbours = checked(one_of, "add", known=NEIGHBOURS)
     progress: Callable[[str], None] | None = None
     same: SamePolicy = field(default_factory=SamePolicy)
 
     def __post_init__(self) -> None:
-        one_of(self.neighbours, NEIGHBOURS, "neighbours")
-        expect(self.options, MinimumTimeOptions, "options")
+        check_fields(self)
 
     @classmethod
     def read(cls, table: Table, problems: ProblemSource, names: Mapping[str, Table]) -> Self:
