@@ -101,7 +101,7 @@ class Monitor(ca.Callback):
 
 P = TypeVar("P", bound=Program)
 
-_ASKED, _SMALL = 5, 1000
+_POLL, _SMALL = 5, 1000
 """Iterations between polls of the stopping condition, by number of unknowns: a poll costs as much as the gradients of a
 small arm. Larger programs, with iterations of up to a tenth of a second, poll after each."""
 
@@ -137,7 +137,7 @@ class Ipopt(Generic[P]):
                 "jac_g": program.jacobian,
                 "hess_lag": program.hessian,
                 "iteration_callback": self._monitor,
-                "iteration_callback_step": _ASKED if nx <= _SMALL else 1,
+                "iteration_callback_step": _POLL if nx <= _SMALL else 1,
                 "calc_multipliers": False,
                 "error_on_fail": False,
                 "print_time": False,

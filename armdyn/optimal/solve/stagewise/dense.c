@@ -1,13 +1,13 @@
 /* Small dense matrices, row by row. */
 
-/* fmax and fmin without a call of the C library: the second number only where it is the larger or the smaller one. */
+/* fmax and fmin without a library call; the first number if the second is NaN. */
 static inline double larger(double a, double b) { return b > a ? b : a; }
 static inline double smaller(double a, double b) { return b < a ? b : a; }
 
-/* Called with sizes that the compiler knows, and then unrolled. */
+/* For calls with constant sizes, whose loops the compiler unrolls. */
 #define INLINE static inline __attribute__((always_inline))
 
-/* A = LU with rows exchanged; 0: singular. */
+/* LU factorization with partial pivoting; 0: singular. */
 static int lu_factor(double A[NX][NX], int *pivot) {
     for (int j = 0; j < NX; j++) {
         int best = j;
@@ -29,7 +29,7 @@ static int lu_factor(double A[NX][NX], int *pivot) {
     return 1;
 }
 
-/* A B = B in place, B of `columns` columns. */
+/* Solve A X = B in place, B of `columns` columns. */
 INLINE void lu_solve(double LU[NX][NX], const int *pivot, double *restrict B, int columns) {
     for (int j = 0; j < NX; j++)
         if (pivot[j] != j)
@@ -48,7 +48,7 @@ INLINE void lu_solve(double LU[NX][NX], const int *pivot, double *restrict B, in
     }
 }
 
-/* The transposed: A' b = b in place. */
+/* Solve A' x = b in place. */
 static void lu_transposed(double LU[NX][NX], const int *pivot, double *b) {
     for (int j = 0; j < NX; j++) {
         for (int i = 0; i < j; i++) b[j] -= LU[i][j] * b[i];
@@ -63,6 +63,7 @@ static void lu_transposed(double LU[NX][NX], const int *pivot, double *b) {
         }
 }
 
+/* Cholesky factorization A = LL'; 0: not positive definite. */
 INLINE int cholesky(double *A, int n) {
     for (int j = 0; j < n; j++) {
         double pivot = A[j * n + j], scale = fabs(pivot);
@@ -78,7 +79,7 @@ INLINE int cholesky(double *A, int n) {
     return 1;
 }
 
-/* L B = B in place. */
+/* Solve L X = B in place. */
 INLINE void forward(const double *L, int n, double *restrict B, int columns) {
     for (int i = 0; i < n; i++) {
         for (int j = 0; j < i; j++)
@@ -88,7 +89,7 @@ INLINE void forward(const double *L, int n, double *restrict B, int columns) {
     }
 }
 
-/* L' b = b in place. */
+/* Solve L' x = b in place. */
 INLINE void backward(const double *L, int n, double *b) {
     for (int i = n - 1; i >= 0; i--) {
         for (int j = i + 1; j < n; j++) b[i] -= L[j * n + i] * b[j];

@@ -19,7 +19,7 @@ _HELD = 1e4
 
 _Numbers = ctypes.c_void_p
 """Address of doubles as an integer: a ctypes pointer takes 20 µs to make."""
-WATCH = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, *[ctypes.c_double] * 4)
+MONITOR = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, *[ctypes.c_double] * 4)
 """Callback: (iteration, cost, sum of constraint violations, error, barrier) to whether to stop."""
 
 
@@ -54,7 +54,7 @@ def stagewise_library(dynamics: Dynamics, compile_mode: bool | None) -> ctypes.C
     if library is not None:
         library.solve.argtypes = [
             ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.POINTER(Settings),
-            ctypes.c_int, WATCH, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
+            ctypes.c_int, MONITOR, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
         ]  # fmt: skip
         library.values_at.argtypes = [ctypes.c_int, *[_Numbers] * 4]
     return library

@@ -1,23 +1,22 @@
-/* The method's state, its barrier and its filter. Equations' numbers are those of Waechter and Biegler, On the
-   implementation of an interior-point filter line-search algorithm, Math. Program. 106, 2006; constants are IPOPT's. */
+/* State of the method, barrier function, filter and line search. Equation and section numbers: Waechter and Biegler, On
+   the implementation of an interior-point filter line-search algorithm, Math. Program. 106, 2006; IPOPT's constants. */
 
-enum { FILTER = 256 /* pairs that are kept; beyond that the last gives way */ };
+enum { FILTER = 256 /* largest number of pairs; beyond it the last is replaced */ };
 
-/* Where a solve stands: unknowns w (slacks last), multipliers lam of the equations and zl, zu of the bounds, and what
-   is there. */
+/* Iterate: unknowns w (slacks last), multipliers lam of the equations and zl, zu of the bounds, and values at w. */
 typedef struct {
-    Program it;
+    Program nlp;
     End end;
     const double *lower, *upper;
     double *w, *lam, *zl, *zu, *gradient, *c;
-    double *d, *dw, *dlam, *dzl, *dzu;               /* the step */
-    double *trial, *trial_c, *other_c, *other_dw, *other_dlam; /* what the line search tries */
-    double *best_w, *best_lam, *best_zl, *best_zu, closest, closest_mu; /* the best iterate, where E_0 is small */
-    double cost, theta, mu, last;                           /* theta: sum of |c|; last: what was added to H last */
-    double least_theta, most_theta, descent, phi;             /* of the search: phi is the barrier function */
+    double *d, *dw, *dlam, *dzl, *dzu;                                  /* step */
+    double *trial, *trial_c, *other_c, *other_dw, *other_dlam;          /* trial point and corrections */
+    double *best_w, *best_lam, *best_zl, *best_zu, best_error, best_mu; /* best iterate of small E_0 */
+    double cost, theta, mu, delta;                /* theta: sum of |c|; delta: last inertia correction */
+    double least_theta, most_theta, descent, phi; /* line search; phi: barrier function */
     double filter[FILTER][2];
-    double watched_mu, watched_phi; /* where it was last asked whether phi still falls */
-    int filtered, watched;
+    double checked_mu, checked_phi;               /* last check of the decrease of phi */
+    int filtered, checked_at;
 } Solve;
 
 static double absolute_sum(const double *a, int n) {
@@ -26,47 +25,47 @@ static double absolute_sum(const double *a, int n) {
     return sum;
 }
 
-/* The barrier function (3a) at w, where the cost is known. */
+/* Barrier function (3a) at w, given the cost. */
 static double barrier_function(const Solve *s, const double *w, double cost) {
     double sum = 0, product = 1;
-    for (int i = 0; i < s->it.all; i++) {
-        if (!s->it.open[i]) continue;
+    for (int i = 0; i < s->nlp.all; i++) {
+        if (!s->nlp.is_free[i]) continue;
         if (isfinite(s->lower[i])) product *= w[i] - s->lower[i];
         if (isfinite(s->upper[i])) product *= s->upper[i] - w[i];
-        if (!(product > 1e-100 && product < 1e100)) sum -= log(product), product = 1; /* logarithms take long */
+        if (!(product > 1e-100 && product < 1e100)) sum -= log(product), product = 1; /* logarithms are slow */
     }
     return cost + s->mu * (sum - log(product));
 }
 
-/* How far along dw the bounds let go (15a). */
-static double longest(const Solve *s, const double *dw, double tau) {
+/* Largest primal step by the fraction-to-the-boundary rule (15a). */
+static double longest_primal(const Solve *s, const double *dw, double tau) {
     double alpha = 1;
-    for (int i = 0; i < s->it.all; i++) {
-        if (!s->it.open[i]) continue;
+    for (int i = 0; i < s->nlp.all; i++) {
+        if (!s->nlp.is_free[i]) continue;
         if (dw[i] < 0 && isfinite(s->lower[i])) alpha = smaller(alpha, -tau * (s->w[i] - s->lower[i]) / dw[i]);
         if (dw[i] > 0 && isfinite(s->upper[i])) alpha = smaller(alpha, tau * (s->upper[i] - s->w[i]) / dw[i]);
     }
     return alpha;
 }
 
-/* How far their multipliers let go (15b). */
+/* Largest dual step by the fraction-to-the-boundary rule (15b). */
 static double longest_dual(const Solve *s, double tau) {
     double alpha = 1;
-    for (int i = 0; i < s->it.all; i++) {
+    for (int i = 0; i < s->nlp.all; i++) {
         if (s->dzl[i] < 0) alpha = smaller(alpha, -tau * s->zl[i] / s->dzl[i]);
         if (s->dzu[i] < 0) alpha = smaller(alpha, -tau * s->zu[i] / s->dzu[i]);
     }
     return alpha;
 }
 
-static int filter_lets_through(const Solve *s, double theta, double phi) {
+static int filter_accepts(const Solve *s, double theta, double phi) {
     for (int i = 0; i < s->filtered; i++)
         if (theta >= s->filter[i][0] && phi >= s->filter[i][1]) return 0;
     return 1;
 }
 
-/* Where it stands, and all that is worse, is not to be come back to (22). */
-static void into_filter(Solve *s) {
+/* Augment the filter by the present iterate (22), and drop dominated pairs. */
+static void augment_filter(Solve *s) {
     double theta = (1 - 1e-5) * s->theta, phi = s->phi - 1e-8 * s->theta;
     int kept = 0;
     for (int i = 0; i < s->filtered; i++)
@@ -78,17 +77,17 @@ static void into_filter(Solve *s) {
     s->filtered = kept + 1;
 }
 
-/* The trial at w + length dw: its cost and equations; 0: no numbers. */
-static int tried(Solve *s, const double *dw, double length, double *cost, double *theta, double *phi) {
-    for (int i = 0; i < s->it.all; i++) s->trial[i] = s->w[i] + (s->it.open[i] ? length * dw[i] : 0);
-    if (!evaluate(&s->it, s->trial, cost, s->trial_c, NULL)) return 0;
-    *theta = absolute_sum(s->trial_c, s->it.rows);
+/* Trial point w + length dw, its cost, theta and phi; 0: not finite. */
+static int try_step(Solve *s, const double *dw, double length, double *cost, double *theta, double *phi) {
+    for (int i = 0; i < s->nlp.all; i++) s->trial[i] = s->w[i] + (s->nlp.is_free[i] ? length * dw[i] : 0);
+    if (!evaluate(&s->nlp, s->trial, cost, s->trial_c, NULL)) return 0;
+    *theta = absolute_sum(s->trial_c, s->nlp.rows);
     *phi = barrier_function(s, s->trial, *cost);
     return 1;
 }
 
-/* Whether a trial will do, section 2.3; where it is no step of the cost the filter takes the old one in. */
-static int accepted(Solve *s, double alpha, double theta, double phi) {
+/* Acceptance of a trial point, section 2.3; the filter is augmented unless (19) and the Armijo condition (20) hold. */
+static int accept(Solve *s, double alpha, double theta, double phi) {
     double rise = phi - s->phi, rounding = 10 * 2.2e-16 * fabs(s->phi);
     int descends = s->descent < 0 && s->theta <= s->least_theta && alpha * pow(-s->descent, 2.3) > pow(s->theta, 1.1);
     if (!(theta <= s->most_theta)) return 0;
@@ -98,35 +97,35 @@ static int accepted(Solve *s, double alpha, double theta, double phi) {
         if (rise > 0 && log10(rise) > larger(1, log10(larger(fabs(s->phi), 10))) + 5) return 0;
         if (!(theta <= (1 - 1e-5) * s->theta || rise - rounding <= -1e-8 * s->theta)) return 0;
     }
-    if (!filter_lets_through(s, theta, phi)) return 0;
-    if (!descends) into_filter(s);
+    if (!filter_accepts(s, theta, phi)) return 0;
+    if (!descends) augment_filter(s);
     return 1;
 }
 
-/* Second-order corrections of a step that the equations' curvature has spoiled, section 2.4. */
-static int corrected(Solve *s, double tau, double alpha, double theta, double *cost) {
+/* Second-order corrections of the constraints, section 2.4. */
+static int second_order_correction(Solve *s, double tau, double alpha, double theta, double *cost) {
     double length = alpha, before, phi;
-    memcpy(s->other_c, s->c, s->it.rows * sizeof *s->c);
+    memcpy(s->other_c, s->c, s->nlp.rows * sizeof *s->c);
     for (int round = 0; round < 4; round++) {
         before = theta;
-        for (int i = 0; i < s->it.rows; i++) s->other_c[i] = length * s->other_c[i] + s->trial_c[i];
-        step(&s->it, &s->end, s->d, s->other_c, s->other_dw, s->other_dlam);
-        length = longest(s, s->other_dw, tau);
-        if (!tried(s, s->other_dw, length, cost, &theta, &phi)) return 0;
-        if (accepted(s, alpha, theta, phi)) return 1;
+        for (int i = 0; i < s->nlp.rows; i++) s->other_c[i] = length * s->other_c[i] + s->trial_c[i];
+        step(&s->nlp, &s->end, s->d, s->other_c, s->other_dw, s->other_dlam);
+        length = longest_primal(s, s->other_dw, tau);
+        if (!try_step(s, s->other_dw, length, cost, &theta, &phi)) return 0;
+        if (accept(s, alpha, theta, phi)) return 1;
         if (theta > 0.99 * before) return 0;
     }
     return 0;
 }
 
-/* As far as the bounds allow, with no questions asked but for numbers. */
-static int whole_step(Solve *s, double tau, double *alpha, double *cost) {
+/* Largest step within the bounds, without acceptance tests (section 3.9); 0: not finite. */
+static int full_step(Solve *s, double tau, double *alpha, double *cost) {
     double theta, phi;
-    *alpha = longest(s, s->dw, tau);
-    return tried(s, s->dw, *alpha, cost, &theta, &phi);
+    *alpha = longest_primal(s, s->dw, tau);
+    return try_step(s, s->dw, *alpha, cost, &theta, &phi);
 }
 
-/* The line search: 1: trial, its equations and cost, and alpha, the multipliers' part of their step; 0: none. */
+/* Backtracking line search: 1: trial point with its equations and cost, and alpha, also for lam; 0: step too small. */
 static int line_search(Solve *s, double tau, double *alpha, double *cost) {
     double shortest = 1e-5, theta, phi;
     int first = 1;
@@ -134,10 +133,10 @@ static int line_search(Solve *s, double tau, double *alpha, double *cost) {
         shortest = smaller(shortest, 1e-8 * s->theta / -s->descent);
         if (s->theta <= s->least_theta) shortest = smaller(shortest, pow(s->theta, 1.1) / pow(-s->descent, 2.3));
     }
-    for (*alpha = longest(s, s->dw, tau); first || *alpha > 0.05 * shortest; *alpha /= 2, first = 0) {
-        if (!tried(s, s->dw, *alpha, cost, &theta, &phi)) continue;
-        if (accepted(s, *alpha, theta, phi)) return 1;
-        if (first && theta >= s->theta && corrected(s, tau, *alpha, theta, cost)) return 1;
+    for (*alpha = longest_primal(s, s->dw, tau); first || *alpha > 0.05 * shortest; *alpha /= 2, first = 0) {
+        if (!try_step(s, s->dw, *alpha, cost, &theta, &phi)) continue;
+        if (accept(s, *alpha, theta, phi)) return 1;
+        if (first && theta >= s->theta && second_order_correction(s, tau, *alpha, theta, cost)) return 1;
     }
     return 0;
 }

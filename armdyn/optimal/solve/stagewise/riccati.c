@@ -1,26 +1,26 @@
-/* Newton's equations of an iteration, interval by interval.
+/* Riccati recursion for the Newton equations, stage by stage.
 
-   The unknowns of interval k are y = (x_k, u_k, x_{k+1}, T), its equations J dy = -c, its curvature H. Solved for
-   x_{k+1} they say dx_{k+1} = M (dx_k, dT, du_k) + r: what is left is a linear-quadratic regulator over z = (x, T)
-   whose end is held by multipliers nu. Backwards,
+   Interval k has the unknowns y = (x_k, u_k, x_{k+1}, T), the linearised equations J dy = -c and the Hessian H. Solving
+   for x_{k+1} gives dx_{k+1} = M (dx_k, dT, du_k) + r, a linear-quadratic regulator over z = (x, T) with the terminal
+   condition dx_N = 0, whose multipliers are nu. The value function is, backwards,
 
        V_k(dz; nu) = dz'P dz / 2 + p'dz + nu'(S'dz + s) + nu'G nu / 2,
 
-   where du_k is eliminated by Cholesky's factors of its curvature. With those of -G, and a positive curvature along T
-   in the end, they exist where the whole matrix has the inertia of a minimum, and else not (Rao, Wright, Rawlings,
-   Application of interior-point methods to model predictive control, JOTA 99, 1998, with Debreu's lemma for the end:
-   HELD |dx_N|^2 / 2 changes no step, for x_N is held, and lets curvature be judged on the equations' null space). */
+   where du_k is eliminated by a Cholesky factorization of its Hessian. These factors, that of -G, and a positive Schur
+   complement of T exist if and only if the KKT matrix has the inertia of a minimum (Rao, Wright, Rawlings, Application
+   of interior-point methods to model predictive control, JOTA 99, 1998; with Debreu's lemma at the end:
+   HELD |dx_N|^2 / 2 leaves the step, as dx_N = 0, and restricts the test to the equations' null space). */
 
-/* Cholesky's factor of -G, S at T, curvature along T: where the sweep ends. */
+/* Result of the recursion at k = 0: Cholesky factor of -G, row of S for T, Schur complement of T. */
 typedef struct {
     double G[NX][NX], S[NX], curvature;
 } End;
 
-/* Place in y of the j-th of (x, T, u). */
+/* Index in y of the j-th of (x, T, u). */
 static int place(int j) { return j < NX ? j : j == NX ? NY - 1 : j - 1; }
 
-/* dx_{k+1} = M (dx_k, dT, du_k) + r; 0: the equations do not say. */
-static int solved_for_next(Stage *s) {
+/* M of dx_{k+1} = M (dx_k, dT, du_k) + r; 0: singular. */
+static int solve_for_next(Stage *s) {
     for (int i = 0; i < NX; i++) {
         for (int j = 0; j < NX; j++) s->LU[i][j] = s->J[i][BLOCK + j];
         for (int j = 0; j < NV; j++) s->M[i][j] = -s->J[i][place(j)];
@@ -30,8 +30,8 @@ static int solved_for_next(Stage *s) {
     return 1;
 }
 
-/* Curvature F along (x, T, u), and S along them, of P and S along (x_{k+1}, T). */
-static void pulled_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
+/* Stage Hessian F and row SM in (x, T, u), from P and S in (x_{k+1}, T). */
+static void pull_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
     double Y[NZ][NV], Z[NX][NV];
     for (int i = 0; i < NZ; i++) {
         for (int j = 0; j < NV; j++) Y[i][j] = 0;
@@ -53,8 +53,8 @@ static void pulled_back(const Stage *s, double F[NV][NV], double SM[NV][NX]) {
         for (int j = 0; j <= i; j++) F[i][j] = F[j][i] = (F[i][j] + F[j][i]) / 2 + s->B[place(i)][place(j)];
 }
 
-/* Cholesky's factor of the torques' curvature, with as much on its diagonal as a minimum takes: `least`, or ten times as
-   much again and again; 0: nothing helps. */
+/* Cholesky factor of the torques' Hessian, with an inertia correction of `least` times a power of ten if needed; 0: the
+   correction is too large. */
 static int factor_convex(double L[NU][NU], double least) {
     double own[NU][NU];
     memcpy(own, L, sizeof own);
@@ -66,21 +66,21 @@ static int factor_convex(double L[NU][NU], double least) {
     return 1;
 }
 
-/* One interval backwards, from P, S and G (negative) at its end to those at its beginning; 0: no minimum.
-   `bent` is what is added to the diagonal of H along (x_k, u_k); `convex`: along u_k where that is no minimum. */
-static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *bent,
+/* One stage of the recursion: P, S and -G from the end of an interval to its start; 0: wrong inertia.
+   `sigma`: diagonal added to H for (x_k, u_k); `convex`: least inertia correction of u_k. */
+static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[NX][NX], const double *sigma,
                         double convex) {
     double F[NV][NV], SM[NV][NX];
-    if (!solved_for_next(s)) return 0;
+    if (!solve_for_next(s)) return 0;
     for (int i = 0; i < NX; i++) {
         for (int j = 0; j < NX; j++) P[i][j] += s->B[BLOCK + i][BLOCK + j];
         P[i][NX] += s->B[BLOCK + i][NY - 1], P[NX][i] += s->B[BLOCK + i][NY - 1];
     }
     memcpy(s->P, P, sizeof s->P), memcpy(s->S, S, sizeof s->S);
-    pulled_back(s, F, SM);
+    pull_back(s, F, SM);
     for (int i = 0; i < NU; i++) {
         for (int j = 0; j < NU; j++) s->L[i][j] = F[NZ + i][NZ + j];
-        s->L[i][i] += bent[NX + i];
+        s->L[i][i] += sigma[NX + i];
         for (int j = 0; j < NZ; j++) s->K[i][j] = F[NZ + i][j];
         for (int j = 0; j < NX; j++) s->Kn[i][j] = SM[NZ + i][j];
     }
@@ -96,49 +96,50 @@ static int stage_factor(Stage *s, double P[NZ][NZ], double S[NZ][NX], double G[N
         }
     }
     for (int i = 0; i < NX; i++) {
-        P[i][i] += bent[i];
+        P[i][i] += sigma[i];
         for (int l = 0; l < NU; l++)
             for (int j = 0; j < NX; j++) G[i][j] += s->Kn[l][i] * s->Kn[l][j];
     }
     return 1;
 }
 
-/* The curvature of an interval with that which bounds of its middle add: row by row, so that registers hold a row. */
-static void add_bound_hessian(const Program *it, int k) {
-    Stage *s = it->stages + k;
-    s->B = it->all > it->size ? s->bounded : s->H;
-    if (it->all == it->size) return;
-    const char *open = it->open + it->size + NX * k;
-    const double *bent = it->bent + it->size + NX * k;
+/* Hessian of an interval with the barrier terms of its middle's bounds: row by row, to keep a row in registers. */
+static void add_bound_hessian(const Program *nlp, int k) {
+    Stage *s = nlp->stages + k;
+    s->B = nlp->all > nlp->size ? s->bounded : s->H;
+    if (nlp->all == nlp->size) return;
+    const char *is_free = nlp->is_free + nlp->size + NX * k;
+    const double *sigma = nlp->sigma + nlp->size + NX * k;
     for (int i = 0; i < NY; i++) {
         double row[NY];
         for (int j = 0; j < NY; j++) row[j] = s->H[i][j];
         for (int l = 0; l < NX; l++) {
-            double weight = open[l] ? s->Jm[l][i] * bent[l] : 0;
+            double weight = is_free[l] ? s->Jm[l][i] * sigma[l] : 0;
             for (int j = 0; j < NY; j++) row[j] += weight * s->Jm[l][j];
         }
         for (int j = 0; j < NY; j++) s->bounded[i][j] = row[j];
     }
 }
 
-/* All intervals; `it->bent` is what is added to the diagonal of H, in the order of the unknowns. 0: no minimum. */
-static int factor(const Program *it, End *end) {
+/* Factorization over all intervals; `nlp->sigma`: diagonal added to H. 0: wrong inertia. */
+static int factor(const Program *nlp, End *end) {
     double P[NZ][NZ] = {{0}}, S[NZ][NX] = {{0}}, G[NX][NX] = {{0}}, a[NX];
     for (int i = 0; i < NX; i++) P[i][i] = HELD, S[i][i] = 1;
-    for (int k = it->N - 1; k >= 0; k--)
-        if (add_bound_hessian(it, k), !stage_factor(it->stages + k, P, S, G, it->bent + BLOCK * k, it->convex)) return 0;
+    for (int k = nlp->N - 1; k >= 0; k--)
+        if (add_bound_hessian(nlp, k),
+            !stage_factor(nlp->stages + k, P, S, G, nlp->sigma + BLOCK * k, nlp->convex)) return 0;
     memcpy(end->G, G, sizeof G), memcpy(end->S, S[NX], sizeof end->S), memcpy(a, end->S, sizeof a);
     if (!cholesky(&end->G[0][0], NX)) return 0;
     forward(&end->G[0][0], NX, a, 1);
-    end->curvature = P[NX][NX] + it->bent[it->size - 1];
+    end->curvature = P[NX][NX] + nlp->sigma[nlp->size - 1];
     for (int i = 0; i < NX; i++) end->curvature += a[i] * a[i];
     return end->curvature > 0;
 }
 
-/* Vectors of the sweep backwards: d is the gradient, c the equations. Returns p at x_0, S's constant in s. */
-static void sweep_back(const Program *it, const double *d, const double *c, double p[NZ], double s[NX]) {
-    for (int k = it->N - 1; k >= 0; k--) {
-        Stage *t = it->stages + k;
+/* Backward sweep of the vectors: d: gradient, c: equations. Returns p at x_0, and the constant s. */
+static void sweep_back(const Program *nlp, const double *d, const double *c, double p[NZ], double s[NX]) {
+    for (int k = nlp->N - 1; k >= 0; k--) {
+        Stage *t = nlp->stages + k;
         double f[NV], q[NZ];
         memcpy(t->p, p, sizeof t->p);
         for (int i = 0; i < NX; i++) t->r[i] = -c[NX * k + i];
@@ -164,20 +165,20 @@ static void sweep_back(const Program *it, const double *d, const double *c, doub
     }
 }
 
-/* `step` without its slacks: those unknowns and rows alone. */
-static void step_without_slacks(const Program *it, const End *end, const double *d, const double *c, double *dw,
+/* Step of the unknowns and rows without the slacks, by a forward sweep. */
+static void step_without_slacks(const Program *nlp, const End *end, const double *d, const double *c, double *dw,
                                 double *dlam) {
     double p[NZ] = {0}, b[NX] = {0}, a[NX], nu[NX], v[NV] = {0}, gradient;
-    sweep_back(it, d, c, p, b);
+    sweep_back(nlp, d, c, p, b);
     memcpy(a, end->S, sizeof a);
     forward(&end->G[0][0], NX, a, 1), forward(&end->G[0][0], NX, b, 1);
-    gradient = p[NX] + d[it->size - 1];
+    gradient = p[NX] + d[nlp->size - 1];
     for (int i = 0; i < NX; i++) gradient += a[i] * b[i];
-    v[NX] = dw[it->size - 1] = -gradient / end->curvature;
+    v[NX] = dw[nlp->size - 1] = -gradient / end->curvature;
     for (int i = 0; i < NX; i++) nu[i] = a[i] * v[NX] + b[i];
     backward(&end->G[0][0], NX, nu);
-    for (int k = 0; k < it->N; k++) {
-        Stage *t = it->stages + k;
+    for (int k = 0; k < nlp->N; k++) {
+        Stage *t = nlp->stages + k;
         double *u = v + NZ, next[NX], *lam = dlam + NX * k;
         for (int i = 0; i < NU; i++) {
             u[i] = -t->k[i];
@@ -198,31 +199,32 @@ static void step_without_slacks(const Program *it, const End *end, const double 
         memcpy(dw + BLOCK * k, v, NX * sizeof *v), memcpy(dw + BLOCK * k + NX, u, NU * sizeof *u);
         memcpy(v, next, sizeof next);
     }
-    memset(dw + BLOCK * it->N, 0, NX * sizeof *dw); /* x_N is held */
+    memset(dw + BLOCK * nlp->N, 0, NX * sizeof *dw); /* x_N is fixed */
 }
 
-/* The step: (H + bent) dw + J'dlam = -d and J dw = -c. Of a slack, whose row is Jm dw - ds = -e, that leaves
-   ds = Jm dw + e and dlam = bent ds + d, and to the others Jm'(bent e + d). */
-static void step(const Program *it, const End *end, const double *d, const double *c, double *dw, double *dlam) {
-    if (it->all == it->size) {
-        step_without_slacks(it, end, d, c, dw, dlam);
+/* Step: (H + sigma) dw + J'dlam = -d, J dw = -c. Slacks with rows Jm dw - ds = -e are eliminated: ds = Jm dw + e and
+   dlam = sigma ds + d, which adds Jm'(sigma e + d) to the gradient of the others. */
+static void step(const Program *nlp, const End *end, const double *d, const double *c, double *dw, double *dlam) {
+    if (nlp->all == nlp->size) {
+        step_without_slacks(nlp, end, d, c, dw, dlam);
         return;
     }
-    const double *bent = it->bent + it->size, *e = c + it->equations, *gradient = d + it->size;
-    memcpy(it->reduced, d, it->size * sizeof *d);
-    for (int k = 0; k < it->N; k++) {
+    const double *sigma = nlp->sigma + nlp->size, *e = c + nlp->equations, *gradient = d + nlp->size;
+    const char *is_free = nlp->is_free + nlp->size;
+    memcpy(nlp->reduced, d, nlp->size * sizeof *d);
+    for (int k = 0; k < nlp->N; k++) {
         double weights[NX];
         for (int i = 0; i < NX; i++)
-            weights[i] = it->open[it->size + NX * k + i] ? bent[NX * k + i] * e[NX * k + i] + gradient[NX * k + i] : 0;
-        add_transposed(it, k, it->stages[k].Jm, weights, it->reduced);
+            weights[i] = is_free[NX * k + i] ? sigma[NX * k + i] * e[NX * k + i] + gradient[NX * k + i] : 0;
+        add_transposed(nlp, k, nlp->stages[k].Jm, weights, nlp->reduced);
     }
-    step_without_slacks(it, end, it->reduced, c, dw, dlam);
-    for (int i = 0; i < it->equations; i++) {
-        double *ds = dw + it->size + i, *dnu = dlam + it->equations + i, *row = it->stages[i / NX].Jm[i % NX];
+    step_without_slacks(nlp, end, nlp->reduced, c, dw, dlam);
+    for (int i = 0; i < nlp->equations; i++) {
+        double *ds = dw + nlp->size + i, *dnu = dlam + nlp->equations + i, *row = nlp->stages[i / NX].Jm[i % NX];
         *ds = *dnu = 0;
-        if (!it->open[it->size + i]) continue;
-        *ds = e[i] + row[NY - 1] * dw[it->size - 1];
+        if (!is_free[i]) continue;
+        *ds = e[i] + row[NY - 1] * dw[nlp->size - 1];
         for (int j = 0; j < NY - 1; j++) *ds += row[j] * dw[BLOCK * (i / NX) + j];
-        *dnu = bent[i] * *ds + gradient[i];
+        *dnu = sigma[i] * *ds + gradient[i];
     }
 }

@@ -14,13 +14,13 @@ from armdyn.optimal.program.condensed import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
-from armdyn.optimal.solve.stagewise.library import WATCH, Settings, stagewise_library
+from armdyn.optimal.solve.stagewise.library import MONITOR, Settings, stagewise_library
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 
-_ASKED = 10
+_POLL = 10
 """Iterations between polls of the stopping condition: half a millisecond; taking Python's lock may wait for threads."""
-_ENDED = (
+_STATUSES = (
     "Solve_Succeeded",
     "Solved_To_Acceptable_Level",
     "Maximum_Iterations_Exceeded",
@@ -94,7 +94,7 @@ class Stagewise:
         given = [np.ascontiguousarray(numbers, dtype=float) for numbers in (data.p, lower, upper)]
         raised: list[BaseException] = []
 
-        def watched(iteration: int, cost: float, infeasible: float, error: float, barrier: float) -> bool:
+        def monitor(iteration: int, cost: float, infeasible: float, error: float, barrier: float) -> bool:
             try:
                 if own.verbose:
                     print(f"{iteration:4d} {cost:14.8f} {infeasible:9.2e} {error:9.2e} {barrier:8.1e}")  # noqa: T201
@@ -105,13 +105,13 @@ class Stagewise:
 
         code = self.library.solve(
             self.intervals, slacks > 0, *map(_pointer, given), ctypes.byref(self._settings),
-            1 if own.verbose else _ASKED, WATCH(watched), *map(_pointer, (w, lam, z)), ctypes.byref(count),
+            1 if own.verbose else _POLL, MONITOR(monitor), *map(_pointer, (w, lam, z)), ctypes.byref(count),
         )  # fmt: skip
         if raised:
             raise raised[0]
-        if code == len(_ENDED):
+        if code == len(_STATUSES):
             raise MemoryError
-        word, found = _ENDED[code], (w[:size], z[:size], lam[:rows])
+        word, found = _STATUSES[code], (w[:size], z[:size], lam[:rows])
         return NlpResult.of(STATUS.get(word, Status.FAILED), word.replace("_", " "), stop, count.value, data, found)
 
     def equations(self, x: Array, p: Array) -> Array:

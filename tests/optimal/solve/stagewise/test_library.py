@@ -1,4 +1,4 @@
-"""Riccati's sweep against a dense solve of the same equations, and its judgement of inertia against eigenvalues."""
+"""Riccati recursion against a dense solve of the same equations, and its inertia test against eigenvalues."""
 
 import ctypes
 import shutil
@@ -19,20 +19,20 @@ N, JOINTS = 4, 2
 STATE, BLOCK = 2 * JOINTS, 3 * JOINTS
 WIDTH, SIZE = 5 * JOINTS + 1, BLOCK * N + STATE + 1
 NEWTON = """
-int newton_step(int N, int bounded, const double *J, const double *Jm, const double *H, double *bent, const char *open,
-                const double *d, const double *c, double *dw, double *dlam) {
-    Program it = program_of(N, NULL, bounded);
+int newton_step(int N, int bounded, const double *J, const double *Jm, const double *H, double *sigma,
+                const char *is_free, const double *d, const double *c, double *dw, double *dlam) {
+    Program nlp = program_of(N, NULL, bounded);
     End end;
-    it.stages = calloc(N, sizeof *it.stages), it.reduced = calloc(it.size, sizeof *it.reduced);
-    it.bent = bent, it.open = open;
+    nlp.stages = calloc(N, sizeof *nlp.stages), nlp.reduced = calloc(nlp.size, sizeof *nlp.reduced);
+    nlp.sigma = sigma, nlp.is_free = is_free;
     for (int k = 0; k < N; k++) {
-        memcpy(it.stages[k].J, J + k * NX * NY, sizeof it.stages[k].J);
-        memcpy(it.stages[k].Jm, Jm + k * NX * NY, sizeof it.stages[k].Jm);
-        memcpy(it.stages[k].H, H + k * NY * NY, sizeof it.stages[k].H);
+        memcpy(nlp.stages[k].J, J + k * NX * NY, sizeof nlp.stages[k].J);
+        memcpy(nlp.stages[k].Jm, Jm + k * NX * NY, sizeof nlp.stages[k].Jm);
+        memcpy(nlp.stages[k].H, H + k * NY * NY, sizeof nlp.stages[k].H);
     }
-    int found = factor(&it, &end);
-    if (found) step(&it, &end, d, c, dw, dlam);
-    free(it.stages), free(it.reduced);
+    int found = factor(&nlp, &end);
+    if (found) step(&nlp, &end, d, c, dw, dlam);
+    free(nlp.stages), free(nlp.reduced);
     return found;
 }
 """
@@ -40,7 +40,7 @@ int newton_step(int N, int bounded, const double *J, const double *Jm, const dou
 
 @pytest.fixture(scope="module")
 def newton_step(tmp_path_factory):
-    """The sweep behind a door of its own: (J, Jm, H, bent, open, d, c) to step and multipliers, or None."""
+    """The Riccati recursion alone: (J, Jm, H, sigma, is_free, d, c) to step and multipliers, or None."""
     one = StageFunctions.of(Dynamics(paper_arm("rr"), free_last_body=True))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ARMDYN_CACHE", str(tmp_path_factory.mktemp("cache")))
@@ -79,10 +79,10 @@ def equations(seed, curvature):
 @pytest.mark.parametrize("seed", range(5))
 def test_step_is_that_of_the_whole_matrix(newton_step, seed):
     parts, (A, _, W), free, random = equations(seed, 12.0)
-    d, c, bent = random.normal(size=SIZE), random.normal(size=STATE * N), random.uniform(0, 2, SIZE)
-    matrix = np.block([[W + np.diag(bent[free]), A.T], [A, np.zeros((STATE * N, STATE * N))]])
+    d, c, sigma = random.normal(size=SIZE), random.normal(size=STATE * N), random.uniform(0, 2, SIZE)
+    matrix = np.block([[W + np.diag(sigma[free]), A.T], [A, np.zeros((STATE * N, STATE * N))]])
     expected = np.linalg.solve(matrix, -np.concatenate([d[free], c]))
-    dw, dlam = newton_step(*parts, bent, np.ones(SIZE, dtype=np.int8), d, c)
+    dw, dlam = newton_step(*parts, sigma, np.ones(SIZE, dtype=np.int8), d, c)
     held = np.setdiff1d(np.arange(SIZE), free)
     assert np.all(dw[held] == 0)
     # Rounding times the matrix's condition, some 1e3, and HELD, 1e4.
@@ -94,20 +94,20 @@ def test_step_is_that_of_the_whole_matrix(newton_step, seed):
 def test_step_with_slacks_is_that_of_the_whole_matrix(newton_step, seed):
     parts, (A, M, W), free, random = equations(seed, 12.0)
     rows = STATE * N
-    d, c, bent = random.normal(size=SIZE + rows), random.normal(size=2 * rows), random.uniform(0, 2, SIZE + rows)
-    opened = np.append(np.ones(SIZE), random.integers(0, 2, rows)).astype(np.int8)
-    some = np.flatnonzero(opened[SIZE:])
+    d, c, sigma = random.normal(size=SIZE + rows), random.normal(size=2 * rows), random.uniform(0, 2, SIZE + rows)
+    is_free = np.append(np.ones(SIZE), random.integers(0, 2, rows)).astype(np.int8)
+    some = np.flatnonzero(is_free[SIZE:])
     slack, none = np.eye(some.size), np.zeros
     gradient = np.concatenate([d[free], d[SIZE + some]])
     J = np.block([[A, none((rows, some.size))], [M[some], -slack]])
     whole = np.block([[W, none((free.size, some.size))], [none((some.size, free.size)), none((some.size, some.size))]])
-    whole += np.diag(np.concatenate([bent[free], bent[SIZE + some]]))
+    whole += np.diag(np.concatenate([sigma[free], sigma[SIZE + some]]))
     matrix = np.block([[whole, J.T], [J, none((len(J), len(J)))]])
     expected = np.linalg.solve(matrix, -np.concatenate([gradient, c[:rows], c[rows + some]]))
-    dw, dlam = newton_step(*parts, bent, opened, d, c)
+    dw, dlam = newton_step(*parts, sigma, is_free, d, c)
     found = np.concatenate([dw[free], dw[SIZE + some], dlam[:rows], dlam[rows + some]])
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.max(np.abs(expected)))  # as above
-    assert np.all(dw[SIZE:][opened[SIZE:] == 0] == 0) and np.all(dlam[rows:][opened[SIZE:] == 0] == 0)
+    assert np.all(dw[SIZE:][is_free[SIZE:] == 0] == 0) and np.all(dlam[rows:][is_free[SIZE:] == 0] == 0)
 
 
 @pytest.mark.slow
@@ -117,8 +117,8 @@ def test_factors_exist_where_the_curvature_is_a_minimums(newton_step):
         parts, (A, _, W), _, _ = equations(seed, curvature=2.0)
         along = null_space(A)
         least = np.min(np.linalg.eigvalsh(along.T @ W @ along))
-        nothing, opened = np.zeros(SIZE), np.ones(SIZE, dtype=np.int8)
-        there = newton_step(*parts, nothing, opened, nothing, np.zeros(STATE * N)) is not None
+        nothing, is_free = np.zeros(SIZE), np.ones(SIZE, dtype=np.int8)
+        there = newton_step(*parts, nothing, is_free, nothing, np.zeros(STATE * N)) is not None
         judged.append((least > 0, there))
         # HELD is a number: curvature below its inverse may count as of the wrong sign.
         assert there == (least > 0) or abs(least) < 1e-2
