@@ -14,7 +14,7 @@ struct Friction {
   std::vector<double> damping, coulomb, width;
 };
 
-// For one thread: its work space is its own. Every vector has nv numbers, every matrix nv rows of nv.
+// For one thread, because of its workspace. Vectors have shape (nv,), matrices (nv, nv), by rows.
 class Arm {
  public:
   Arm(const Tree& tree, Friction friction);
@@ -30,7 +30,7 @@ class Arm {
   void torque(const double* q, const double* v, const double* a, double* tau);
   // Joint-space inertia M(q): composite rigid bodies.
   void inertia(const double* q, double* matrix);
-  // Acceleration and its derivatives by q, v and tau, the last of which is the inverse of M.
+  // Acceleration and its derivatives with respect to q, v and tau; the last is the inverse of M.
   // J. Carpentier, N. Mansard, Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018.
   void derivatives(const double* q, const double* v, const double* tau, double* a, double* by_q, double* by_v,
                    double* by_tau);

@@ -1,4 +1,4 @@
-// The numeric arm's boundary: arrays in, arrays out. Other threads go on meanwhile.
+// Python bindings of the numeric arm: arrays in, arrays out. They release the GIL.
 #include "motion.hpp"
 
 #include <nanobind/nanobind.h>
@@ -32,10 +32,10 @@ std::vector<std::size_t> shape_of(const Table& table, std::vector<std::size_t> m
 }
 
 void expect(bool fits) {
-  if (!fits) throw nb::value_error("the arrays do not fit each other, or the arm's joints");
+  if (!fits) throw nb::value_error("the arrays do not match each other or the arm's joints");
 }
 
-// Number of states; every table has one row for each.
+// Number of states; every table has one row per state.
 std::size_t states(const Arm& arm, std::initializer_list<const Table*> tables) {
   const std::size_t size = (*tables.begin())->size();
   for (const Table* each : tables) expect(each->size() == size);

@@ -1,4 +1,4 @@
-// A function of columns of numbers: compiled C, or casadi's virtual machine where there is no compiler.
+// Function of columns of numbers: compiled C, or CasADi's virtual machine without a compiler.
 #pragma once
 
 #include <casadi/casadi.hpp>
@@ -10,15 +10,15 @@
 
 namespace armdyn {
 
-// What casadi's code generation makes of a Function, which must stay loaded; or the Function itself.
+// Generated C function of a CasADi Function, which must stay loaded; or the serialized Function.
 struct CallableSource {
-  std::uintptr_t address = 0;         // of the C function; 0: none
-  std::array<std::size_t, 4> work{};  // its sizes: arguments, results, integers, numbers
-  std::string serialized;             // of the casadi::Function, where there is no C function
+  std::uintptr_t address = 0;         // C function; 0: none
+  std::array<std::size_t, 4> work{};  // workspace: arguments, results, integers, numbers
+  std::string serialized;             // casadi::Function, without a C function
 };
 
-// One caller's: it has work space of its own, so that each thread has one. It is made and destroyed by one thread at a
-// time, as casadi's expressions are counted without locks; calls may run side by side.
+// Caller with its own workspace, one per thread. It is created and destroyed under a lock, as CasADi counts references
+// to expressions without locks; calls may run concurrently.
 class Callable {
  public:
   explicit Callable(const CallableSource& source) : compiled_(reinterpret_cast<casadi::eval_t>(source.address)) {

@@ -11,19 +11,19 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-constexpr int kMostHalvings = 48;  // of one step: then its parts are as short as rounding
+constexpr int kMostHalvings = 48;  // per step: then its parts are of the size of rounding
 
-// One after the other, from the state x and its rate there.
+// Consecutive steps, from the state x and its rate.
 class Stepper {
  public:
   Stepper(Arm& arm, const ExplicitMethod& method, double rtol)
       : arm_(arm), method_(method), rtol_(rtol), n_(arm.nv()), stages_(method.stages),
         K_((stages_ + 1) * 2 * n_), next_(2 * n_), torque_(n_), middle_(kMostHalvings * n_), x(2 * n_), rate(2 * n_) {}
 
-  // The rate at x under a torque.
+  // Rate at x under a torque.
   void begin(const double* tau) { rate_of(x.data(), tau, rate.data()); }
 
-  // Go on for h under a torque that changes linearly. False: x is no longer what it was, and not where it should be.
+  // Integrate over h under a linear torque. False: failed, with x in an undefined state.
   bool advance(double h, const double* first, const double* last, long& spare, int depth = 0) {
     if (step(h, first, last)) return true;
     spare -= static_cast<long>(stages_);
@@ -67,7 +67,7 @@ class Stepper {
     for (std::size_t j = 0; j < size; ++j) next_[j] = x[j] + h * next_[j];
   }
 
-  // Hairer, Nørsett, Wanner, Solving ODEs I, II.10: the two embedded errors together, over the tolerance.
+  // Hairer, Nørsett, Wanner, Solving ODEs I, II.10: the two embedded errors combined, relative to the tolerance.
   double error(double h) const {
     const std::size_t size = 2 * n_;
     double fine = 0, coarse = 0;
@@ -102,7 +102,7 @@ void clip(const TorqueRange& range, const double* v, double* tau) {
       lower = std::max(lower, -range.rests[k] - range.slopes[k] * v[i]);
       upper = std::min(upper, range.rests[k] - range.slopes[k] * v[i]);
     }
-    lower = std::min(lower, range.upper[i]);  // faster than its motor can go a joint cannot but brake
+    lower = std::min(lower, range.upper[i]);  // beyond the motor's no-load speed a joint can only brake
     upper = std::max(upper, range.lower[i]);
     tau[i] = std::min(std::max(tau[i], lower), upper);
   }
@@ -117,7 +117,7 @@ std::vector<double> replay(Arm& arm, const ExplicitMethod& method, const Sampled
   stepper.x = std::move(x);
   Numbers states(stepper.x);
   states.reserve(samples * 2 * n);
-  const double* last = nullptr;  // torque for which the rate at x is known
+  const double* last = nullptr;  // torque of the known rate at x
   for (std::size_t k = 0; k + 1 < samples; ++k) {
     if (!torques.jumps[k]) {
       const double *begin = &torques.tau[k * n], *end = &torques.tau_end[k * n];
@@ -136,9 +136,9 @@ std::vector<double> track(Arm& arm, const ExplicitMethod& method, SampledTorques
   const double damping = 2 * tracking.bandwidth, stiffness = tracking.bandwidth * tracking.bandwidth;
   Stepper stepper(arm, method, rtol);
   stepper.x = std::move(x);
-  Numbers states(stepper.x), beside(n), led(n), M(n * n), before(2 * n), rate(2 * n);
+  Numbers states(stepper.x), feedback(n), led(n), M(n * n), before(2 * n), rate(2 * n);
   states.reserve(samples * 2 * n);
-  bool known = false;  // the rate at x under the sample's torque
+  bool known = false;  // whether the rate at x under the sample's torque is known
   for (std::size_t k = 0; k + 1 < samples; ++k) {
     if (torques.jumps[k]) {
       known = false;
@@ -146,11 +146,11 @@ std::vector<double> track(Arm& arm, const ExplicitMethod& method, SampledTorques
       const double *wanted = &tracking.wanted[k * 2 * n], *begin = &torques.tau[k * n];
       double* end = &torques.tau[(k + 1) * n];
       for (std::size_t i = 0; i < n; ++i)
-        beside[i] = damping * (stepper.x[n + i] - wanted[n + i]) + stiffness * (stepper.x[i] - wanted[i]);
+        feedback[i] = damping * (stepper.x[n + i] - wanted[n + i]) + stiffness * (stepper.x[i] - wanted[i]);
       arm.inertia(stepper.x.data(), M.data());
       for (std::size_t i = 0; i < n; ++i) {
         double correction = 0;
-        for (std::size_t j = 0; j < n; ++j) correction += M[i * n + j] * beside[j];
+        for (std::size_t j = 0; j < n; ++j) correction += M[i * n + j] * feedback[j];
         end[i] = led[i] = end[i] - tracking.fade[k] * correction;
       }
       clip(range, &stepper.x[n], end);

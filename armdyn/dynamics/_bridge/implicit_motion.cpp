@@ -13,7 +13,7 @@ namespace {
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Vector = Eigen::VectorXd;
 
-// x'' = f(x, x', tau) at the stages: unknown are their accelerations, a (stages, n).
+// x'' = f(x, x', tau) at the stages; unknowns: the accelerations there, a (stages, n).
 class Collocation {
  public:
   Collocation(Arm& arm, const ImplicitMethod& method)
@@ -22,7 +22,7 @@ class Collocation {
         by_v_(n_, n_), by_tau_(n_, n_), a_(s_, n_), rates_(s_, n_), system_(s_ * n_, s_ * n_),
         sources_(s_ * n_, 3 * n_), change_(s_ * n_), far_(n_, 3 * n_), fast_(n_, 3 * n_), lu_(s_ * n_) {}
 
-  // Replaces x by the state after h, and yields its derivatives by x (2 n, 2 n) and by a constant torque (2 n, n).
+  // Replaces x by the state after h; returns its derivatives in x (2 n, 2 n) and in a constant torque (2 n, n).
   void step(double h, const Vector& first, const Vector& last, Vector& x, Matrix& transition, Matrix& forced) {
     const Vector q = x.head(n_), v = x.tail(n_);
     linearise(h, first, last, q, v);
@@ -36,7 +36,7 @@ class Collocation {
  private:
   Eigen::Map<const Vector> b() const { return {method_.b.data(), s_}; }
 
-  // Derivatives at the middle of the step, and a guess of the accelerations: a line through start and middle.
+  // Derivatives at the middle of the step, and a linear guess of the accelerations from start and middle.
   void linearise(double h, const Vector& first, const Vector& last, const Vector& q, const Vector& v) {
     Vector start(n_), there(n_);
     arm_.acceleration(q.data(), v.data(), first.data(), start.data());
@@ -52,7 +52,7 @@ class Collocation {
     lu_.compute(system_);
   }
 
-  // Newton's method with one matrix. False: it does not converge.
+  // Simplified Newton method with one matrix. False: not converged.
   bool solve(double h, const Vector& first, const Vector& last, const Vector& q, const Vector& v) {
     const double scale = 1 + v.cwiseAbs().maxCoeff();
     double before = std::numeric_limits<double>::quiet_NaN(), error = std::numeric_limits<double>::infinity();
@@ -69,14 +69,14 @@ class Collocation {
       Eigen::Map<Vector>(a_.data(), s_ * n_) += change_;
       const double size = change_.allFinite() ? h * change_.cwiseAbs().maxCoeff() / scale
                                               : std::numeric_limits<double>::infinity();
-      error = size * std::fmin(size / before, 1.0);  // it shrinks at least as fast again; at first it is not known
+      error = size * std::fmin(size / before, 1.0);  // extrapolated at the last rate of convergence
       if (error <= method_.tolerance || (size > before / 2 && size <= method_.stalled)) break;
       before = size;
     }
     return error <= method_.stalled;
   }
 
-  // How the accelerations at the stages depend on the start state and on a constant torque, and so does the end.
+  // Derivatives of the stages' accelerations, and of the end state, in the start state and in a constant torque.
   void differentiate(double h, Matrix& transition, Matrix& forced) {
     for (Eigen::Index i = 0; i < s_; ++i) sources_.middleRows(i * n_, n_) << by_q_, by_v_ + h * method_.c[i] * by_q_, by_tau_;
     sources_ = lu_.solve(sources_);
@@ -121,7 +121,7 @@ ImplicitSteps implicit_steps(Arm& arm, const ImplicitMethod& method, const std::
       const Vector first = begin + (end - begin) * part / parts, last = begin + (end - begin) * (part + 1) / parts;
       collocation.step(h[k] / parts, first, last, state, own, forced);
       if (part) {
-        whole = own * whole;  // Eigen evaluates a product before it is assigned
+        whole = own * whole;  // Eigen evaluates the product before the assignment
         pushed = forced + own * pushed;
       } else {
         whole = own;

@@ -1,4 +1,4 @@
-// A controller around an arm, tick by tick: read, estimate, decide, clip, integrate.
+// Closed loop of an arm and a controller, tick by tick: measure, estimate, compute, saturate, integrate.
 #include "loop.hpp"
 
 #include <algorithm>
@@ -7,15 +7,15 @@
 namespace armdyn {
 namespace {
 
-constexpr int kMostSteps = 20000;     // of RK4 tried in one tick
-constexpr double kShortest = 1e-6;    // step, as a part of a tick
-constexpr double kFade = 0.01;        // part of half a torque range over which a continuous integral halts
+constexpr int kMostSteps = 20000;     // largest number of RK4 steps in one tick
+constexpr double kShortest = 1e-6;    // shortest step, as a part of a tick
+constexpr double kFade = 0.01;        // part of half a torque range over which a continuous integral is faded out
 constexpr double kUnwind = 0.01;      // time constant of back calculation [s]
 constexpr double kVelocityScale = 1000;  // tolerance of a velocity [rad/s] over that of a position [rad]
 
 using Numbers = std::vector<double>;
 
-// The last row holds for good.
+// Row of a tick; the last row is repeated.
 const double* row_of(const Numbers& table, std::size_t width, int tick) {
   return &table[std::min<std::size_t>(tick, table.size() / width - 1) * width];
 }
@@ -25,7 +25,7 @@ class Between {
  public:
   Between(const LoopProblem& problem, Callable& plant, Callable& law)
       : problem_(problem), plant_(plant), law_(law), nv_(problem.lower.size()),
-        row_(problem.row_size), wanted_(nv_), tau(nv_) {}
+        row_(problem.row_size), command_(nv_), tau(nv_) {}
 
   std::size_t size() const { return (problem_.continuous ? 3 : 2) * nv_; }
 
@@ -42,7 +42,7 @@ class Between {
     plant_(rate + nv_);
   }
 
-  // Torque of the continuous controller, and how fast its integrals run.
+  // Torque of the continuous controller, and the rates of its integrals.
   void decide(double s, const double* x, double* running) {
     const double *a = row_of(problem_.rows, problem_.row_size, tick_);
     const double *b = row_of(problem_.rows, problem_.row_size, tick_ + 1);
@@ -53,14 +53,14 @@ class Between {
     law_.argument(2) = x + 2 * nv_;
     law_.argument(3) = nullptr;
     law_.argument(4) = row_.data();
-    law_(wanted_.data());
+    law_(command_.data());
     const bool runs = (tick_ + s) * problem_.period >= problem_.integrate_from;
     for (std::size_t i = 0; i < nv_; ++i) {
-      tau[i] = std::min(std::max(wanted_[i], problem_.lower[i]), problem_.upper[i]);
-      const double error = runs ? qa[i] + s * (qb[i] - qa[i]) - x[i] : 0.0, excess = wanted_[i] - tau[i];
+      tau[i] = std::min(std::max(command_[i], problem_.lower[i]), problem_.upper[i]);
+      const double error = runs ? qa[i] + s * (qb[i] - qa[i]) - x[i] : 0.0, excess = command_[i] - tau[i];
       running[i] = error;
       if (problem_.antiwindup == Antiwindup::conditional && excess * error > 0) {
-        // A plain switch would make the equations slide along the limit.
+        // A hard switch would cause sliding along the limit.
         const double band = kFade * std::max(0.5 * (problem_.upper[i] - problem_.lower[i]), 1e-6);
         running[i] *= std::max(0.0, 1.0 - std::abs(excess) / band);
       } else if (problem_.antiwindup == Antiwindup::back_calculation && problem_.integral_gain[i] > 0) {
@@ -69,20 +69,20 @@ class Between {
     }
   }
 
-  const Numbers& wanted() const { return wanted_; }
+  const Numbers& command() const { return command_; }
 
  private:
   const LoopProblem& problem_;
   Callable &plant_, &law_;
   std::size_t nv_;
   int tick_ = 0;
-  Numbers row_, wanted_;
+  Numbers row_, command_;
 
  public:
-  Numbers tau;  // that acts [N m]
+  Numbers tau;  // applied torque [N m]
 };
 
-// Runge and Kutta's classical method over one tick, in steps of such a length that half of it changes nothing.
+// Classical Runge-Kutta method over one tick, with step-size control by halving.
 class Stepper {
  public:
   explicit Stepper(Between& between) : between_(between) {
@@ -91,7 +91,7 @@ class Stepper {
 
   double shortest() const { return shortest_; }
 
-  // False: no step is short enough, or numbers are no longer finite.
+  // False: the shortest step is not accurate enough, or values are not finite.
   bool tick(Numbers& x, double period, double tolerance, std::size_t nv) {
     double s = 0;
     for (int count = 0; s < 1; ++count) {
@@ -103,13 +103,13 @@ class Stepper {
       if (!std::isfinite(error) || count > kMostSteps) {
         if (part < kShortest || count > kMostSteps) return false;
         part_ = part / 4;
-      } else if (error > 1 && part > kShortest) {  // the shortest step crosses a torque's corner: its error is nothing
+      } else if (error > 1 && part > kShortest) {  // the shortest step crosses a torque's corner: negligible error
         part_ = part / 2;
       } else {
         shortest_ = std::min(shortest_, part);
         if (error < 1.0 / 64) part_ = std::min(1.0, 2 * part_);
         s += part;
-        // Richardson: the error of the halves is a fifteenth of the difference.
+        // Richardson extrapolation: the halves' error is a fifteenth of the difference.
         for (std::size_t j = 0; j < x.size(); ++j) x[j] = fine_[j] + (fine_[j] - coarse_[j]) / 15;
       }
     }
@@ -148,14 +148,14 @@ class Stepper {
   double part_ = 1, shortest_ = 1;  // of a tick
 };
 
-// What the controller reads: encoders, and a velocity that is estimated.
+// Measurements of the controller: encoders, and an estimated velocity.
 class Sensors {
  public:
   Sensors(const LoopProblem& problem, Callable* model)
       : problem_(problem), model_(model), nv_(problem.lower.size()), q(problem.start.begin(), problem.start.begin() + nv_),
         v(problem.start.begin() + nv_, problem.start.end()), last_(nv_), acceleration_(nv_) {}
 
-  // The reading at a tick, of the joints' state x and the torque over the tick before.
+  // Measurement at a tick, from the state x and the torque of the tick before.
   void read(int tick, const Numbers& x, const Numbers& before) {
     const double h = problem_.period, p = problem_.pole;
     if (tick > 0 && problem_.velocity == Velocity::observer) predict(before);
@@ -170,7 +170,7 @@ class Sensors {
         v[i] = p * v[i] + (1 - p) * (y - last_[i]) / h;
         last_[i] = q[i] = y;
       } else {
-        const double innovation = y - q[i];  // gains that put both poles at p
+        const double innovation = y - q[i];  // gains for a double pole at p
         q[i] += (1 - p * p) * innovation;
         v[i] += (1 - p) * (1 - p) / h * innovation;
       }
@@ -200,18 +200,18 @@ class Sensors {
   std::size_t nv_;
 
  public:
-  Numbers q, v;  // as the controller reads them
+  Numbers q, v;  // measured
 
  private:
   Numbers last_, acceleration_;
 };
 
-// The integral of a sampled controller after a tick.
+// Update the integral of a sampled controller after a tick.
 void integrate(const LoopProblem& problem, double time, const double* q_reference, const Numbers& q,
-               const Numbers& wanted, const Numbers& clipped, Numbers& integral) {
-  if (time < problem.integrate_from - kUnwind * 1e-9) return;  // ticks are sums that were rounded
+               const Numbers& command, const Numbers& clipped, Numbers& integral) {
+  if (time < problem.integrate_from - kUnwind * 1e-9) return;  // ticks are rounded sums
   for (std::size_t i = 0; i < q.size(); ++i) {
-    const double error = q_reference[i] - q[i], excess = wanted[i] - clipped[i];
+    const double error = q_reference[i] - q[i], excess = command[i] - clipped[i];
     if (problem.antiwindup == Antiwindup::conditional && excess * error > 0) continue;
     integral[i] += problem.period * error;
     if (problem.antiwindup == Antiwindup::back_calculation && problem.integral_gain[i] > 0)
@@ -238,7 +238,7 @@ LoopRun run_loop(const LoopProblem& problem, Callable& plant, Callable& law, Cal
   LoopRun run;
   for (Numbers* table : {&run.q, &run.v, &run.tau, &run.estimate}) table->resize(count);
   run.clipped.resize(static_cast<std::size_t>(problem.ticks) * nv);
-  Numbers x(problem.start), pending(problem.first), wanted(nv), clipped(nv), integral(nv);
+  Numbers x(problem.start), pending(problem.first), command(nv), clipped(nv), integral(nv);
   x.resize(between.size());
   const auto record = [&](int k) {
     std::copy_n(x.begin(), nv, &run.q[k * nv]);
@@ -252,7 +252,7 @@ LoopRun run_loop(const LoopProblem& problem, Callable& plant, Callable& law, Cal
       Numbers running(nv);
       between.decide(0.0, x.data(), running.data());
       sensors.v.assign(x.begin() + nv, x.begin() + 2 * nv);
-      for (std::size_t i = 0; i < nv; ++i) run.clipped[k * nv + i] = between.wanted()[i] != between.tau[i];
+      for (std::size_t i = 0; i < nv; ++i) run.clipped[k * nv + i] = between.command()[i] != between.tau[i];
     } else {
       sensors.read(k, x, between.tau);
       law.argument(0) = sensors.q.data();
@@ -260,12 +260,12 @@ LoopRun run_loop(const LoopProblem& problem, Callable& plant, Callable& law, Cal
       law.argument(2) = integral.data();
       law.argument(3) = pending.data();
       law.argument(4) = row_of(problem.rows, problem.row_size, k);
-      law(wanted.data());
+      law(command.data());
       for (std::size_t i = 0; i < nv; ++i) {
-        clipped[i] = std::min(std::max(wanted[i], problem.lower[i]), problem.upper[i]);
-        run.clipped[k * nv + i] = wanted[i] != clipped[i];
+        clipped[i] = std::min(std::max(command[i], problem.lower[i]), problem.upper[i]);
+        run.clipped[k * nv + i] = command[i] != clipped[i];
       }
-      integrate(problem, k * problem.period, row_of(problem.q_reference, nv, k), sensors.q, wanted, clipped, integral);
+      integrate(problem, k * problem.period, row_of(problem.q_reference, nv, k), sensors.q, command, clipped, integral);
       pending.insert(pending.end(), clipped.begin(), clipped.end());
       std::copy_n(pending.begin(), nv, between.tau.begin());
       pending.erase(pending.begin(), pending.begin() + nv);

@@ -1,4 +1,4 @@
-// The loop's boundary: tables of numbers in, tables of numbers out.
+// Python bindings of the loop: tables in, tables out.
 #include "loop.hpp"
 
 #include <nanobind/nanobind.h>
@@ -23,7 +23,7 @@ nb::bytes bytes_of(const std::vector<T>& table) {
   return nb::bytes(table.data(), table.size() * sizeof(T));
 }
 
-// Numbers of the loop that are one each.
+// Scalars of the loop.
 void read_scalars(armdyn::LoopProblem& problem, const nb::dict& one) {
   const auto real = [&](const char* name) { return nb::cast<double>(one[name]); };
   problem.period = real("period");
@@ -68,7 +68,7 @@ void check_sizes(const armdyn::LoopProblem& problem) {
                     problem.q_reference.size() % nv == 0 &&
                     problem.row_size > 0 && !problem.rows.empty() && problem.rows.size() % problem.row_size == 0 &&
                     (problem.noise.empty() || problem.noise.size() == nv * ticks);
-  if (!fits) throw nb::value_error("tables of the loop do not fit each other");
+  if (!fits) throw nb::value_error("tables of the loop do not match each other");
 }
 
 nb::dict simulate(const CallableSource& plant, const CallableSource& law, const CallableSource* model,
@@ -105,5 +105,5 @@ void add_loop(nb::module_& m) {
                           std::string serialized) { new (self) CallableSource{address, work, std::move(serialized)}; },
            nb::arg("address"), nb::arg("work"), nb::arg("serialized"));
   m.def("simulate", &simulate, nb::arg("plant"), nb::arg("law"), nb::arg("model").none(), nb::arg("tables"),
-        nb::arg("scalars"), "A controller around an arm; see loop.hpp for the names. Other threads go on meanwhile.");
+        nb::arg("scalars"), "Closed loop of an arm and a controller; see loop.hpp for the names. Releases the GIL.");
 }

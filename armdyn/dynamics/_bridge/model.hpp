@@ -13,7 +13,7 @@ namespace armdyn {
 
 // Pinocchio's default collection has 25 joint types, each instantiated by every algorithm: 4 GB and two
 // minutes of compiler. In joint coordinates (one number per joint) two types describe every arm, and
-// SX folds the constant axis entries 0 and 1, so nothing is lost against JointModelRZ and its like.
+// SX folds the constant axis entries 0 and 1, so that nothing is lost against JointModelRZ and similar types.
 template <typename S, int O>
 struct ArmJoints {
   using Scalar = S;
@@ -29,7 +29,7 @@ struct ArmJoints {
 template <typename S>
 using ArmModel = pinocchio::ModelTpl<S, 0, ArmJoints>;
 
-// The model of a tree whose numbers are constants.
+// Model of a tree with constant parameters.
 template <typename S>
 ArmModel<S> model_of(const Tree& t) {
   using Model = ArmModel<S>;
@@ -50,7 +50,7 @@ ArmModel<S> model_of(const Tree& t) {
       model.addJoint(parent, typename ArmJoints<S, 0>::JointModelRevolute(axis), placement, name);
     const Eigen::Matrix<S, 10, 1> parameters =
         Eigen::Map<const Eigen::Matrix<double, 10, 1>>(t.inertia.data() + 10 * i).template cast<S>();
-    // A massless joint (a wrist's dummy link) has no centre of mass to divide by.
+    // A massless joint (a wrist's dummy link) has no centre of mass.
     const bool massless = t.inertia[10 * i] == 0.0;
     model.inertias[i + 1] = massless ? Model::Inertia::Zero() : Model::Inertia::FromDynamicParameters(parameters);
     model.armature[i] = t.armature[i];

@@ -1,4 +1,4 @@
-// The boundary: plain numbers in, serialized casadi::Functions out. No object crosses.
+// Python bindings: plain numbers in, serialized casadi::Functions out. No objects are exchanged.
 #include "symbolic_arm.hpp"
 
 #include <nanobind/nanobind.h>
@@ -30,7 +30,7 @@ armdyn::Functions build(std::vector<int> parent, std::vector<bool> prismatic, st
 NB_MODULE(_armdyn_bridge, m) {
   add_arm(m);
   add_loop(m);
-  m.doc() = "Pinocchio's algorithms on casadi::SX and on numbers, motions of an arm, and a controller around it.";
+  m.doc() = "Pinocchio's algorithms on casadi::SX and on numbers, motions of an arm, and closed loops.";
   m.attr("casadi_version") = casadi::CasadiMeta::version();
   m.attr("pinocchio_version") = PINOCCHIO_VERSION;
   m.def("build", &build, nb::kw_only(), nb::arg("parent"), nb::arg("prismatic"), nb::arg("axis"),

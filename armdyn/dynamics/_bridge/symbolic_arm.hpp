@@ -17,13 +17,13 @@ using Data = Model::Data;
 using Vector = Model::VectorXs;
 using Functions = std::map<std::string, std::string>;
 
-// A model whose numbers are constants but, with a payload joint, the inertia of that joint.
+// Model with constant parameters except, with a payload joint, the inertia of that joint.
 struct SymbolicArm {
   explicit SymbolicArm(const Tree& tree);
 
   Model model;
   Vector q, v, tau, a;
-  std::vector<SX> payload;                 // empty, or the one extra input
+  std::vector<SX> payload;                 // empty, or one extra input
   std::vector<std::string> payload_name;
 
   // Serialized Function of the named inputs, the payload last.
@@ -34,7 +34,7 @@ struct SymbolicArm {
 SX to_sx(const Vector& x);
 SX to_sx(const Model::MatrixXs& x);
 
-// One translation unit each, so that two cores share the work.
+// One translation unit each, for parallel compilation.
 void add_forward_dynamics(const SymbolicArm& arm, Functions& out);
 void add_inverse_dynamics(const SymbolicArm& arm, Functions& out);
 void add_inertia_and_energy(const SymbolicArm& arm, Functions& out);

@@ -5,7 +5,7 @@
 
 namespace armdyn {
 
-// Moving joints 0..n-1 in Pinocchio's order; every vector holds n blocks, row after row.
+// Moving joints 0..n-1 in Pinocchio's order; every vector has n blocks, by rows.
 struct Tree {
   std::vector<int> parent;         // -1: the base
   std::vector<bool> prismatic;     // else revolute
@@ -17,7 +17,7 @@ struct Tree {
   int payload_joint = -1;          // >= 0: every Function gets one more input, ten dynamic parameters
 };
 
-// Throws std::invalid_argument where the vectors do not fit each other.
+// Throws std::invalid_argument if the vectors do not match each other.
 void check(const Tree& tree);
 
 }  // namespace armdyn

@@ -1,8 +1,7 @@
-/* Position, velocity and torque over time, and which limit each joint is on: four uPlot charts under one cursor.
+/* Position, velocity and torque over time, and the active limit of each joint: four uPlot charts with a common cursor.
 
-   armdynCurves(host, motions, names, seek, zooms) draws what `armdyn.show.page.motions` has written into an element;
-   seek(time) is called where someone drags, zooms(from, to) where someone zooms. Colours are of joints, line styles of
-   motions. */
+   armdynCurves(host, motions, names, seek, zooms) draws data of `armdyn.show.page.motions` into an element; seek(time)
+   is called on a drag, zooms(from, to) on a zoom. Colours denote joints, line styles denote motions. */
 "use strict";
 const armdynPalette = dark => (dark
   ? { ink: "#dfe5ea", soft: "#93a0ad", grid: "#2a333c", band: "rgba(255,255,255,.035)", T: "#e5646c", V: "#5aa2e8", Q: "#b08ae0",
@@ -35,7 +34,7 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
   let palette = armdynPalette(false);
   const color = j => palette.joints[j % palette.joints.length];
 
-  // Parts of limits: what makes a wrist readable beside a shoulder.
+  // Relative to limits: makes a wrist readable next to a shoulder.
   const limited = kind => kind !== "q" && motions.limits[kind].every(([a, b]) => a !== null && b !== null)
     && motions.limits[kind].some(([a, b]) => b > a);
   const apart = kind => {
@@ -65,7 +64,7 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
   const cursor = { y: false, drag: { x: false, y: false }, points: { size: 6, width: 1.5 }, focus: { prox: -1 },
     bind: Object.fromEntries(["mousedown", "mouseup", "mousemove", "mouseenter", "mouseleave", "dblclick", "click"].map(e => [e, () => null])) };
 
-  // What lies behind the curves: arcs as bands, switching instants as lines, limits as dashes.
+  // Background of the curves: arcs as bands, switching times as lines, limits dashed.
   function behind(u, limits) {
     const { ctx } = u, { left, top, width: w, height: h } = u.bbox, x = time => u.valToPos(time, "x", true);
     ctx.save();
@@ -121,10 +120,10 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
     charts[kind].note.title = [...far, ...none.map(name => `${name}: no limit`)].join(", ");
   }
 
-  // A plot of a part of the time, the same in all of them.
+  // Zoom to a part of the time, common to all plots.
   const zoom = armdynZoom(t[n - 1], seek, (from, to) => {
     all().forEach(u => u.setScale("x", { min: from, max: to }));
-    queueMicrotask(() => all().forEach(mark));  // uPlot's scales change in one, too
+    queueMicrotask(() => all().forEach(mark));  // uPlot's scales change in a microtask, too
     whole.disabled = !zoom.zoomed;
     less.disabled = !zoom.zoomed;
     zooms(from, to);
@@ -180,10 +179,10 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
     mark(u);
   }
 
-  // Which limit each joint is on: above the middle the upper one, below it the lower one.
+  // Active limit of each joint: above the middle the upper one, below it the lower one.
   function lanes() {
     const figure = make("figure", host, undefined, "plot"), caption = make("figcaption", figure);
-    make("b", caption, "On which limit");
+    make("b", caption, "Active limits");
     for (const [kind, word] of [["T", "torque"], ["V", "speed"], ["Q", "position"]]) {
       const key = make("span", caption, undefined, "unit");
       make("i", key, "", `key ${kind}`);
@@ -198,8 +197,8 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
       hooks: { drawAxes: [self => { behind(self, []); strips(self, rows); }] },
     }, [t, t.map(() => 0)], box);
     const known = motions.moves[0].resolved;
-    make("p", figure, (known ? "Upper half: the upper limit; lower half: the lower. The arcs are those that were solved for."
-      : "Upper half: the upper limit; lower half: the lower. Read from the motion's samples, within 0.5 % of a limit.")
+    make("p", figure, (known ? "Upper half: the upper limit; lower half: the lower. Solved arcs."
+      : "Upper half: the upper limit; lower half: the lower. Detected from the motion's samples, within 0.5 % of a limit.")
       + (motions.moves.length > 1 ? ` From above: ${motions.moves.map(move => move.name).join(", ")}.` : ""), "note");
     charts.lanes = { u, height: rows * row + 46 };
     zoom.attach(u);
@@ -250,7 +249,7 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
     at(now) { time = now; zoom.follow(now); all().forEach(mark); },
     look(from, to) { zoom.set(from, to); },
     get span() { return zoom.span; },
-    // A motion's values at a time; one that has ended stays where it is.
+    // Values of a motion at a time; constant after its end.
     values(kind, j, now, k = 0) {
       const xs = motions.moves[k][kind][j], last = motions.moves[k].duration, i = index(Math.min(now, last));
       const a = xs[i], b = i + 1 < n ? xs[i + 1] : null;
@@ -260,7 +259,7 @@ const armdynCurves = (host, motions, names, seek, zooms) => {
     joint(j, yes) { shown[j] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     move(k, yes) { there[k] = yes; kinds.forEach(refresh); charts.lanes.u.redraw(); },
     theme(dark) { palette = armdynPalette(dark); all().forEach(u => u.redraw(false)); },
-    // Where the cursors stand, and what is seen [s]: read from the charts, for tests.
+    // Cursors and visible span [s], read from the charts, for tests.
     get seen() { return all().map(u => [u.scales.x.min, u.scales.x.max]); },
     get cursors() { return all().map(u => u.posToVal(u.cursor.left, "x")); },
   };

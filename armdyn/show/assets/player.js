@@ -1,7 +1,7 @@
-/* One time for all that moves in a page: playing, the slider, the speed and the keys.
+/* Common time of all animated parts of a page: playback, slider, speed and keys.
 
-   armdynPlayer(duration, speed, shown, span) takes hold of #toggle, #scrubber and #speed; shown(time) draws the page at a
-   time [s], span() is what is played over and over [s], by default all. */
+   armdynPlayer(duration, speed, shown, span) controls #toggle, #scrubber and #speed; shown(time) draws the page at time
+   [s]; span() is the repeated part [s], by default all. */
 "use strict";
 const armdynPlayer = (duration, speed, shown, span = () => [0, duration]) => {
   const el = id => document.getElementById(id);
@@ -22,7 +22,7 @@ const armdynPlayer = (duration, speed, shown, span = () => [0, duration]) => {
     last = now;
     if (!playing) return;
     if (time < to) time = Math.min(time + speed * passed, to);
-    else if ((rest += passed) > 1.2) { time = from; rest = 0; }  // dwell at the end, then again
+    else if ((rest += passed) > 1.2) { time = from; rest = 0; }  // dwell at the end, then repeat
     show();
   }
   for (const s of [...new Set([.001, .002, .005, .01, .02, .05, .1, .2, .5, 1, 2, speed])].sort((a, b) => a - b)) {

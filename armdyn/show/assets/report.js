@@ -1,17 +1,17 @@
-/* The page: one time for the arm, the curves, the slider and the numbers. Alone, the arm fills the window. */
+/* Report page: a common time for the arm, the curves, the slider and the values; "arm alone" fills the window. */
 "use strict";
 (async () => {
   const el = id => document.getElementById(id);
   const make = (tag, parent, text, kind) => {
     const node = parent.appendChild(document.createElement(tag));
-    if (text !== undefined) node.textContent = text;  // names come from strangers: text, never markup
+    if (text !== undefined) node.textContent = text;  // names are untrusted: text, never markup
     if (kind) node.className = kind;
     return node;
   };
   const data = JSON.parse(el("armdyn-data").textContent), { motions, labels } = data;
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
-  const number = armdynNumber, seconds = time => number(time, duration < 100 ? 4 : 2);  // as the page says times elsewhere
+  const number = armdynNumber, seconds = time => number(time, duration < 100 ? 4 : 2);  // as elsewhere in the page
   const dark = matchMedia("(prefers-color-scheme: dark)");
 
   let scene = null;
@@ -20,7 +20,7 @@
 
   // The arm.
   const called = k => `${motions.moves[k].name}, ${data.cut[k] ? "first " : ""}${seconds(motions.moves[k].duration)} s`;
-  const line = (key, k) => {  // as its curves are drawn
+  const line = (key, k) => {  // same style as its curves
     const [svg, path] = ["svg", "path"].map(tag => document.createElementNS("http:" + "//www.w3.org/2000/svg", tag));
     svg.setAttribute("viewBox", "0 0 26 4");
     path.setAttribute("d", "M0 2h26");
@@ -31,7 +31,7 @@
   if (data.scene) {
     try {
       const drawn = await unpacked(data.scene);
-      const room = () => {  // several names stand above the arm
+      const room = () => {  // several names are above the arm
         const above = drawn.arms.length > 1 ? Math.min(el("motions").offsetHeight / el("pane").clientHeight, .5) : 0;
         return { high: .84 * (1 - above), wide: .9, up: -above, right: 0 };
       };
@@ -55,7 +55,7 @@
       missing(`The arm cannot be shown here: ${error}`);
     }
   } else {
-    missing("The robot was not at hand when this report was written: its curves stand beside, the arm is not drawn.");
+    missing("The robot was not available when this report was written: only its curves are drawn.");
     motions.moves.forEach((_, k) => {
       const key = make("span", el("motions"), undefined, "move");
       if (motions.moves.length > 1) line(key, k);
@@ -71,12 +71,12 @@
   };
   view(data.alone);
   el("view").onclick = () => view(!body.contains("alone"));
-  // A press on a button in the pane is no grip on the arm, whose controls would capture the pointer and its click.
+  // Buttons in the pane: the arm's controls would capture the pointer and the click.
   document.querySelectorAll(".tools, .keys").forEach(node => node.addEventListener("pointerdown", event => event.stopPropagation()));
-  // A wheel over the arm scrolls the page, as everywhere else in it; with Ctrl held, or by two fingers, it zooms.
+  // A wheel over the arm scrolls the page, as elsewhere; with Ctrl, or by two fingers, it zooms.
   el("pane").addEventListener("wheel", event => { if (!event.ctrlKey && !body.contains("alone")) event.stopPropagation(); }, { capture: true });
 
-  // The numbers of the moment, of the first motion; alone, of all of them.
+  // Present values of the first motion; with the arm alone, of all motions.
   const head = make("div", el("now"), undefined, "row head");
   ["joint", "position", "velocity", "torque", "of its limit", "on"].forEach(word => make("span", head, word));
   const blocks = motions.moves.map((move, k) => {
@@ -121,7 +121,7 @@
     tick.title = `${number(t, 6)} s: ${joints.map(j => labels[j]).join(", ")}`;
   });
   if (motions.moves.length > 1) motions.moves.forEach(move => place(make("u", ticks), move.duration));
-  // The steps of a cycle: bands under the slider, as wide as their times, and the rows of the table; both seek.
+  // Steps of a cycle: bands under the slider, as wide as their times, and rows of the table; a click on either seeks.
   const lines = [...document.querySelectorAll("#steps tbody th")].map(cell => ({ row: cell.parentElement, begin: +cell.dataset.begin }));
   const named = el("step");
   const bands = data.steps.map(step => {
@@ -164,7 +164,7 @@
     el("scrubber").setAttribute("aria-valuetext", `${seconds(time)} s`);
     el("clock").textContent = `${seconds(time)} / ${seconds(duration)} s`;
   }
-  function zoomed(from, to) {  // what is seen of the time, on the slider
+  function zoomed(from, to) {  // mark the visible span on the slider
     const part = el("part");
     place(part, from);
     part.style.width = `calc((100% - 18px) * ${(to - from) / duration})`;
@@ -184,7 +184,7 @@
   if (data.seen) curves.look(0, data.seen);
   player.start();
 
-  // For scripts: positions are read from the scene that is drawn, cursors from the charts, not from the data.
+  // For scripts: positions from the drawn scene and cursors from the charts, not from the data.
   window.armdyn = {
     play: player.play, pause: player.pause, seek: player.seek, duration,
     get time() { return player.time; },

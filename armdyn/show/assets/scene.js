@@ -1,10 +1,10 @@
 /* The arm in MeshCat's viewer.
 
-   scene(pane, data, options) draws `data`, which `armdyn.show.page.scene` has written, into an element.
-   options.overlay: arms stand in one place, all but the first translucent; else one behind the other, or side by side.
-   options.room(): how much of the pane's width and height the arm may fill, and how far to the right it is moved. */
+   scene(pane, data, options) draws the data of `armdyn.show.page.scene` into an element.
+   options.overlay: arms in one place, all but the first translucent; else one behind the other, or side by side.
+   options.room(): part of the pane's width and height for the arm, and its offset to the right. */
 "use strict";
-// A polyline whose parameter counts its points, as time does, not its length; where points coincide, the next ones give its direction.
+// Polyline with the point index as parameter, as in time, not its length; coincident points use the next direction.
 const armdynPolyline = () => class extends MeshCat.THREE.Curve {
   constructor(xyz) { super(); this.xyz = xyz; this.count = xyz.length / 3; }
   vertex(i) { return new MeshCat.THREE.Vector3().fromArray(this.xyz, 3 * Math.min(Math.max(i, 0), this.count - 1)); }
@@ -30,7 +30,7 @@ const armdynScene = (pane, data, options) => {
   const root = k => ["armdyn", `arm${k}`];
   run(data.commands);
   data.arms.slice(1).forEach((_, k) => object(root(0)).children.forEach(group => group.children.forEach(shape => {
-    if (options.overlay && shape.name.startsWith("obstacle")) return;  // it stands there already
+    if (options.overlay && shape.name.startsWith("obstacle")) return;  // already drawn
     const mesh = shape.children[0], clone = mesh.clone(), path = [...root(k + 1), group.name, shape.name];
     clone.material = mesh.material.clone();
     viewer.set_object(path, clone);
@@ -56,7 +56,7 @@ const armdynScene = (pane, data, options) => {
       if (ghost) Object.assign(node.material, { transparent: true, opacity: .3, depthWrite: false });
     });
   });
-  // Parts that the first arm grasps and releases: each is in one place at a time.
+  // Parts that the first arm grasps and releases: each is drawn in one place at a time.
   const parts = (data.parts ?? []).map(part => {
     run(part.commands);
     const nodes = part.shapes.map(path => object([...root(0), ...path]));
@@ -64,7 +64,7 @@ const armdynScene = (pane, data, options) => {
   });
   viewer.set_property(["Axes"], "visible", false);
 
-  // Where the arms stand, the grid, and a camera that sees every place that an arm will be in.
+  // Places of the arms, the grid, and a camera that covers the arms' whole motions.
   const { Vector3, Matrix4, Quaternion } = MeshCat.THREE, THREE = MeshCat.THREE;
   const tip = new Map(data.points.map(([name, joint, at]) => [name, { joint, at: new Vector3(...at) }]));
   const position = new Vector3(), turn = new Quaternion(), next = new Quaternion();
@@ -98,7 +98,7 @@ const armdynScene = (pane, data, options) => {
     places.push(mine);
     outer.push(ends);
   }
-  // A line between the nearest points of two bodies, seen through all else, with their distance.
+  // Line between the nearest points of two bodies, always visible, with their distance.
   const marks = (data.marks ?? []).map((mark, k) => {
     const group = new THREE.Group(), [a, b] = mark.points.map(p => new Vector3(...p));
     const material = new THREE.MeshBasicMaterial({ color: 0xd11a2a, depthTest: false, transparent: true });
@@ -166,7 +166,7 @@ const armdynScene = (pane, data, options) => {
   }));
 
   const drawn = v => new Vector3(v.x, v.z, -v.y);  // three.js has y up
-  // From where the fewest obstacles hide the tip's way.
+  // View direction in which the fewest obstacles hide the tip's path.
   const hidden = look => {
     const solids = [], ray = new THREE.Raycaster();
     viewer.scene.updateMatrixWorld(true);
@@ -206,7 +206,7 @@ const armdynScene = (pane, data, options) => {
   return {
     theme, spacing,
     fit() { touched = false; fit(); },
-    // Every arm as it is at a time [s]; one that has arrived stays at its goal.
+    // All arms at a time [s]; an arm stays at its goal after its motion.
     show(time) {
       data.arms.forEach(arm => {
         const t = Math.min(time, arm.duration) / arm.duration * (arm.frames - 1);
@@ -223,11 +223,11 @@ const armdynScene = (pane, data, options) => {
       viewer.set_dirty();
     },
     visible(k, yes) { viewer.set_property(root(k), "visible", yes); viewer.set_dirty(); },
-    // Which of the parts' places are drawn.
+    // Places of the parts that are drawn.
     parts: () => parts.map(part => part.nodes.some(node => node.visible)),
-    // The camera's place [m].
+    // Position of the camera [m].
     camera: () => viewer.scene.worldToLocal(viewer.camera.position.clone()).toArray(),
-    // A frame's place [m] in the scene that is drawn; null where there is none of that name.
+    // Position of a frame in the drawn scene [m]; null if there is none of that name.
     linkPosition(name, k = 0) {
       const point = tip.get(name);
       if (!point) return null;

@@ -1,8 +1,8 @@
 /* Zoom in time, the same in all charts.
 
-   armdynZoom(total, seek, changed) keeps the span that is seen; changed(from, to) draws it. `attach` has a chart's plane
-   listen: a drag moves the time, with Shift it chooses a span; two fingers, or a wheel with Ctrl, zoom; a wheel to the
-   side moves; a double click shows all. */
+   armdynZoom(total, seek, changed) stores the visible span; changed(from, to) draws it. `attach` adds listeners to a
+   chart: a drag seeks, with Shift it selects a span; two fingers or Ctrl + wheel zoom; a horizontal wheel pans; a
+   double click shows all. */
 "use strict";
 const armdynZoom = (total, seek, changed) => {
   let from = 0, to = total;
@@ -27,7 +27,7 @@ const armdynZoom = (total, seek, changed) => {
       if (chosen !== null) {
         select(0, 0);
         const [a, b] = [chosen, at(event)].sort((x, y) => x - y);
-        if (event.type === "pointerup" && u.valToPos(b, "x") - u.valToPos(a, "x") > 4) set(a, b);  // else it was a click
+        if (event.type === "pointerup" && u.valToPos(b, "x") - u.valToPos(a, "x") > 4) set(a, b);  // otherwise a click
         chosen = null;
       }
     };
@@ -40,7 +40,7 @@ const armdynZoom = (total, seek, changed) => {
     over.addEventListener("pointermove", event => {
       if (!fingers.has(event.pointerId)) return;
       fingers.set(event.pointerId, left(event));
-      if (gripped) {  // what was under each finger stays there
+      if (gripped) {  // keep the times under both fingers
         const [a, b] = [...fingers.values()], second = (gripped[1] - gripped[0]) / (b - a);
         if (Math.abs(b - a) > 10 && second > 0) set(gripped[0] - a * second, gripped[0] + (over.clientWidth - a) * second);
       } else if (chosen !== null) select(u.valToPos(chosen, "x"), u.valToPos(at(event), "x"));
@@ -63,7 +63,7 @@ const armdynZoom = (total, seek, changed) => {
 
   return {
     attach, scale, all, set,
-    // A time that is sought is seen: the span moves there.
+    // Move the span to contain the sought time.
     follow(time) {
       if (time < from) set(time, time + to - from);
       else if (time > to) set(time - to + from, time);

@@ -253,5 +253,5 @@ def test_curves_without_the_robot(chromium, tmp_path):
     with open_page(chromium, path) as (page, _, errors):
         seek(page, 0.1)
         agree(page, 0.1, 1e-9)
-        assert "not at hand" in page.locator("#no-scene").inner_text()
+        assert "not available" in page.locator("#no-scene").inner_text()
         assert not errors

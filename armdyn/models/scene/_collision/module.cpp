@@ -1,4 +1,4 @@
-// The boundary: arrays of numbers in, arrays of numbers out. Other threads go on meanwhile.
+// Python bindings: arrays in, arrays out. They release the GIL.
 #include "planner.hpp"
 
 #include <coal/config.hh>
@@ -28,7 +28,7 @@ struct Holder {
 };
 
 void expect(bool fits) {
-  if (!fits) throw nb::value_error("the arrays do not fit each other, or the scene");
+  if (!fits) throw nb::value_error("the arrays do not match each other or the scene");
 }
 
 template <typename Number>
@@ -40,7 +40,7 @@ nb::object array(std::vector<Number> values, std::vector<std::size_t> shape) {
 
 armdyn::Vector vector(const double* at) { return armdyn::Vector(at); }
 
-// Rotation, row after row, then translation.
+// Rotation by rows, then translation.
 armdyn::Place place(const double* at) { return {Eigen::Map<const RowMatrix>(at), vector(at + 9)}; }
 
 armdyn::Points columns(const Table& points) {
@@ -205,17 +205,17 @@ nb::tuple witness(Scene& scene, long pair, const Table& q) {
 }
 
 nb::tuple prove(Scene& scene, const Table& t, const Table& q, const Table& v, const Table& travel,
-                const Table& acceleration, const Table& asked, const Table& reach, int pieces, int most) {
+                const Table& acceleration, const Table& required, const Table& reach, int pieces, int most) {
   const std::size_t samples = t.size(), n = scene.nv(), pairs = scene.pairs();
   expect(samples > 1 && poses(scene, q) == samples && v.size() == samples * n && travel.size() == samples * n &&
-         acceleration.size() == (samples - 1) * (n + 1) && asked.size() == pairs && reach.size() == pairs * n &&
+         acceleration.size() == (samples - 1) * (n + 1) && required.size() == pairs && reach.size() == pairs * n &&
          pieces > 0 && pairs > 0);
   const armdyn::Motion motion{static_cast<int>(samples), t.data(), q.data(), v.data(), travel.data(),
                               acceleration.data()};
   armdyn::Proof proof;
   {
     nb::gil_scoped_release others_go_on;
-    proof = scene.prove(motion, asked.data(), reach.data(), pieces, most);
+    proof = scene.prove(motion, required.data(), reach.data(), pieces, most);
   }
   const std::size_t missed = proof.missed.size();
   return nb::make_tuple(proof.sure, array(std::move(proof.missed), {missed}), proof.pair, proof.time);
@@ -226,7 +226,7 @@ armdyn::Randoms randoms(const Table& numbers, std::size_t columns) {
   return {numbers.data(), static_cast<Eigen::Index>(numbers.shape(0)), static_cast<Eigen::Index>(columns)};
 }
 
-// A path, shortened, empty if none was found, and the collision checks that it took, of a budget.
+// A shortened path, empty if none was found, and the number of its collision checks.
 nb::tuple plan(Scene& scene, const Table& frame, const Table& least, const Table& random, const Table& cuts,
                std::pair<double, double> lengths, std::pair<long, long> checks, std::function<bool()> stop) {
   const std::size_t n = scene.nv();
@@ -234,11 +234,11 @@ nb::tuple plan(Scene& scene, const Table& frame, const Table& least, const Table
   const auto row = [&](int k) { return armdyn::Point(Eigen::Map<const armdyn::Point>(frame.data() + k * n, n)); };
   const armdyn::JointSpace space{row(0), row(1), row(2), row(3), row(4), least.data(), lengths.first, lengths.second};
   const armdyn::Randoms targets = randoms(random, n), shortcuts = randoms(cuts, 2);
-  const auto asked = [&] {
+  const auto polled = [&] {
     nb::gil_scoped_acquire here;
     return stop();
   };
-  armdyn::Planner planner(scene, space, checks.second, asked);
+  armdyn::Planner planner(scene, space, checks.second, polled);
   Numbers points;
   {
     nb::gil_scoped_release others_go_on;
@@ -277,5 +277,5 @@ NB_MODULE(_armdyn_collision, m) {
       .def("plan", &plan, nb::arg("frame"), nb::arg("least"), nb::arg("random"), nb::arg("cuts"), nb::arg("lengths"),
            nb::arg("checks"), nb::arg("stop"))
       .def("prove", &prove, nb::arg("t"), nb::arg("q"), nb::arg("v"), nb::arg("travel"), nb::arg("acceleration"),
-           nb::arg("asked"), nb::arg("reach"), nb::arg("pieces"), nb::arg("most"));
+           nb::arg("required"), nb::arg("reach"), nb::arg("pieces"), nb::arg("most"));
 }

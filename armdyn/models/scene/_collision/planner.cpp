@@ -6,14 +6,14 @@
 namespace armdyn {
 namespace {
 
-constexpr long kBetweenStops = 1000;  // checks between two questions whether to stop: some 5 ms
-constexpr double kWorth = 1e-3;       // a shortcut that saves a smaller part of its length is not worth its checks
+constexpr long kBetweenStops = 1000;  // checks between polls of the stopping condition: some 5 ms
+constexpr double kWorth = 1e-3;       // least saving of a shortcut, as a part of its length
 
 struct OutOfChecks {};
 
 }  // namespace
 
-// Points, each with the one that it was reached from.
+// Tree of points, each with its parent.
 class Planner::Tree {
  public:
   explicit Tree(const Point& root) : size_(root.size()) { add(root, -1); }
@@ -36,7 +36,7 @@ class Planner::Tree {
   }
   Point operator[](int index) const { return Eigen::Map<const Point>(points_.data() + index * size_, size_); }
 
-  // Points from this one to the root.
+  // Points from a given one to the root.
   Path path(int index) const {
     Path out;
     for (; index >= 0; index = parents_[index]) out.push_back((*this)[index]);
@@ -59,7 +59,7 @@ bool Planner::is_free(const Point& point) {
   return scene_.is_free(q_.data(), space_.least);
 }
 
-// Points between a and b are checked coarsely first.
+// Points between a and b are checked from coarse to fine.
 bool Planner::segment_is_free(const Point& a, const Point& b) {
   const Point way = b - a;
   const int count = static_cast<int>(std::ceil(way.cwiseAbs().maxCoeff() / space_.step));

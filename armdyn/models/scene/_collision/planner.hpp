@@ -1,8 +1,8 @@
 // RRT-Connect in joint space: J. J. Kuffner, S. M. LaValle, "RRT-Connect: an efficient approach to single-query path
 // planning", ICRA 2000.
 //
-// OMPL has this planner, too; its random numbers are seeded once for a process, so that a second call with the same
-// seed returns another path, and answers would depend on the calls before.
+// OMPL also has this planner, but seeds its random numbers once per process, so that a second call with the same seed
+// returns a different path, and answers would depend on earlier calls.
 #pragma once
 
 #include "scene.hpp"
@@ -18,21 +18,21 @@ using Randoms = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dy
 // Points are joint positions over `speed`, lengths in seconds.
 struct JointSpace {
   Point start, goal, lower, upper, speed;
-  const double* least;  // as of `Scene::is_free`
-  double step;          // between collision checks, in the largest component
-  double reach;         // by which a tree grows towards a random point
+  const double* least;  // see `Scene::is_free`
+  double step;          // distance of collision checks, in the largest component
+  double reach;         // growth of a tree towards a random point
 };
 
 class Planner {
  public:
-  // At most `budget` collision checks; `stop` is polled now and then.
+  // At most `budget` collision checks; `stop` is polled regularly.
   Planner(Scene& scene, JointSpace space, long budget, std::function<bool()> stop)
       : scene_(scene), space_(std::move(space)), q_(space_.speed.size()), budget_(budget), stop_(std::move(stop)) {}
 
-  // A path by at most `checks` checks, towards random points in the unit cube; empty: none was found.
+  // Path within at most `checks` checks, with random points in the unit cube; empty: not found.
   Path connect(const Randoms& random, long checks);
 
-  // Replace parts of a path by straight segments where these are free and shorter, with at most `checks` checks; each
+  // Replace parts of a path by straight segments if these are free and shorter, with at most `checks` checks; each
   // row of `random` has the two ends of one, as parts of the path's length.
   void shorten(Path& path, const Randoms& random, long checks);
 
@@ -41,8 +41,8 @@ class Planner {
  private:
   class Tree;
   struct Grown {
-    int index;  // of the last point added, -1: none
-    bool hit;   // it is the target
+    int index;  // last added point, -1: none
+    bool hit;   // whether that point is the target
   };
   void begin(long checks);
   bool is_free(const Point& point);

@@ -10,8 +10,9 @@ namespace armdyn {
 
 class Search {
  public:
-  Search(Scene& scene, const Motion& motion, const double* asked, const double* reach, int pieces, int most)
-      : scene_(scene), motion_(motion), asked_(asked), reach_(reach), left_(most), at_(scene.nv()), rate_(scene.nv()) {
+  Search(Scene& scene, const Motion& motion, const double* required, const double* reach, int pieces, int most)
+      : scene_(scene), motion_(motion), required_(required), reach_(reach), left_(most),
+        at_(scene.nv()), rate_(scene.nv()) {
     const double first = motion.t[0], last = motion.t[motion.samples - 1];
     for (int k = 0; k <= pieces; ++k) ends_.push_back(k < pieces ? first + (last - first) * k / pieces : last);
     const std::size_t pairs = scene.pairs();
@@ -34,20 +35,20 @@ class Search {
   }
 
  private:
-  // Bisect what is left of one of the equal pieces.
+  // Bisect the unproven rest of one of the equal pieces.
   void piece(std::size_t k, int pair) {
     struct Part {
       double a, b, at_a, at_b;
     };
     const std::size_t pairs = scene_.pairs();
-    const double asked = asked_[pair], moved = moved_by(pair, ends_[k], ends_[k + 1]);
-    if (bounds_[k * pairs + pair] + bounds_[(k + 1) * pairs + pair] - moved >= 2 * asked) return;
+    const double required = required_[pair], moved = moved_by(pair, ends_[k], ends_[k + 1]);
+    if (bounds_[k * pairs + pair] + bounds_[(k + 1) * pairs + pair] - moved >= 2 * required) return;
     std::vector<Part> todo{{ends_[k], ends_[k + 1], at_end(k, pair), at_end(k + 1, pair)}};
     while (!todo.empty()) {
       const Part part = todo.back();
       todo.pop_back();
-      if (std::min(part.at_a, part.at_b) < asked) continue;  // known to miss
-      if (part.at_a + part.at_b - moved_by(pair, part.a, part.b) >= 2 * asked) continue;
+      if (std::min(part.at_a, part.at_b) < required) continue;  // known violation
+      if (part.at_a + part.at_b - moved_by(pair, part.a, part.b) >= 2 * required) continue;
       if (separated(pair, part.a, part.b, part.a, 1) && separated(pair, part.a, part.b, part.b, -1)) continue;
       const double middle = (part.a + part.b) / 2;
       if (left_ <= 0 || !(part.a < middle && middle < part.b)) {
@@ -62,7 +63,7 @@ class Search {
     }
   }
 
-  // Whether a pair keeps its distance in the half of a piece at one of its ends.
+  // Whether a pair keeps its distance in the half of a piece next to an end.
   bool separated(int pair, double a, double b, double end, double sign) {
     const double half = (b - a) / 2;
     place(end);
@@ -77,10 +78,10 @@ class Search {
       added += most * half * half / 2;
     }
     const double gap = std::min(scene_.gap(pair, normal, 0.0), scene_.gap(pair, normal, sign * half));
-    return gap - added >= asked_[pair];
+    return gap - added >= required_[pair];
   }
 
-  // The pair that is nearest at the ends of the pieces.
+  // Nearest pair at the ends of the pieces.
   void nearest() {
     const std::size_t pairs = scene_.pairs();
     for (std::size_t k = 0; k < ends_.size(); ++k)
@@ -97,11 +98,11 @@ class Search {
     return known;
   }
 
-  // Distance of a pair where the solids are.
+  // Distance of a pair at the present placements.
   double look(int pair, double time) {
     const double distance = scene_.distance(pair).distance;
     if (distance < proof_.distance) proof_.distance = distance, proof_.pair = pair, proof_.time = time;
-    if (distance < asked_[pair]) missed_.insert(time);
+    if (distance < required_[pair]) missed_.insert(time);
     return distance;
   }
 
@@ -110,7 +111,7 @@ class Search {
     placed_ = time;
     const int k = step(time), n = scene_.nv();
     const double h = motion_.t[k + 1] - motion_.t[k], s = (time - motion_.t[k]) / h;
-    for (int j = 0; j < n; ++j) {  // a cubic, as `Trajectory` has it
+    for (int j = 0; j < n; ++j) {  // a cubic, as in `Trajectory`
       const double q = motion_.q[k * n + j], v = motion_.v[k * n + j], w = motion_.v[(k + 1) * n + j];
       const double rise = motion_.q[(k + 1) * n + j] - q;
       const double c2 = 3 * rise - h * (2 * v + w), c3 = -2 * rise + h * (v + w);
@@ -142,7 +143,7 @@ class Search {
 
   Scene& scene_;
   const Motion& motion_;
-  const double *asked_, *reach_;
+  const double *required_, *reach_;
   int left_;
   std::vector<double> at_, rate_, ends_, bounds_, exact_;
   double placed_ = std::numeric_limits<double>::quiet_NaN();
@@ -150,8 +151,8 @@ class Search {
   Proof proof_;
 };
 
-Proof Scene::prove(const Motion& motion, const double* asked, const double* reach, int pieces, int most) {
-  return Search(*this, motion, asked, reach, pieces, most).run();
+Proof Scene::prove(const Motion& motion, const double* required, const double* reach, int pieces, int most) {
+  return Search(*this, motion, required, reach, pieces, most).run();
 }
 
 }  // namespace armdyn

@@ -156,14 +156,14 @@ void Scene::gradient(int pair, const Witness& at, double* out) const {
 
 double Scene::gap(int pair, const Vector& given, double time) const {
   const Solid* both[] = {&solids_[pairs_[pair].first], &solids_[pairs_[pair].second]};
-  Vector normal = given;  // along any other direction a half space has no end
+  Vector normal = given;  // in any other direction a half space is unbounded
   for (int side = 0; side < 2; ++side)
     if (both[side]->half_space) normal = (side ? -1.0 : 1.0) * both[side]->outward;
   double out = 0;
   for (int side = 0; side < 2; ++side) {
     const Solid& solid = *both[side];
     const Place& joint = frames_[solid.joint];
-    // n . (w x r) = (n x w) . r: all points of a solid have one direction to go along.
+    // n . (w x r) = (n x w) . r: one direction serves all points of a solid.
     const Vector ahead = joint.turn.transpose() * (normal + time * normal.cross(turns_[solid.joint]));
     const double base = normal.dot(joint.at + time * speeds_[solid.joint]);
     const Eigen::RowVectorXd along = ahead.transpose() * solid.points;

@@ -1,4 +1,4 @@
-// Distances between the solids of an arm, and between these and obstacles, by coal on convex geometry.
+// Distances among the solids of an arm, and to obstacles, by coal on convex geometry.
 #pragma once
 
 #include <coal/collision.h>
@@ -25,27 +25,27 @@ struct Place {
 
 // Moving joint k + 1 in Pinocchio's order; joint 0 is the world.
 struct Joint {
-  int parent;     // index of the joint that carries it
-  bool slides;    // else it turns
-  Vector axis;    // unit, in its frame
+  int parent;     // index of the parent joint
+  bool slides;    // else revolute
+  Vector axis;    // unit vector in the joint's frame
   Place placement;  // in the parent joint
 };
 
-// A solid that a joint carries.
+// Solid on a joint.
 struct Solid {
   Shape shape;
   int joint;        // 0: the world
   Place placement;  // of the shape in the joint's frame
-  // Its hull: balls around points in the joint's frame contain it. Of a half space a point of its plane and its normal.
+  // Hull: balls around points in the joint's frame that contain it; for a half space a point and its normal.
   Points points;
   double radius;
   bool half_space;
   Vector outward;
-  // For lower bounds: balls that contain an arm's solid, in the joint's frame; of an obstacle a box along its own axes.
+  // For lower bounds: balls that contain an arm's solid, in the joint's frame; for an obstacle an oriented box.
   std::vector<Vector> centers;
   double ball;
   Vector lower, upper;
-  Vector middle = Vector::Zero();  // of a ball that contains these balls
+  Vector middle = Vector::Zero();  // centre of a ball that contains these balls
   double around = 0;
 };
 
@@ -54,22 +54,22 @@ struct Witness {
   Vector normal, first, second;  // unit, from the first solid to the second; nearest points
 };
 
-// Joints follow cubics between samples; bounds on their motion as of `MotionBounds`.
+// Joints follow cubics between samples; bounds on their motion as in `MotionBounds`.
 struct Motion {
   int samples;
   const double *t, *q, *v;
   const double* travel;        // samples x joints
-  const double* acceleration;  // (samples - 1) x (joints + 1): of points of the solids on each joint
+  const double* acceleration;  // (samples - 1) x (joints + 1): largest of the solids' points on each joint
 };
 
 struct Proof {
   bool sure = true;
   std::vector<double> missed;
-  int pair = 0;  // the nearest
+  int pair = 0;  // nearest pair
   double distance = 0, time = 0;
 };
 
-// One scene, for one thread: placements and solvers are its work space.
+// Scene for one thread, because of its workspace of placements and solvers.
 class Scene {
  public:
   Scene(std::vector<Joint> joints, std::vector<Solid> solids, std::vector<std::pair<int, int>> pairs,
@@ -83,18 +83,18 @@ class Scene {
   // Place all solids at joint positions.
   void place(const double* q);
 
-  // Whether no pair overlaps at joint positions; a touching one may be `least` [m] apart, negative: overlap so far.
+  // Whether no pair overlaps at joint positions; `least`: smallest allowed distance [m], negative: overlap.
   bool is_free(const double* q, const double* least);
 
-  // Lower bounds on the distances of all pairs where the solids are; and the distance of one.
+  // Lower bounds on the distances of all pairs at the present placements; and the distance of one pair.
   void bounds(double* out) const;
   Witness distance(int pair);
 
-  // Gradient of a pair's distance by the joint positions.
+  // Gradient of a pair's distance in the joint positions.
   void gradient(int pair, const Witness& at, double* out) const;
 
-  // Prove that pairs keep `asked` along a motion; `reach`: pairs x joints, as of `relative_reach`.
-  Proof prove(const Motion& motion, const double* asked, const double* reach, int pieces, int most);
+  // Prove that pairs keep `required` along a motion; `reach`: pairs x joints, see `relative_reach`.
+  Proof prove(const Motion& motion, const double* required, const double* reach, int pieces, int most);
 
  private:
   friend class Search;
@@ -113,12 +113,12 @@ class Scene {
   std::vector<std::pair<int, int>> pairs_;
   std::vector<int> touching_;
   std::vector<char> may_touch_;
-  std::vector<Place> frames_;                  // of the joints
+  std::vector<Place> frames_;                  // placements of the joints
   std::vector<Vector> axes_, speeds_, turns_;  // axes of the joints; velocities of their origins, angular velocities
-  std::vector<std::vector<Vector>> centers_;   // of the solids' balls in the world
-  std::vector<Vector> middles_;                // likewise
+  std::vector<std::vector<Vector>> centers_;   // centres of the solids' balls in the world
+  std::vector<Vector> middles_;                // middles in the world
   std::vector<char> carries_;                  // whether joint column moves joint row
-  int last_hit_ = 0;  // the pair that overlapped last is looked at first
+  int last_hit_ = 0;  // last overlapping pair, checked first
   std::vector<std::unique_ptr<coal::ComputeDistance>> distances_;
   std::vector<std::unique_ptr<coal::ComputeCollision>> collisions_;
 };

@@ -6,7 +6,7 @@
 namespace armdyn {
 namespace {
 
-// A form in memory: c, r, then the slopes.
+// Memory layout of a form: c, r, then the slopes.
 constexpr int kSlopes = 2;
 
 ARMDYN_INLINE void add(const Lanes* x, const Lanes* y, Lanes* out, int n, double sign) {
@@ -24,7 +24,7 @@ ARMDYN_INLINE void multiply(const Lanes* x, const Lanes* y, Lanes* out, int n) {
   const Lanes a = x[0], b = y[0], rest_a = x[1], rest_b = y[1];
   Lanes far_a{}, far_b{}, middle{}, half{};
   for (int k = kSlopes; k < kSlopes + n; ++k) {
-    const Lanes s = x[k], t = y[k], square = s * t;  // of ε_k², which is ½ ± ½
+    const Lanes s = x[k], t = y[k], square = s * t;  // coefficient of ε_k², which is ½ ± ½
     far_a += magnitude(s);
     far_b += magnitude(t);
     middle += square;
@@ -43,12 +43,12 @@ struct Line {
   double centre, slope, rest;
 };
 
-// sin(x + phase) with x = c + d, |d| ≤ far, r of it the rest: the line s d of least squares, and the range of what it
-// leaves. That is greatest and least at an end or where cos(x + phase) = s.
+// sin(x + phase) with x = c + d, |d| ≤ far, r of it the remainder: the least-squares line s d, and the range of the
+// residual, whose extrema are at an end or where cos(x + phase) = s.
 Line wave(double centre, double far, double rest, double phase) {
   const double pi = 3.14159265358979323846, middle = centre + phase;
   if (!(far < pi)) return {0, 0, 1 + rounding(64, 4 + std::abs(middle) + far)};
-  // Differences of nearly equal numbers would say nothing of a small one.
+  // Small x separately: differences of nearly equal numbers would lose all digits.
   const double share = far < 1e-2 ? 1 - far * far / 10 : 3 * (std::sin(far) - far * std::cos(far)) / (far * far * far);
   const double slope = std::cos(middle) * share, stays = std::acos(std::clamp(slope, -1.0, 1.0));
   const double turns = 2 * pi * std::nearbyint(middle / (2 * pi));

@@ -8,9 +8,9 @@
 namespace armdyn {
 namespace {
 
-constexpr double kLeast = 1e-300;  // squares that bend a chord by less count for nothing, as what underflows does
+constexpr double kLeast = 1e-300;  // smaller squares count as zero, like underflow
 
-// An interval's middle, and how far its ends are from there, at most.
+// Middle of an interval, and an upper bound of its radius.
 struct Ball {
   double centre, radius;
 };
@@ -31,8 +31,8 @@ ARMDYN_INLINE void spread(double* values, long size, double at_lower, double at_
   for (long c = 0; c < size; ++c) values[c] += at_lower;
 }
 
-// One box and one column. Corners are numbered with the first joint's end as the highest bit: those of the last joints
-// alone come first, and each joint before doubles them.
+// One box and one column. In the index of a corner the first joint's end is the highest bit: the corners of the last
+// joints alone come first, and each joint before doubles their number.
 class Corners {
  public:
   explicit Corners(int n)
@@ -41,7 +41,7 @@ class Corners {
   // linear[n], squares of a > b row by row, turning[n][n] or null, weight[n]; ends of v.
   void fill(const double* linear, const double* squares, const double* turning, const double* weight,
             const double* lower, const double* upper);
-  // The greatest of sign times form less Σ concave v² over the box, with own squares Σ square v² added where convex.
+  // Maximum of sign times form minus Σ concave v² over the box, with own squares Σ square v² added if convex.
   double greatest(double sign, const double* own, const double* lower, const double* upper);
 
  private:
@@ -53,9 +53,9 @@ class Corners {
 ARMDYN_CLONES void fill_corners(int n, const double* linear, const double* squares, const double* turning,
                                 const double* weight, const double* lower, const double* upper,
                                 double* __restrict form, double* __restrict slope, double* __restrict sums,
-                                double* __restrict beside) {
+                                double* __restrict remainder) {
   const long size = 1L << n;
-  // Σ linear_j v_j + Σ_{i > j} squares_ij v_i v_j: joint j adds v_j times what the joints after it make of its factor.
+  // Σ linear_j v_j + Σ_{i > j} squares_ij v_i v_j: joint j adds v_j times its factor by the joints after it.
   form[0] = 0;
   long count = 1;
   for (int j = n - 1; j >= 0; --j, count *= 2) {
@@ -69,25 +69,25 @@ ARMDYN_CLONES void fill_corners(int n, const double* linear, const double* squar
     for (long c = 0; c < count; ++c) form[c] += lower[j] * sums[c];
   }
   // Σ_k |weight_k + turning_k' v|.
-  std::fill_n(beside, size, 0.0);
+  std::fill_n(remainder, size, 0.0);
   for (int k = 0; k < n; ++k) {
     if (!turning) {
       const double w = std::abs(weight[k]);
-      for (long c = 0; c < size; ++c) beside[c] += w;
+      for (long c = 0; c < size; ++c) remainder[c] += w;
       continue;
     }
     slope[0] = weight[k];
     count = 1;
     for (int j = n - 1; j >= 0; --j, count *= 2)
       spread(slope, count, turning[k * n + j] * lower[j], turning[k * n + j] * upper[j]);
-    for (long c = 0; c < size; ++c) beside[c] += std::abs(slope[c]);
+    for (long c = 0; c < size; ++c) remainder[c] += std::abs(slope[c]);
   }
 }
 
-// A chord less c v² is greatest at an end or where 2 c v is the chord's slope. An error δ of that place costs c δ², of
-// second order in the unit roundoff: what counts is the rounding of some 16 operations a joint.
+// A chord minus c v² has its maximum at an end or where 2 c v is the chord's slope. An error δ of that place costs
+// c δ², of second order in the unit roundoff: only the rounding of some 16 operations per joint matters.
 ARMDYN_CLONES double greatest_of(int n, double sign, const double* own, const double* lower, const double* upper,
-                                 const double* __restrict form, const double* __restrict beside,
+                                 const double* __restrict form, const double* __restrict remainder,
                                  double* __restrict most, double* __restrict sums) {
   const long size = 1L << n;
   sums[0] = 0;
@@ -96,7 +96,7 @@ ARMDYN_CLONES double greatest_of(int n, double sign, const double* own, const do
     const double c = std::max(sign * own[j], 0.0);
     spread(sums, count, c * (lower[j] * lower[j]), c * (upper[j] * upper[j]));
   }
-  for (long c = 0; c < size; ++c) most[c] = sign * form[c] + sums[c] + beside[c];
+  for (long c = 0; c < size; ++c) most[c] = sign * form[c] + sums[c] + remainder[c];
   count = size / 2;
   for (int j = 0; j < n; ++j, count /= 2) {
     const double c = std::max(-sign * own[j], 0.0), l = lower[j], u = upper[j];
@@ -126,11 +126,11 @@ double Corners::greatest(double sign, const double* own, const double* lower, co
   return greatest_of(n_, sign, own, lower, upper, form_.data(), beside_.data(), most_.data(), sums_.data());
 }
 
-// Centres of a column of a table, and what else counts: radii, or whole sizes, and rounding.
+// Centres of a table's column, and the remainder: radii or magnitudes, and rounding.
 struct Reading {
   int terms;
   bool tried;
-  double beside = 0;
+  double remainder = 0;
 
   void take(const Table& table, long at, long stride, int count, const double* size, double* centres) {
     double radii = 0, sizes = 0;
@@ -140,7 +140,7 @@ struct Reading {
       radii += size[i] * (tried ? one.radius : one.radius + std::abs(one.centre));
       sizes += size[i] * magnitude(table, at + i * stride);
     }
-    beside += radii + rounding(terms, sizes);
+    remainder += radii + rounding(terms, sizes);
   }
 };
 
@@ -162,11 +162,11 @@ void range_of(const Form& form, double* lower, double* upper) {
       Reading reading{terms, form.corners};
       reading.take(form.linear, box * n * many + m, many, n, most.data(), linear.data());
       reading.take(form.squares, box * pairs * many + m, many, pairs, most_pairs.data(), squares.data());
-      Reading at_rest{terms, true};  // ε_k is not tried, but counts with its greatest size at once
+      Reading at_rest{terms, true};  // ε_k at its largest magnitude instead of its corners
       at_rest.take(form.weight, box * n * many + m, many, n, ones.data(), weight.data());
       if (form.turning.lower)
         reading.take(form.turning, box * n * n * many + m, many, n * n, most_turned.data(), turning.data());
-      const double beside = reading.beside + at_rest.beside;
+      const double remainder = reading.remainder + at_rest.remainder;
       for (int a = 0; a < n; ++a) own[a] = squares[a * (a + 1) / 2 + a];
       double ends[2] = {0, 0};
       if (form.corners) {
@@ -177,8 +177,8 @@ void range_of(const Form& form, double* lower, double* upper) {
         for (int k = 0; k < n; ++k) ends[0] += std::abs(weight[k]);
         ends[1] = ends[0];
       }
-      lower[box * many + m] = -(ends[0] + beside);
-      upper[box * many + m] = ends[1] + beside;
+      lower[box * many + m] = -(ends[0] + remainder);
+      upper[box * many + m] = ends[1] + remainder;
     }
   }
 }

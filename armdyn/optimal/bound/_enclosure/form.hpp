@@ -1,9 +1,9 @@
-// The range of linear' v + Σ squares_ab v_a v_b + Σ_k ε_k (turning_k' v + weight_k) over |ε_k| ≤ 1 and a box of v.
+// Range of linear' v + Σ squares_ab v_a v_b + Σ_k ε_k (turning_k' v + weight_k) over |ε_k| ≤ 1 and a box of v.
 #pragma once
 
 namespace armdyn {
 
-// A table of intervals.
+// Table of intervals.
 struct Table {
   const double *lower = nullptr, *upper = nullptr;
 };
@@ -13,9 +13,9 @@ struct Form {
   Table v;        // (boxes, n)
   Table linear;   // (boxes, n, many)
   Table squares;  // a ≥ b, row by row (boxes, n (n + 1) / 2, many)
-  Table turning;  // by k, then by v (boxes, n, n, many); null: zero
+  Table turning;  // indexed by k, then by v (boxes, n, n, many); null: zero
   Table weight;   // (boxes, n, many)
-  bool corners = true;  // of the box of v are all tried; else every product counts with its greatest size
+  bool corners = true;  // whether all corners of the box of v are evaluated; else products by magnitude
 };
 
 // lower, upper: (boxes, many).

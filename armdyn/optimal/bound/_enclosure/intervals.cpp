@@ -20,7 +20,7 @@ ARMDYN_INLINE Interval square(Interval x) {
   return {most(down(near * near), Lanes{}), up(far * far)};
 }
 
-// A sine or a cosine of [x[0], x[1]], whose greatest values are at (2 k + phase) π and least ones half a period on.
+// Sine or cosine of [x[0], x[1]], with maxima at (2 k + phase) π and minima half a period later.
 void wave(const Lanes* x, Lanes* out, double (*of)(double), double phase) {
   for (int l = 0; l < kLanes; ++l) {
     const double pi = 3.14159265358979323846, first = of(x[0][l]), last = of(x[1][l]);
@@ -84,7 +84,7 @@ void in_intervals(const Program& program, int boxes, const double* lower, const 
       for (int l = 0; l < kLanes && begin + l < boxes; ++l) {
         const long at = static_cast<long>(i) * boxes + begin + l;
         const double first = found[2 * i][l], last = found[2 * i + 1][l];
-        found_lower[at] = first <= last ? first : -HUGE_VAL;  // not a number, too
+        found_lower[at] = first <= last ? first : -HUGE_VAL;  // also for NaN
         found_upper[at] = first <= last ? last : HUGE_VAL;
       }
   }

@@ -1,4 +1,4 @@
-// Several boxes side by side, and directed rounding of them.
+// Vectors of boxes (lanes), and directed rounding.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@ constexpr int kLanes = 4;
 typedef double Lanes __attribute__((vector_size(8 * kLanes)));
 typedef long long Bits __attribute__((vector_size(8 * kLanes)));
 
-// One binary for every x86-64, whose results are the same bits on each: lanes do not mix, and nothing is contracted.
+// One binary for all x86-64 with bitwise equal results: lanes do not mix, and no operations are contracted.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define ARMDYN_CLONES __attribute__((target_clones("avx2", "default")))
 #else
@@ -21,7 +21,7 @@ typedef long long Bits __attribute__((vector_size(8 * kLanes)));
 #endif
 #define ARMDYN_INLINE static inline __attribute__((always_inline))
 
-// Zeros, aligned as the newest instructions ask for; a vector would do it as the oldest do.
+// Zeros, aligned for the newest instructions, which std::vector does not guarantee.
 class Memory {
  public:
   explicit Memory(std::size_t count) {
@@ -41,24 +41,24 @@ class Memory {
 };
 
 constexpr double kUnit = 1.0 / 9007199254740992.0;  // unit roundoff u = 2^-53
-constexpr double kTiny = 1e-300;                    // covers what underflows, whatever is summed up
-constexpr double kLibrary = 1e-15;  // error of a sine or cosine of the mathematical library: 9 ulp of 1; vendors state 4
-constexpr double kNear = 1e-12;     // an extremum so near an interval's end, in half periods, counts as inside
+constexpr double kTiny = 1e-300;                    // bound on underflow in sums
+constexpr double kLibrary = 1e-15;  // error of the library's sine and cosine: 9 ulp of 1; vendors state 4
+constexpr double kNear = 1e-12;     // distance in half periods at which an extremum counts as inside
 
 ARMDYN_INLINE Lanes all(double x) { return Lanes{} + x; }
 ARMDYN_INLINE Lanes magnitude(Lanes x) { return (Lanes)((Bits)x & 0x7fffffffffffffffLL); }
 ARMDYN_INLINE Lanes least(Lanes a, Lanes b) { return b < a ? b : a; }
 ARMDYN_INLINE Lanes most(Lanes a, Lanes b) { return a < b ? b : a; }
 
-// No further in than the next float: S. Rump, P. Zimmermann, S. Boldo, G. Melquiond, Computing predecessor and
+// At least the next float outward: S. Rump, P. Zimmermann, S. Boldo, G. Melquiond, Computing predecessor and
 // successor in rounding to nearest, BIT 49, 2009: x + (u (1 + 2 u) |x| + the least subnormal number).
 ARMDYN_INLINE Lanes room(Lanes x) { return magnitude(x) * (kUnit * (1 + 2 * kUnit)) + 4.94e-324; }
 ARMDYN_INLINE Lanes down(Lanes x) { return x - room(x); }
 ARMDYN_INLINE Lanes up(Lanes x) { return x + room(x); }
 
 // Upper bound on the rounding error of a sum of products, from the sum of their sizes: four times
-// γ = n u / (1 − n u) (N. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed. 2002, section 3.1), as that
-// sum and what is done with the result are rounded, too.
+// γ = n u / (1 − n u) (N. Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed. 2002, section 3.1), since the
+// sum and operations on the result are rounded, too.
 ARMDYN_INLINE Lanes rounding(int terms, Lanes sizes) { return sizes * (4 * (terms + 2) * kUnit) + kTiny; }
 ARMDYN_INLINE double rounding(int terms, double sizes) { return sizes * (4 * (terms + 2) * kUnit) + kTiny; }
 

@@ -1,6 +1,6 @@
-// Predictor and corrector of S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM Journal
-// on Optimization 2(4), 1992, for boxes. In boxes any multipliers y are feasible: with x = lower + width z the multipliers
-// of z >= 0 and z <= 1 are chosen such that s - t = cost - A' y. Each iterate hence proves a least cost.
+// Predictor-corrector method of S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM
+// Journal on Optimization 2(4), 1992, for boxes. In boxes any multipliers y are feasible: with x = lower + width z the
+// multipliers of z >= 0 and z <= 1 are chosen such that s - t = cost - A' y. Each iterate thus gives a dual bound.
 #include "linear_program.hpp"
 
 #include "../../flat/_curves/profile.hpp"
@@ -13,8 +13,8 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-constexpr double kBack = 0.995;   // part of the way to the boundary that a step takes
-constexpr double kLeast = 1e-30;  // pivot that is none
+constexpr double kBack = 0.995;   // fraction to the boundary of a step
+constexpr double kLeast = 1e-30;  // pivot that counts as zero
 
 class Method {
  public:
@@ -76,7 +76,7 @@ Numbers Method::transposed(const Numbers& y) const {
   return out;
 }
 
-// The middle of the box, and multipliers whose products with it are alike.
+// Middle of the box, and multipliers with equal complementarity products.
 void Method::begin() {
   double largest = 0.0;
   for (const double each : cost_) largest = std::max(largest, std::abs(each));
@@ -102,7 +102,7 @@ void Method::factorise() {
   matrix_.factorise(kLeast);
 }
 
-// Newton's direction towards the centring of z s and w t, and to the rows.
+// Newton direction to centred z s and w t, and to feasible rows.
 void Method::direction() {
   for (int j = 0; j < n_; ++j) dz_[j] = weight_[j] * (low_[j] / z_[j] - high_[j] / w_[j]);
   times(dz_, dy_);
@@ -144,7 +144,7 @@ LinearSolution Method::run() {
       best.cost = proven;
       best.multipliers = y_;
     }
-    // By the cost of z, less what it gains where rows are missed, the multipliers' cost is the least one but for `gap`.
+    // The cost of z, corrected for infeasible rows, exceeds the multipliers' dual bound by `gap`.
     times(z_, missing_);
     double gained = 0.0, gap = 0.0;
     for (int i = 0; i < m_; ++i) {

@@ -1,4 +1,4 @@
-// A linear program in boxes whose columns touch few rows that stand near each other, or at the end.
+// Linear program in boxes. Each column has few nonzero rows, near each other or at the end.
 //
 //   minimise cost . x   subject to   A x = right,  lower <= x <= upper
 #pragma once
@@ -9,7 +9,7 @@ namespace armdyn {
 
 struct LinearProgram {
   int rows = 0, columns = 0;
-  const int* start = nullptr;  // entries of column j are start[j] .. start[j + 1], their rows increasing
+  const int* start = nullptr;  // entries of column j are start[j] .. start[j + 1], with increasing rows
   const int* row = nullptr;
   const double* value = nullptr;
   const double* right = nullptr;
@@ -17,13 +17,13 @@ struct LinearProgram {
   const double* lower = nullptr;  // finite
   const double* upper = nullptr;
   double tolerance = 1e-8;  // of the cost, relative to 1 and to its size
-  int most = 60;            // iterations
+  int most = 60;            // iteration limit
 };
 
 struct LinearSolution {
   bool found = false;
   int iterations = 0;
-  double cost = 0.0;                // that no x undercuts, by the multipliers
+  double cost = 0.0;                // dual bound of the cost
   std::vector<double> multipliers;  // of the rows: d cost / d right
 };
 

@@ -1,4 +1,4 @@
-// The boundary: arrays of numbers in and out. Other threads go on meanwhile.
+// Python bindings: arrays in and out. They release the GIL.
 #include "form.hpp"
 #include "linear_program.hpp"
 #include "program.hpp"
@@ -22,10 +22,10 @@ using armdyn::Operation;
 using armdyn::Program;
 
 void expect(bool fits) {
-  if (!fits) throw nb::value_error("the arrays do not fit each other");
+  if (!fits) throw nb::value_error("the arrays do not match each other");
 }
 
-// An array of its own.
+// A new array that owns its memory.
 class Fresh {
  public:
   explicit Fresh(std::initializer_list<std::size_t> shape) : shape_(shape) {
@@ -50,7 +50,7 @@ class Fresh {
   double* values_;
 };
 
-// steps: (instructions, 4) of operation, into, first, second, as program.hpp has them; values: of constants.
+// steps: (instructions, 4): operation, into, first, second, see program.hpp; values: constants.
 Program program_of(const Wholes& steps, const Reals& values, int places, int inputs, int outputs) {
   Program program{{}, places, inputs, outputs};
   expect(steps.shape(1) == 4 && values.size() == steps.shape(0) && places > 0 && inputs >= 0 && outputs >= 0);
@@ -92,7 +92,7 @@ nb::tuple in_affine_forms(const Program& program, const Reals& centre, const Rea
   return nb::make_tuple(middle.release(), slopes.release(), rest.release());
 }
 
-// What arrays a form reads from, until it is done.
+// Arrays of a form, kept alive during its evaluation.
 using Kept = std::vector<Reals>;
 
 armdyn::Table table(const nb::tuple& given, std::size_t size, Kept& kept) {
@@ -162,8 +162,8 @@ NB_MODULE(_armdyn_enclosure, m) {
       .def("in_affine_forms", &in_affine_forms, nb::arg("centre"), nb::arg("radius"));
   m.def("range_of", &range_of, nb::arg("v_lower"), nb::arg("v_upper"), nb::arg("many"), nb::arg("linear"),
         nb::arg("squares"), nb::arg("turning").none(), nb::arg("weight"), nb::arg("corners"),
-        "The range of a form that is quadratic in v over boxes of v; see form.hpp.");
+        "Range of a form that is quadratic in v over boxes of v; see form.hpp.");
   m.def("solve", &solve, nb::kw_only(), nb::arg("start"), nb::arg("row"), nb::arg("value"), nb::arg("right"),
         nb::arg("cost"), nb::arg("lower"), nb::arg("upper"), nb::arg("tolerance"), nb::arg("most"),
-        "A linear program in boxes; see linear_program.hpp. Other threads go on meanwhile.");
+        "Solve a linear program in boxes; see linear_program.hpp. Releases the GIL.");
 }

@@ -7,8 +7,8 @@ namespace armdyn {
 
 enum class Operation { input, constant, output, assign, negate, twice, square, sine, cosine, add, subtract, multiply };
 
-// Of values at places in memory: into = operation(first, second). An input is the argument's number `first`, a constant
-// is `value`, an output goes into the result's number `into`.
+// Operation on values at places in memory: into = operation(first, second). An input is the argument at index `first`,
+// a constant is `value`, an output goes to the result at index `into`.
 struct Instruction {
   Operation operation = Operation::assign;
   int into = 0, first = 0, second = 0;
@@ -20,13 +20,13 @@ struct Program {
   int places = 0, inputs = 0, outputs = 0;
 };
 
-// Boxes stand side by side: every table is (…, boxes). Where the arithmetic overflows anything is possible: the whole
-// line, or an infinite rest.
-// lower, upper: (inputs, boxes); found: (outputs, boxes), zero where the program says nothing.
+// Boxes are the last axis: every table is (…, boxes). On overflow the result is the whole line, or an infinite
+// remainder.
+// lower, upper: (inputs, boxes); found: (outputs, boxes), zero where the program has no entry.
 void in_intervals(const Program& program, int boxes, const double* lower, const double* upper, double* found_lower,
                   double* found_upper);
 
-// Forms c + Σ g_k ε_k ± r over the boxes, ε_k how far coordinate k is from the middle, as a part of its radius.
+// Forms c + Σ g_k ε_k ± r over the boxes, ε_k the distance of coordinate k from the middle over its radius.
 // centre, radius: (inputs, boxes); found: c and r (outputs, boxes), g (outputs, inputs, boxes).
 void in_affine_forms(const Program& program, int boxes, const double* centre, const double* radius,
                      double* found_centre, double* found_slopes, double* found_rest);

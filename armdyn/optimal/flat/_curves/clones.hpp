@@ -1,4 +1,4 @@
-// One binary for every x86-64: the loops that take the time are compiled for its newer instructions, too.
+// One binary for all x86-64: hot loops are also compiled for newer instructions.
 #pragma once
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)

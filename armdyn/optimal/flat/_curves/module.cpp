@@ -1,4 +1,4 @@
-// The boundary: arrays of numbers in, bytes of numbers out. Other threads go on meanwhile.
+// Python bindings: arrays in, bytes of numbers out. They release the GIL.
 #include "quadratic_program.hpp"
 
 #include <nanobind/nanobind.h>
@@ -25,7 +25,7 @@ armdyn::SparseRows sparse(const nb::tuple& given, int size) {
               start.data()[rows] == static_cast<int>(column.size());
   for (int i = 0; fits && i < rows; ++i) fits = start.data()[i] <= start.data()[i + 1];
   for (std::size_t e = 0; fits && e < column.size(); ++e) fits = column.data()[e] >= 0 && column.data()[e] < size;
-  if (!fits) throw nb::value_error("compressed rows that are none, or reach beyond the unknowns");
+  if (!fits) throw nb::value_error("invalid compressed rows, or a column beyond the unknowns");
   return {rows, start.data(), column.data(), value.data()};
 }
 
@@ -52,7 +52,7 @@ nb::tuple solve(const Wholes& place, const Reals& gradient, const nb::tuple& cur
   expect(top.size(), p.rows.rows, "top");
   expect(slack.size(), p.rows.rows, "slack");
   for (std::size_t i = 0; i < slack.size(); ++i)
-    if (slack.data()[i] < -1 || slack.data()[i] >= p.slacks) throw nb::value_error("slack: no such price");
+    if (slack.data()[i] < -1 || slack.data()[i] >= p.slacks) throw nb::value_error("slack: index without a price");
   std::vector<char> taken(p.size, 0);
   for (int i = 0; i < p.size; ++i) {
     const int at = place.data()[i];
@@ -89,5 +89,5 @@ NB_MODULE(_armdyn_curves, m) {
   m.def("solve", &solve, nb::kw_only(), nb::arg("place"), nb::arg("gradient"), nb::arg("curvature"),
         nb::arg("squares"), nb::arg("square_weight"), nb::arg("lower"), nb::arg("upper"), nb::arg("rows"),
         nb::arg("top"), nb::arg("slack"), nb::arg("price"), nb::arg("tolerance"), nb::arg("most"),
-        "A quadratic program; see quadratic_program.hpp for the names. Other threads go on meanwhile.");
+        "Solve a quadratic program; see quadratic_program.hpp for the names. Releases the GIL.");
 }

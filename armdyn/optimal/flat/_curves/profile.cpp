@@ -11,7 +11,7 @@ using Run = Profile::Run;
 
 namespace {
 
-constexpr double kHuge = 1e64;  // a pivot that leaves its unknown where it is
+constexpr double kHuge = 1e64;  // pivot that fixes its unknown
 
 inline double dot(const double* a, const double* b, int count) {
   double sum = 0.0;
@@ -20,7 +20,7 @@ inline double dot(const double* a, const double* b, int count) {
   return sum;
 }
 
-// Column after column; in the end `values` holds L below the diagonal. Runs of column j: the rows below it that hold it.
+// By columns; finally `values` has L below the diagonal. Runs of column j: the rows below with an entry in it.
 ARMDYN_CLONES void factorised(const long* start, const int* run_start, const Run* runs, int n, double least,
                               double* values, double* diagonal, double* column) {
   for (int j = 0; j < n; ++j) {
@@ -65,7 +65,7 @@ Profile::Profile(const std::vector<int>& first) : first_(first), start_(first.si
   values_.resize(size);
   const int n = static_cast<int>(first.size());
   run_start_.assign(n + 1, 0);
-  std::vector<int> above(n, -1), next(n);  // row above that holds the column; place of the column's next run
+  std::vector<int> above(n, -1), next(n);  // last row above with the column; index of the column's next run
   const auto each = [&](auto&& begin) {
     std::fill(above.begin(), above.end(), -1);
     for (int i = 0; i < n; ++i)

@@ -1,6 +1,6 @@
-// A symmetric matrix stored from each row's first entry to its diagonal, and its factors L D L'.
+// Symmetric matrix in profile storage, from each row's first entry to the diagonal, and its factors L D L'.
 // A. Jennings, "A compact storage scheme for the solution of symmetric linear simultaneous equations", The Computer
-// Journal 9(3), 1966. Rows without entries far from the diagonal, and a few full ones at the end, cost what they hold.
+// Journal 9(3), 1966. Storage and time are small for narrow rows and a few full ones at the end.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ class Profile {
   // out = M x.
   void times(const double* x, double* out) const;
   void clear() { std::fill(values_.begin(), values_.end(), 0.0); }
-  double* row(int i) { return values_.data() + start_[i]; }  // of column 0; valid from first[i] to i
+  double* row(int i) { return values_.data() + start_[i]; }  // address of column 0; valid from first[i] to i
   const double* row(int i) const { return values_.data() + start_[i]; }
 
   // Replace the matrix by its factors; a pivot below `least` in size is replaced by a huge one.
@@ -33,7 +33,7 @@ class Profile {
   std::vector<int> first_;
   std::vector<long> start_;
   std::vector<int> run_start_;  // of each column
-  std::vector<Run> runs_;       // rows below the diagonal that hold the column
+  std::vector<Run> runs_;       // rows below the diagonal with an entry in the column
   std::vector<double> values_, diagonal_, column_;
 };
 

@@ -1,6 +1,6 @@
-// Predictor and corrector of S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM Journal
-// on Optimization 2(4), 1992, as Nocedal and Wright, Numerical Optimization, 2006, algorithm 16.4 have it for quadratic
-// programs. Slacks are eliminated with their rows, so that the linear equations have the unknowns alone.
+// Predictor-corrector method of S. Mehrotra, "On the implementation of a primal-dual interior point method", SIAM
+// Journal on Optimization 2(4), 1992, for quadratic programs as in Nocedal and Wright, Numerical Optimization,
+// 2006, algorithm 16.4. Slacks are eliminated with their rows, so that the linear equations contain the unknowns only.
 #include "quadratic_program.hpp"
 
 #include <algorithm>
@@ -11,11 +11,11 @@ namespace {
 
 using Numbers = std::vector<double>;
 
-constexpr double kInside = 0.05;   // part of a bound's width that the start keeps from it
-constexpr double kBack = 0.995;    // part of the way to the boundary that a step takes
-constexpr double kLeast = 1e-30;   // pivot that is none
+constexpr double kInside = 0.05;   // distance of the start from bounds, as a part of their width
+constexpr double kBack = 0.995;    // fraction to the boundary of a step
+constexpr double kLeast = 1e-30;   // pivot that counts as zero
 
-// A quantity that is not negative and its multiplier, with their directions.
+// Nonnegative quantity and its multiplier, with their directions.
 struct Pair {
   Numbers value, multiplier, d_value, d_multiplier, centring;
 
@@ -28,7 +28,7 @@ struct Pair {
       sum += (value[i] + step * d_value[i]) * (multiplier[i] + step * d_multiplier[i]);
     return sum;
   }
-  // Largest step up to 1 that leaves both not negative.
+  // Largest step up to 1 that keeps both nonnegative.
   double room() const {
     double step = 1.0;
     for (std::size_t i = 0; i < value.size(); ++i) {
@@ -43,7 +43,7 @@ struct Pair {
       multiplier[i] += step * d_multiplier[i];
     }
   }
-  // What value x multiplier is to change by, to first order: towards `target`, less the last directions' product.
+  // First-order change of value x multiplier: to `target`, minus the product of the last directions.
   void aim(double target, bool corrected) {
     for (std::size_t i = 0; i < value.size(); ++i)
       centring[i] = target - value[i] * multiplier[i] - (corrected ? d_value[i] * d_multiplier[i] : 0.0);
@@ -59,20 +59,20 @@ class Method {
   std::vector<char> kept();
   Profile profile() const;
   void begin();
-  double residuals();  // how far the conditions are from holding, relative
+  double residuals();  // relative residuals of the optimality conditions
   void factorise();
   void direction();
   QuadraticSolution result(bool found, int iterations) const;
 
   const QuadraticProgram& p_;
   const int n_;
-  std::vector<int> unknown_;  // of each place
-  Numbers price_;         // of the slacks that some row has
-  std::vector<int> own_;  // slack of each row: of the program's rows, then in the order of rows_
+  std::vector<int> unknown_;  // unknown of each place
+  Numbers price_;         // prices of the slacks with rows
+  std::vector<int> own_;  // slack of each row, in the program's order, then in rows_'s
   BlockRows rows_;
   BlockRows squares_;
-  Profile curved_, matrix_;  // curvature of the cost, and the matrix of the linear equations
-  Pair low_, high_, row_, slack_;  // distances from bounds, of rows from their tops, slacks
+  Profile curved_, matrix_;  // Hessian of the cost, and matrix of the linear equations
+  Pair low_, high_, row_, slack_;  // distances from bounds, distances of rows from their upper sides, slacks
   Numbers x_, gradient_, top_, scale_, dual_, primal_, slack_dual_, step_, weight_, sum_, moved_, of_rows_;
   double square_ = 0.0;  // x . curvature x
 };
@@ -120,7 +120,7 @@ Method::Method(const QuadraticProgram& program)
   slack_.resize(price_.size());
 }
 
-// Rows that some step within the bounds violates; the slacks of the others are none.
+// Rows that a step within the bounds can violate; the others' slacks are zero.
 std::vector<char> Method::kept() {
   std::vector<char> out(p_.rows.rows);
   std::vector<int> slack(p_.slacks, -1);
@@ -231,7 +231,7 @@ void Method::factorise() {
   matrix_.factorise(kLeast);
 }
 
-// Newton's direction towards the centring of the four pairs.
+// Newton direction to the centred four pairs.
 void Method::direction() {
   // Multiplier of a row: weight (a . step - slack's step) + of_rows_; slack's step: (weight (a . step) + moved) / sum.
   Numbers& slack_moved = slack_.d_value;

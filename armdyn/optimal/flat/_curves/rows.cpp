@@ -8,7 +8,7 @@
 namespace armdyn {
 namespace {
 
-constexpr int kTile = 8;  // columns of a block are padded to a multiple
+constexpr int kTile = 8;  // columns of a block are padded to a multiple of this
 
 typedef double Lane __attribute__((vector_size(kTile * sizeof(double)), aligned(sizeof(double)), may_alias));
 
@@ -39,7 +39,7 @@ ARMDYN_CLONES void weighted(const double* values, int rows, int width, const dou
     products(values, scaled, rows, width, lower);
     return;
   }
-  double *mean = lower, sum = slack;  // not in use yet
+  double *mean = lower, sum = slack;  // unused so far
   for (int i = 0; i < width; ++i) mean[i] = 0.0;
   for (int k = 0; k < rows; ++k) {
     const double* own = values + k * width;
@@ -55,7 +55,7 @@ ARMDYN_CLONES void weighted(const double* values, int rows, int width, const dou
   products(centred, scaled, rows, width, lower);
 }
 
-// The same, where base k stands for itself with the weight up and for its negative with down; `scaled` is W A.
+// The same, with base k weighted by up, and its negative by down; `scaled` is W A.
 ARMDYN_CLONES void weighted_pairs(const double* values, int bases, int width, const double* up, const double* down,
                                   double slack, double* scaled, double* lower) {
   double total = slack;
@@ -94,7 +94,7 @@ ARMDYN_CLONES void product_transposed(const double* values, int rows, int width,
   }
 }
 
-// Order of two rows by their columns: -1, 0 where they are the same, 1.
+// Order of two rows by their columns: -1, 0 (equal), 1.
 int compared(const SparseRows& given, int a, int b) {
   const int *first = given.column + given.start[a], *end = given.column + given.start[a + 1];
   const int *other = given.column + given.start[b], *last = given.column + given.start[b + 1];
@@ -122,8 +122,8 @@ BlockRows::BlockRows(const SparseRows& given, const std::vector<int>& slack, con
   });
   base_.resize(order.size());
   sign_.assign(order.size(), 1.0);
-  std::vector<int> bases;  // of a block: their rows of the program
-  std::vector<int> at;  // of each column in the block, + 1
+  std::vector<int> bases;  // bases of a block, as rows of the program
+  std::vector<int> at;  // index of each column in the block, + 1
   int most = 0;
   for (int first = 0, last = 0; first < size(); first = last) {
     const int own = slack[order[first]];
@@ -131,7 +131,7 @@ BlockRows::BlockRows(const SparseRows& given, const std::vector<int>& slack, con
     for (last = first + 1; last < size() && together(last);) ++last;
     Block block{own, first, last - first, 0, 0, 0, static_cast<long>(values_.size()), static_cast<long>(columns_.size())};
     bases.clear();
-    for (int k = first, next = 0; k < last; ++k) {  // negatives stand in the order of their bases, but for some left out
+    for (int k = first, next = 0; k < last; ++k) {  // negatives are in the order of their bases, some are left out
       int base = next;
       while (base < static_cast<int>(bases.size()) && !opposed(given, bases[base], order[k])) ++base;
       if (base < static_cast<int>(bases.size())) {
