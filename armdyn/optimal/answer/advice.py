@@ -83,8 +83,8 @@ def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: b
     if not arcs and certificate.remark == ON_CURVE:
         return f"not extremal: {ON_CURVE}; more `starts` may find a faster one"
     if not arcs and problem.path_constraint_names:
-        asked = ", ".join(problem.path_constraint_names)
-        return f"not extremal: Pontryagin's conditions are not checked with {asked}; a small gap would say as much"
+        names = ", ".join(problem.path_constraint_names)
+        return f"not extremal: Pontryagin's conditions are not checked with {names}; a small gap would say as much"
     if not certificate.on_goal:
         return "not extremal: it ends more than 1e-6 off the goal: raise `max_intervals`, or give `armature`"
     if not arcs:

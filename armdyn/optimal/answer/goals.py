@@ -104,8 +104,8 @@ def _slid_end(
             step /= 4
             continue
         turned = end_gradient(best.problem.robot, goal, moved, other.phases)
-        away, bent = moved - q, float((moved - q) @ (turned - slope))
-        step = float(away @ away) / bent * float(np.linalg.norm(turned)) if bent > 0 else 2 * step
+        away, curvature = moved - q, float((moved - q) @ (turned - slope))
+        step = float(away @ away) / curvature * float(np.linalg.norm(turned)) if curvature > 0 else 2 * step
         best = other
     return best
 

@@ -247,8 +247,8 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
     # Any combinations are valid: per joint the one that solves for it, then that of the error, then single rows.
     w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
     sizes = np.abs(centre) + np.sum(np.abs(slopes), axis=2) + rest
-    value, row, beside = (w @ centre[..., None])[..., 0], w @ slopes, (np.abs(w) @ rest[..., None])[..., 0]
-    beside = beside + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
+    value, row, remainder = (w @ centre[..., None])[..., 0], w @ slopes, (np.abs(w) @ rest[..., None])[..., 0]
+    remainder = remainder + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
     lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
     possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)
     safe = np.where(row == 0, 1.0, row)
@@ -256,8 +256,8 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
         ends = row * lower[:, None], row * upper[:, None]
         least, most = np.minimum(*ends), np.maximum(*ends)
         low, high = (
-            (-value - beside - np.sum(most, axis=2))[..., None],
-            (beside - value - np.sum(least, axis=2))[..., None],
+            (-value - remainder - np.sum(most, axis=2))[..., None],
+            (remainder - value - np.sum(least, axis=2))[..., None],
         )
         possible &= ~np.any((low > 0) | (high < 0), axis=(1, 2))
         first, last = (low + most) / safe, (high + least) / safe
@@ -268,8 +268,8 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
         possible &= ~np.any(lower > upper, axis=1)
         lower, upper = np.minimum(lower, 1.0), np.maximum(upper, -1.0)
     middle, radius = boxes.centre, boxes.radius
-    beside = rounding(8, np.abs(middle) + radius)
-    inner = Interval(middle + radius * lower - beside, middle + radius * upper + beside)
+    error = rounding(8, np.abs(middle) + radius)
+    inner = Interval(middle + radius * lower - error, middle + radius * upper + error)
     return boxes.meet(inner)[possible], left[possible]
 
 

@@ -56,9 +56,9 @@ class LegEnd:
         scaled = Interval.at(weights) * Interval.at(self.q.radius)
         w = _combination(scaled.centre, centre, slopes, rest) if combination is None else combination
         left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
-        beside = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
+        shift = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
         middle = (Interval.at(weights) * Interval.at(self.q.centre)).sum(0)
-        return float(np.maximum(least, (middle - beside).lower))
+        return float(np.maximum(least, (middle - shift).lower))
 
 
 def _combination(sought: Array, centre: Array, slopes: Array, rest: Array) -> Array:
@@ -115,8 +115,8 @@ class BoundLeg:
         """M at the start and at the goal [kg m²], enclosed over their boxes, shape (2, nv, nv)."""
         terms = terms_over(self.dynamics, joined([self.start.q[None], self.goal.q[None]]))
         open_ = terms.inertia_slopes.magnitude
-        beside = np.sum(open_, axis=1) + rounding(open_.shape[1], np.sum(open_, axis=1))
-        return terms.inertia + Interval(-beside, beside)
+        radius = np.sum(open_, axis=1) + rounding(open_.shape[1], np.sum(open_, axis=1))
+        return terms.inertia + Interval(-radius, radius)
 
     @property
     def away(self) -> Interval:

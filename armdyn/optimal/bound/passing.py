@@ -66,12 +66,12 @@ class _Event:
     Attributes:
         region: region of the frame.
         box: box of all joint positions in the region, each end of shape (nv,).
-        beside: box of all joint positions in the phase along the line to or from the region; None: no line.
+        line_box: box of all joint positions in the phase along the line to or from the region; None: no line.
     """
 
     region: BoundRegion
     box: Interval
-    beside: Interval | None = None
+    line_box: Interval | None = None
 
 
 def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[Phase] | None:
@@ -85,10 +85,10 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
     goals = [*((event.region, event.box) for event in events), None]
     phases = [Phase(own.shortest, leg.position, goal=goal) for own, goal in zip(legs, goals, strict=True)]
     for k, event in ((0, events[0]), (last, events[-1])):
-        if k in passage.lines and event.beside is not None:
-            phases[k] = replace(phases[k], line=passage.lines[k], box=event.beside)
+        if k in passage.lines and event.line_box is not None:
+            phases[k] = replace(phases[k], line=passage.lines[k], box=event.line_box)
         others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
-        if event.beside is None:
+        if event.line_box is None:
             soonest = _soonest(leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0))
             phases[k] = replace(phases[k], least=max(phases[k].least, soonest))
         least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
@@ -147,9 +147,9 @@ def _on_line(
     if axis is None or goal.frame != passed.frame:
         return None
     off = goal.pose.actInv(passed.pose)
-    beside = float(np.abs(off.rotation[axis]) @ passed.deviations[:3])
-    plane = float(np.copysign(max(abs(off.translation[axis]) - beside, 0.0), off.translation[axis]))
-    if not np.isfinite(beside) or plane == 0:
+    deviation = float(np.abs(off.rotation[axis]) @ passed.deviations[:3])
+    plane = float(np.copysign(max(abs(off.translation[axis]) - deviation, 0.0), off.translation[axis]))
+    if not np.isfinite(deviation) or plane == 0:
         return None
     found = tube(leg, line, plane, ends, longest)
     if found is None:

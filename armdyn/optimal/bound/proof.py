@@ -99,8 +99,8 @@ def _least_ways(ends: Sequence[LegEnd | None], by: Multipliers) -> Interval:
     jumps = np.concatenate([none, by.way]) - np.concatenate([by.way, none])
     for end, jump, combination in zip(ends, jumps, by.combinations, strict=True):
         if end is not None and np.any(jump):
-            beside = rounding(2, np.abs(jump) @ end.q.magnitude)
-            total = total + Interval.at(end.least(jump, combination) - beside)
+            error = rounding(2, np.abs(jump) @ end.q.magnitude)
+            total = total + Interval.at(end.least(jump, combination) - error)
     return total
 
 
@@ -117,8 +117,8 @@ def _controls(leg: BoundLeg, cells: Cells, forces: Forces, by: Multipliers) -> t
         return np.stack(ends, axis=2), steps[:, :, None], np.stack(both, axis=3)
     damped = np.einsum("kj,knj,nj->nj", leg.torque.actuators.lines[0], shares, w)
     inertia, change = forces.terms.inertia.centre[cells.fixed], damped[:-1] - damped[1:]
-    bent = np.linalg.solve(inertia, change[..., None])[..., 0] * lengths / 4
-    middle = (ends[0] + ends[1]) / 2 + bent
+    correction = np.linalg.solve(inertia, change[..., None])[..., 0] * lengths / 4
+    middle = (ends[0] + ends[1]) / 2 + correction
     twice, at = Interval.at(2.0), [Interval.at(each) for each in (ends[0], middle, ends[1])]
     first, last = (twice * (after - before) / Interval.at(lengths) for before, after in pairwise(at))
     slopes = stacked([first, steps, last], axis=2)

@@ -88,12 +88,12 @@ def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
     """
     count, (nv, boxes) = len(at_centres.lower), radius.shape
     linear = slopes.centre.reshape(nv, count, boxes) * radius[:, None]
-    bent = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
+    second = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
     left = np.sum(slopes.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
-    bent = (bent + bent.transpose(2, 1, 0, 3)) / 4  # coefficients of ε_k ε_l, both orders
-    squares = np.einsum("kckb->cb", bent) / 2  # coefficients of ε_k², which is ½ ± ½
-    half = np.einsum("kckb->cb", np.abs(bent)) / 2
-    size = np.sum(np.abs(bent), axis=(0, 2))
+    second = (second + second.transpose(2, 1, 0, 3)) / 4  # coefficients of ε_k ε_l, both orders
+    squares = np.einsum("kckb->cb", second) / 2  # coefficients of ε_k², which is ½ ± ½
+    half = np.einsum("kckb->cb", np.abs(second)) / 2
+    size = np.sum(np.abs(second), axis=(0, 2))
     rest = at_centres.radius + left + (size - half)
     whole = at_centres.magnitude + np.sum(np.abs(linear), axis=0) + size + left
     return Affine(at_centres.centre + squares, linear.transpose(1, 0, 2), rest + rounding(2 * nv * nv + 16, whole))

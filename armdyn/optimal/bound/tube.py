@@ -54,16 +54,16 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
     if slices is None:
         return None
     boxes, middles, half, first = slices
-    numbers, beside = leg.policy, half * _SLACK
-    inner = line.narrowed(boxes, numbers, Interval(middles - half - beside, middles + half + beside))
+    numbers, margin = leg.policy, half * _SLACK
+    inner = line.narrowed(boxes, numbers, Interval(middles - half - margin, middles + half + margin))
     if inner is None or not _inside(inner, boxes) or not _inside(end[None], boxes[first : first + 1]):
         return None
     edges = (middles[:-1] + middles[1:]) / 2
     for own, neighbours in ((inner[:-1], boxes[1:]), (inner[1:], boxes[:-1])):
-        faces = line.narrowed(own, numbers, Interval(edges - beside, edges + beside))
+        faces = line.narrowed(own, numbers, Interval(edges - margin, edges + margin))
         if faces is None or not _inside(faces, neighbours):
             return None
-    last = line.narrowed(inner[-1:], numbers, Interval(np.array([plane - beside]), np.array([plane + beside])))
+    last = line.narrowed(inner[-1:], numbers, Interval(np.array([plane - margin]), np.array([plane + margin])))
     # The line continues behind the slices. A motion that reaches the outermost slice has no time left after it:
     # a later crossing of the plane need not be considered.
     if last is None or _time(leg, (end, inner[0], other)) < longest:

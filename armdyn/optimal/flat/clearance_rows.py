@@ -78,9 +78,9 @@ def clearance_rows(required: RequiredDistances, guess: Curve, policy: Sequential
         even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
         passing = _passing(required.model, leg, even, least + policy.passing) if fine else even[:0]
         near = np.concatenate([more, passing])
-        beside = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
+        around = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
         # Places nearer than a hundredth of a step are redundant.
-        all_ = np.unique(np.round(np.concatenate([even, beside]) / (0.01 * even[1]))) * 0.01 * even[1]
+        all_ = np.unique(np.round(np.concatenate([even, around]) / (0.01 * even[1]))) * 0.01 * even[1]
         legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))
     return ClearanceRows(required.model, least, tuple(legs), policy.within, policy.pairs)
 

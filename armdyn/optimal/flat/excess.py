@@ -73,8 +73,8 @@ def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:
     which = np.searchsorted(leg.basis.gauss(POINTS)[0].ravel(), middle)
     over = np.full((leg.basis.intervals * POINTS + 1, limit.size), _KEPT)
     rates = rates.reshape(-1, limit.size)
-    for beside in (-1, 0, 1):  # a step with a full margin leaves the excess to its neighbours
-        np.maximum.at(over, np.clip(which + beside, 0, len(over) - 1), rates)
+    for offset in (-1, 0, 1):  # a step with a full margin leaves the excess to its neighbours
+        np.maximum.at(over, np.clip(which + offset, 0, len(over) - 1), rates)
     return over
 
 
@@ -100,8 +100,8 @@ def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: f
 
     upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
     left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
-    beside = np.maximum(left[:-2], left[2:])
-    upper, lower = margin.upper + upper + beside, margin.lower + lower + beside
+    neighbours = np.maximum(left[:-2], left[2:])
+    upper, lower = margin.upper + upper + neighbours, margin.lower + lower + neighbours
     return TorqueMargin(np.minimum(upper, _MOST), np.minimum(lower, _MOST), np.minimum(margin.rates + rates, _MOST))
 
 

@@ -88,10 +88,10 @@ class Segments:
 
     def end(self) -> Array:
         """Open-loop end state minus the motion's own, to first order in the defects, shape (2 nv,)."""
-        beside = np.zeros(self.defect.shape[1])
+        deviation = np.zeros(self.defect.shape[1])
         for state_transition, defect in zip(self.state_transition, self.defect, strict=True):
-            beside = state_transition @ beside + defect
-        return beside
+            deviation = state_transition @ deviation + defect
+        return deviation
 
 
 def transitions(

@@ -53,8 +53,8 @@ def rest_of(mesh: Places, positions: Array, ends: Ends, duration: float) -> tupl
         Control points and duration.
     """
     r = mesh.basis.places[:, None]
-    beside = (1 - _blend(r)) * (ends.q - positions[0]) + _blend(r) * (ends.goal - positions[-1])
-    return positions + beside, max(duration, _SHORTEST)
+    correction = (1 - _blend(r)) * (ends.q - positions[0]) + _blend(r) * (ends.goal - positions[-1])
+    return positions + correction, max(duration, _SHORTEST)
 
 
 def _blend(r: Array) -> Array:

@@ -234,9 +234,9 @@ def _solution(
     """The solution from a motion within all limits."""
     status, motion = outcome
     exceeded = worst_violation(problem.limits, motion, problem.robot.joint_names, dense=2)
-    beside = np.abs(problem.goal_error_of(motion))
+    error = np.abs(problem.goal_error_of(motion))
     certificate = Certificate(
-        float(np.max(beside[: problem.robot.nv])), float(np.max(beside[problem.robot.nv :])),
+        float(np.max(error[: problem.robot.nv])), float(np.max(error[problem.robot.nv :])),
         exceeded.value if exceeded else 0.0, exceeded=exceeded, remark=_REMARK, replay="curve",
     )  # fmt: skip
     reaches = status not in (Status.FOLLOWED, Status.STOPPED)

@@ -68,8 +68,8 @@ class LastMotion:
         """
         t = self.passed(q, v)
         at, end = self.motion(t), float(self.motion.t[-1])
-        beside = np.max(np.abs(at.q - q)) > policy.beside_position or np.max(np.abs(at.v - v)) > policy.beside_velocity
-        if beside or end - t < _LEAST:
+        is_off = np.max(np.abs(at.q - q)) > policy.beside_position or np.max(np.abs(at.v - v)) > policy.beside_velocity
+        if is_off or end - t < _LEAST:
             return None
         left = self.motion.slice(t, end)
         return replace(left, t=left.t - t, name="rest of the last motion")

@@ -55,9 +55,9 @@ class ViaPoints(PathConstraint):
                 enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
                 what = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
-                beside = np.abs(motion(time).q - np.asarray(via))
-                error, which = float(np.max(beside)), problem.robot.joint_names[int(np.argmax(beside))]
-                enough, what = self.policy.near, f"{error:.2g} rad beside via point {i}"
+                distance = np.abs(motion(time).q - np.asarray(via))
+                error, which = float(np.max(distance)), problem.robot.joint_names[int(np.argmax(distance))]
+                enough, what = self.policy.near, f"{error:.2g} rad off via point {i}"
             errors.append(error)
             if error > enough:
                 reasons.append(f"it passes {what}")

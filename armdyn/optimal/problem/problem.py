@@ -197,7 +197,7 @@ class MinimumTimeProblem:
             "velocity limits by position": self.preset is not None and self.preset.taper is not None,
             **{constraint.name: True for constraint in self.path_constraints},
         }
-        return tuple(name for name, wanted in active.items() if wanted)
+        return tuple(name for name, is_active in active.items() if is_active)
 
     @property
     def crowded(self) -> bool:

@@ -50,7 +50,7 @@ def via_positions(
 
 
 def _sampled(
-    robot: Robot, limits: JointLimits, region: GoalPose, beside: tuple[Array, Array], is_clear: Callable[[Array], bool]
+    robot: Robot, limits: JointLimits, region: GoalPose, ends: tuple[Array, Array], is_clear: Callable[[Array], bool]
 ) -> Array:
     """Joint positions in a region: at its centre if that can be reached; collision-free ones if any are found."""
 
@@ -59,7 +59,7 @@ def _sampled(
         return float(np.linalg.norm(off.translation) + _ARM * np.linalg.norm(pin.log3(off.rotation)))
 
     def candidates() -> Iterator[Array]:
-        near, nothing = sorted(beside, key=away), np.zeros(robot.nv)
+        near, nothing = sorted(ends, key=away), np.zeros(robot.nv)
         centre = replace(region, tolerance=())
         for goal, start in product((centre, region), near):
             if (q := slid(robot, goal, start, nothing, limits)) is not None:
@@ -74,7 +74,7 @@ def _sampled(
             if is_clear(q):
                 return q
             first = q if first is None else first
-    return poses_reaching(robot, region, beside[0], limits)[0] if first is None else first
+    return poses_reaching(robot, region, ends[0], limits)[0] if first is None else first
 
 
 def check_via_regions(robot: Robot, via: Sequence[Any], poses: Array) -> None:

@@ -53,9 +53,9 @@ def repeated(problem: MinimumTimeProblem, motion: Trajectory, certificate: Certi
     robot, n = problem.robot, problem.robot.nv
     segments = Segments.of(robot, motion)
     judged = replace(certificate, growth=segments.growth, segment_error=segments.largest + ACCURACY)
-    beside = problem.goal_error_of(motion)
+    error = problem.goal_error_of(motion)
     if segments.growth <= OPEN_LOOP_GROWTH:
-        missed = np.abs(beside + segments.end()) + segments.growth * ACCURACY
+        missed = np.abs(error + segments.end()) + segments.growth * ACCURACY
         return replace(
             judged,
             goal_error=max(certificate.goal_error, float(np.max(missed[:n]))),
@@ -123,13 +123,13 @@ def under_feedback(robot: Robot, limits: JointLimits, motion: Trajectory, segmen
     highest = np.maximum(upper - np.maximum(ticks.tau[:-1], ticks.tau[1:]), 0)
     stiffness, damping = FEEDBACK_BANDWIDTH**2, 2 * FEEDBACK_BANDWIDTH
     gains = -np.concatenate([stiffness * inertia, damping * inertia], axis=2)
-    beside, correction = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n))
-    for k, state in enumerate(beside[:-1]):
+    delta, correction = np.zeros((ticks.t.size, 2 * n)), np.zeros((ticks.t.size, n))
+    for k, state in enumerate(delta[:-1]):
         correction[k] = np.minimum(np.maximum(gains[k] @ state, lowest[k]), highest[k])
-        beside[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
-        if not np.max(np.abs(beside[k + 1])) <= _NEAR:
+        delta[k + 1] = segments.state_transition[k] @ state + segments.forced[k] @ correction[k] + segments.defect[k]
+        if not np.max(np.abs(delta[k + 1])) <= _NEAR:
             return None
     unseen = ACCURACY * np.sum(np.abs(gains), axis=2)
     largest = np.max(np.abs(correction[:-1]) + unseen, axis=0)
-    x = np.concatenate([ticks.q, ticks.v], axis=1) + beside
+    x = np.concatenate([ticks.q, ticks.v], axis=1) + delta
     return FeedbackReplay(replace(ticks, q=x[:, :n], v=x[:, n:], tau=ticks.tau + correction), largest)

@@ -34,20 +34,20 @@ def crossover_guesses(
         search_settings: meshes and solver settings, used in turn.
         first: index of the first child, which varies the random numbers.
     """
-    numbers, same, born = task.policy.search, task.policy.same, list[Attempt]()
-    while len(born) < count and not task.stop:
-        best = distinct([*attempts, *born], same.coarse, same.apart)[: numbers.parents]
+    numbers, same, children = task.policy.search, task.policy.same, list[Attempt]()
+    while len(children) < count and not task.stop:
+        best = distinct([*attempts, *children], same.coarse, same.apart)[: numbers.parents]
         if not best:
             break
         parents = Guesses.sampled([attempt.trajectory for attempt in best], SAMPLES)
         about = best[0].trajectory.duration
-        task.progress(f"search: change {len(born)} of {count} of the best optima, about {about:.4f} s")
+        task.progress(f"search: child {len(children)} of {count} of the best optima, about {about:.4f} s")
 
-        several = range(first + len(born), first + min(count, len(born) + numbers.round))
+        several = range(first + len(children), first + min(count, len(children) + numbers.round))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
         guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
-        born += in_bunches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
-    return born
+        children += in_bunches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
+    return children
 
 
 def crossover(
@@ -70,20 +70,20 @@ def crossover(
     chosen, other = random.exponential(policy.favoured, 2).astype(int) % many
     duration = parents.durations[chosen]
     q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
-    bent = np.zeros(q.shape[1])
+    bend = np.zeros(q.shape[1])
     if number % 3 == 0:
         way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
-        bent = policy.bend * random.normal(size=bent.size) * np.maximum(way, policy.bow)
-    elif number % 3 == 1 and many > 1 and bent.size > 1:
+        bend = policy.bend * random.normal(size=bend.size) * np.maximum(way, policy.bow)
+    elif number % 3 == 1 and many > 1 and bend.size > 1:
         mate = other if other != chosen else (chosen + 1) % many
-        taken = random.permutation(bent.size) < random.integers(1, bent.size)
+        taken = random.permutation(bend.size) < random.integers(1, bend.size)
         q[:, taken], tau[:, taken] = parents.q[mate][:, taken], parents.tau[mate][:, taken]
         v[:, taken] = parents.v[mate][:, taken] * parents.durations[mate] / duration
     else:
-        bent[random.integers(bent.size)] = policy.led * random.uniform(-1, 1)
+        bend[random.integers(bend.size)] = policy.led * random.uniform(-1, 1)
     s = np.linspace(0, 1, len(q))
     bow = 4 * s * (1 - s)
-    q += (bow**3)[:, None] * bent
-    v += (12 * bow**2 * (1 - 2 * s))[:, None] * bent / duration
+    q += (bow**3)[:, None] * bend
+    v += (12 * bow**2 * (1 - 2 * s))[:, None] * bend / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
     return Guesses(s[None] * (policy.slack * duration), q[None], v[None] / policy.slack, tau[None])

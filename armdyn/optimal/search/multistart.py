@@ -63,9 +63,9 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
         # An optimum's duration depends on the mesh: it counts once per mesh, which is conservative.
-        asked = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
-        optima = len(grouped(solved, within(task.policy.same.coarse))) if asked else 0
-        if task.stop or (asked and enough(len(solved), optima)):
+        due = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
+        optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
+        if task.stop or (due and enough(len(solved), optima)):
             break
     return attempts
 

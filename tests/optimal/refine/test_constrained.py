@@ -99,7 +99,7 @@ def test_check_names_the_contact():
     assert "'ball'" in reason and "inside" in reason and checked.clearance.other == "ball"
     assert checked.worst.constraint == "clearance" and checked.worst.value > -checked.clearance.distance > 0
     checked = check(rr(via=[[1.0, 1.0]]), 0.1)
-    assert "beside via point 0" in checked.reasons[0]
+    assert "off via point 0" in checked.reasons[0]
     assert checked.worst.constraint == "via point 0" and checked.worst.time == 0.1
     checked = check(rr(acceleration_limit=50))
     assert "acceleration" in checked.reasons[0] and checked.each[0].share > 2

@@ -44,8 +44,8 @@ class Affine:
     def interval(self) -> Interval:
         """Interval hull."""
         far = self.far
-        beside = far + rounding(2 + self.slopes.shape[1], far + np.abs(self.centre))
-        return Interval(self.centre - beside, self.centre + beside)
+        radius = far + rounding(2 + self.slopes.shape[1], far + np.abs(self.centre))
+        return Interval(self.centre - radius, self.centre + radius)
 
     def __sub__(self, other: Affine) -> Affine:
         centre, slopes, rest = self.centre - other.centre, self.slopes - other.slopes, self.rest + other.rest

@@ -132,9 +132,9 @@ class Interval:
     def dot(self, other: Interval) -> Interval:
         """The matrix product with another, shapes (…, l, m) with (…, m, n)."""
         product = self.times(other.centre)
-        beside = self.magnitude @ other.radius
-        beside = beside + rounding(self.lower.shape[-1], beside)
-        return Interval(down(product.lower - beside), up(product.upper + beside))
+        radius = self.magnitude @ other.radius
+        radius = radius + rounding(self.lower.shape[-1], radius)
+        return Interval(down(product.lower - radius), up(product.upper + radius))
 
     def times(self, matrix: Array) -> Interval:
         """The product with a matrix of floats on the right, shapes (…, m) or (…, l, m) with (…, m, n)."""

@@ -103,12 +103,12 @@ class TorqueRateLimit(PathConstraint):
         ends = zip(_ends(problem), motion.t[[0, -1]], motion.tau[[0, -1]], ("begins", "ends"), strict=True)
         for x, t, tau, end in ends:
             hold, free = self._held(problem, x)
-            beside = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
-            if np.max(beside) > self.policy.rate_tolerance:
+            jump = np.where(free > 0, 0, np.abs(tau - hold)) / problem.limits.actuators.scale
+            if np.max(jump) > self.policy.rate_tolerance:
                 worst.append(
-                    Violation("jump of the torque", names[int(np.argmax(beside))], float(t), float(np.max(beside)))
+                    Violation("jump of the torque", names[int(np.argmax(jump))], float(t), float(np.max(jump)))
                 )
-                reasons.append(f"the torque {end} with a jump of {100 * np.max(beside):.2g} % of its limit")
+                reasons.append(f"the torque {end} with a jump of {100 * np.max(jump):.2g} % of its limit")
         unit, most = "N/s" if problem.robot.slides[i] else "N m/s", np.broadcast_to(limit, rates.shape[1:])[i]
         words = f"{share * most:.5g} of {most:.5g} {unit} at most, by {joint!r} at t = {motion.t[k]:.4g} s"
         most_violated = max(worst, key=lambda violation: violation.value, default=None)
@@ -137,8 +137,8 @@ def _rates(stages: Stages, over_limit: ca.SX) -> ca.SX:
 
 def _from_torque(stages: Stages, hold: ca.SX, part: float) -> ca.SX:
     """Difference of the torque from a given one at a fraction of the interval, over its scale."""
-    beside: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
-    return beside
+    distance: ca.SX = (stages.tau[:, 0] + (part - stages.c[0]) * _slope(stages) - hold) / stages.effort
+    return distance
 
 
 def _ends(problem: MinimumTimeProblem) -> tuple[Array, Array]:

@@ -95,8 +95,8 @@ class Policy:
         """The policy for a problem, from its joints, limits and path constraints."""
         motors = not np.any(problem.limits.passive)
         speed_limited = is_speed_limited(problem)
-        joints, asked = problem.robot.nv, bool(problem.path_constraint_names)
-        plain = motors and not asked and not problem.pays_effort
+        joints, has_constraints = problem.robot.nv, bool(problem.path_constraint_names)
+        plain = motors and not has_constraints and not problem.pays_effort
         many = plain and joints == 3  # hundreds of optima
         some = plain and joints == 2
         starts = _by_joints(joints, 1, 32 if some else 16 if motors else 40, 140 if many else 100)
@@ -104,7 +104,7 @@ class Policy:
             strategy=_strategy(problem, motors, speed_limited),
             program=ProgramPolicy(
                 linear=problem.continuous_torque or not problem.limits.actuators.constant,
-                condensed=not asked,
+                condensed=not has_constraints,
                 coarse_barriers=(1e-2, 1e-1) if many else (1e-3, 1e-2),
                 flat=1e-4 if _has_rows(problem) else None,
             ),
@@ -117,7 +117,7 @@ class Policy:
                 turn=8.0 if many else 4.0 if some else 0.0,
                 haste=0.4 if many else 0.6 if some else 1.0,
                 changes=0.4 if many else 0.0,
-                side_by_side=joints > 2 or (joints > 1 and (asked or problem.pays_effort)),
+                side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
                 again=joints > 1,
             ),
             refinement=RefinementPolicy(
@@ -129,7 +129,7 @@ class Policy:
             smooth=SmoothPolicy(starts=_by_joints(joints, 2, 16, 24), refined=10 if joints == 2 else 6),
             curves=CurvePolicy(
                 cruises=speed_limited,
-                patience=300 if asked or np.any(problem.robot.friction.coulomb) else 120,
+                patience=300 if has_constraints or np.any(problem.robot.friction.coulomb) else 120,
                 shortest=_shortest(problem, speed_limited),
                 starts=1 if speed_limited else 4,
             ),
