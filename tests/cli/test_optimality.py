@@ -1,6 +1,7 @@
 """Any planner's motion against the fastest, from its file."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -139,3 +140,16 @@ def test_a_planner_is_measured_by_the_accelerations_that_it_had_to_keep(motion, 
 )
 def test_rounding_is_no_gain_of_time(taken, words):
     assert _could(SimpleNamespace(gap=taken - 0.2, duration=taken, optimal_duration=0.2, feasible=False)) == words
+
+
+def test_ctrl_c_is_no_missing_optimum(motion, here, monkeypatch):
+    motion.save(here / "motion.npz")
+    nothing = ad.time_optimality
+
+    def stopped(*given, **more):
+        found = nothing(*given, **more)
+        return replace(found, solution=replace(found.solution, success=False, status=ad.Status.INTERRUPTED))
+
+    monkeypatch.setattr(ad, "time_optimality", stopped, raising=False)
+    told = answer(run_here("optimality", "rr", "motion.npz", "--search", "quick", "--json"), 130)
+    assert told["status"] == "interrupted" and not any(file.endswith((".png", ".html")) for file in told["files"])

@@ -1,10 +1,13 @@
 """Tracking of a motion by a controller, from the command line."""
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 import armdyn as ad
+from armdyn.cli.tracking import track
 from cli.command import answer, run_here
 from problems import pick_and_place
 
@@ -100,3 +103,16 @@ def test_mintime_chooses_its_reserve(tmp_path):
     assert (tmp_path / "reserve.png").stat().st_size > 10_000
     both = answer(run_here("mintime", "rr", "--for-tracking", "--reserve", "0.1", "--json", "--out", tmp_path), 2)
     assert "--reserve" in both["message"]
+
+
+@pytest.mark.parametrize("command", ["track", "monte-carlo"])
+def test_ctrl_c_during_the_search_is_the_end(command, tmp_path, monkeypatch):
+    def stopped(problem, *_):
+        begun = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=1))
+        return replace(begun, status=ad.Status.INTERRUPTED)
+
+    monkeypatch.setattr(
+        track, "ad", SimpleNamespace(**{**vars(ad), "solve_minimum_time": stopped, "Status": ad.Status})
+    )
+    told = answer(run_here(command, "r", "--json", "--out", tmp_path), 130)
+    assert told["status"] == "interrupted" and not list(tmp_path.iterdir())

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.console import answering, console, cut_short, facts_table, working
 from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.groups import argument
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
@@ -61,14 +61,14 @@ def optimality(
             found = ad.time_optimality(
                 arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
             )
-            summary, solution = _facts(found), found.solution
+            summary, solution = cut_short(_facts(found)), found.solution
             motions = {"trajectory": replace(found.trajectory, name=file.stem)}
             if solution.moves:
                 motions["optimum"] = replace(solution.trajectory, name="fastest")
             title = f"{arm.name}: {_title(found)}"
             written = results.write(folder, arm, motions, summary, title, progress=progress)
         answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        answer.judge(bool(summary["success"]), interrupted=solution.status is ad.Status.INTERRUPTED)
+        answer.judge(bool(summary["success"]), interrupted=summary["status"] == "interrupted")
         words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
         console.print(facts_table(f"{arm.name}: {file.name} against the fastest motion", words))
 
@@ -76,9 +76,10 @@ def optimality(
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:
     names, solution = found.solution.problem.robot.joint_names, found.solution
     compared = solution.success
+    without = "interrupted" if solution.status is ad.Status.INTERRUPTED else "no_optimum"
     return {
         "success": compared and found.feasible,
-        "status": "no_optimum" if not compared else "compared" if found.feasible else "limits_broken",
+        "status": without if not compared else "compared" if found.feasible else "limits_broken",
         "message": str(found).splitlines()[0],
         "duration": found.duration,
         "optimal_duration": found.optimal_duration if compared else None,

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
+from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, answering, console, errors, escape, facts_table, working
 from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import TASK, option
@@ -45,6 +46,7 @@ class ReferenceOptions:
 
         Raises:
             ArmdynError: a file is no trajectory, two references are requested, or options of another one are given.
+            KeyboardInterrupt: Ctrl-C came during the search.
         """
         if self.reference is not None and self.ramp is not None:
             raise ProblemError("--reference and --ramp both give a reference: give one of them")
@@ -57,6 +59,8 @@ class ReferenceOptions:
         if self.ramp is not None:
             return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
         solution = ad.solve_minimum_time(*task.fastest(), progress)
+        if solution.status is ad.Status.INTERRUPTED or interrupts.pressed():
+            raise KeyboardInterrupt
         return solution.trajectory if solution.usable else solution
 
 
@@ -110,7 +114,7 @@ def track(
 def no_motion(answer: Answer, found: ad.Solution) -> None:
     """Report that there is no motion to follow."""
     answer.facts |= {"success": False, "status": str(found.status), "message": found.message}
-    answer.judge(False, interrupted=found.status is ad.Status.INTERRUPTED)
+    answer.judge(False)
     errors.print(f"no motion to follow: {escape(found.message)}")
 
 
