@@ -19,7 +19,7 @@ from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
 from armdyn.optimal import problem_files
 from armdyn.optimal.problem.robot_tables import robot_from
-from armdyn.optimal.problem_files import conditions_from, goal_pose_from
+from armdyn.optimal.problem_files import conditions_from, goal_pose_from, only_tables
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.parsing.toml import Table, read_toml
 
@@ -85,7 +85,7 @@ def read_cycle_file(path: str | os.PathLike[str]) -> CycleFile:
         ProblemError: it describes no cycle; the message says in which line.
     """
     file = read_toml(path)
-    file.only(TABLES)
+    only_tables(file, TABLES)
     given = file.table("options")
     given.only(OPTIONS)
     with given.locating_errors():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,13 @@ PROBLEM = tuple(field.name for field in fields(MinimumTimeProblem) if field.init
 GOAL_POSE = ("frame", "position", "quaternion", "rpy", "free", "tolerance")
 """Keys of a goal pose."""
 
+_KINDS = {
+    "arms": "a study file, whose cases armdyn sweep {} does",
+    "problem": "a problem file, which armdyn mintime {} solves",
+    "cycle": "a cycle file, which armdyn cycle {} solves",
+    "steps": "a cycle file, which armdyn cycle {} solves",
+}
+"""Kinds of files by tables that only they have."""
 _WORDS = {
     "start": "q_start",
     "goal": "q_goal",
@@ -98,9 +105,7 @@ def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:
         ProblemError: the file is no TOML, or has an unknown table; the message has the line.
     """
     file = read_toml(path)
-    if "arms" in file.values:
-        raise file.error("arms", f"[arms] is of a study file, whose cases armdyn sweep {file.path} does")
-    file.only(TABLES)
+    only_tables(file, TABLES)
     options = file.table("options")
     options.only(OPTIONS)
     with options.locating_errors():
@@ -138,6 +143,22 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
     if "goal_pose" in given:
         given["goal_pose"] = goal_pose_from(table.table("goal_pose"), robot)
     return given
+
+
+def only_tables(file: Table, own: Sequence[str]) -> None:
+    """Refuse tables that a file does not have: of a file of another kind the message names the command that takes it.
+
+    Args:
+        file: whole.
+        own: its tables.
+
+    Raises:
+        ProblemError: it has another one; the message has the line.
+    """
+    for key, kind in _KINDS.items():
+        if key in file.values and key not in own:
+            raise file.error(key, f"[{key}] is of {kind.format(file.path)}")
+    file.only(own)
 
 
 def conditions_from(table: Table, robot: Robot) -> dict[str, Any]:

@@ -88,6 +88,7 @@ def test_a_file_equals_its_python(tmp_path):
         ('grasp = "bar"\ndwell = 0.2', "wait = 0", r"line 34: step 4 \(release\): the arm carries nothing"),
         ("closed = true", "closd = true", "line 7: no key 'closd'"),
         ("[[steps]]", "[steps]", "not TOML|must be an array"),
+        ("[cycle]", "[problem]", "line .*is of a problem file, which armdyn mintime"),
     ],
 )
 def test_a_mistake_is_reported_with_its_line(tmp_path, old, new, said):

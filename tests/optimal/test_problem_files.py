@@ -85,6 +85,7 @@ def test_a_file_reaches_nothing_outside_its_folder(write_problem, tmp_path):
     ("old", "new", "words"),
     [
         ("q_goal", "q_gaol", "line 7: no key 'q_gaol' in [problem]; did you mean 'q_goal'?"),
+        ("[problem]", "[cycle]", "line 5: [cycle] is of a cycle file, which armdyn cycle"),
         ("mass", "mas", "line 3: no key 'mas' in [robot.payload]; did you mean 'mass'?"),
         ("[options]", "[optoins]", "line 9: no table 'optoins' at the top; did you mean 'options'?"),
         ('"quick"', '"fast"', "line 10: search is 'fast'; it is one of"),
