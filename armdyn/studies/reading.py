@@ -13,7 +13,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.robot_tables import KEYS, robot_from, robot_table
-from armdyn.optimal.problem_files import PROBLEM
+from armdyn.optimal.problem_files import PROBLEM, only_tables
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm
 from armdyn.studies.rows import Value
@@ -46,7 +46,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     """
     table = read_toml(path)
     sections = {task.section: name for name, task in TASKS.items()}
-    table.only(("task", "arms", "fixed", "vary", "sample", *sections))
+    only_tables(table, ("task", "arms", "fixed", "vary", "sample", *sections))
     kind: Any = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
     for section, name in sections.items():
         if section in table.values and section != kind.section:

@@ -176,7 +176,7 @@ def read_rows(path: str | os.PathLike[str]) -> Iterator[RowStore]:
     path = Path(path_of(path, "file", error=ResultError))
     with _errors(path):
         if not path.is_file():
-            raise FileError(path, "no such file")
+            raise FileError(path, "is a folder; give the path of its study.sqlite" if path.is_dir() else "no such file")
     with _connected(path) as connection:
         with _errors(path):
             connection.execute("PRAGMA query_only = ON")

@@ -116,6 +116,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
     [
         (VARY, "line 1: no arm"),
         (ARM, "line 1: nothing varies"),
+        (ARM + VARY + "[problem]\n", "line 6: .problem. is of a problem file, which armdyn mintime"),
         (ARM + VARY + "[paylod]\n", "line 6: no table 'paylod' at the top; known: task"),
         (
             "task = 'drive'\n" + ARM + VARY,

@@ -83,7 +83,7 @@ class Setup:
         """Check the arguments and make the law; see `track`."""
         expect_robot(robot)
         expect_motors(robot, "a controller")
-        expect(reference, Trajectory, "reference", "a Trajectory, such as solution.trajectory or ramp(…)")
+        expect(reference, Trajectory, "reference", "such as solution.trajectory or ramp(…)")
         expect_controller(controller)
         expect_loop(loop)
         robots = robots_of(robot, reference)
