@@ -169,7 +169,7 @@ def whole(value: object, name: str, least: int, most: int | None = None) -> int:
     """A whole number.
 
     Raises:
-        ProblemError: it is none, less than the least or, if there is one, more than the most.
+        ProblemError: the value is no whole number, less than the least or, if there is one, more than the most.
     """
     if isinstance(value, bool) or not isinstance(value, Integral):
         raise ProblemError(f"{name} is {shown(value)}; it must be a whole number of at least {least}")
@@ -200,7 +200,7 @@ def number(
         error: class of the raised error.
 
     Raises:
-        ArmdynError: as `error`; it is none, or not such a one.
+        ArmdynError: as `error`; the value is no number, or has the wrong sign.
     """
     array = _real(value)
     if array is None or array.ndim:
@@ -269,13 +269,13 @@ def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError
         error: class of the raised error.
 
     Raises:
-        ArmdynError: as `error`; it is one thing, or too many.
+        ArmdynError: as `error`; the value is no iterable, or has too many members.
     """
     if not isinstance(value, Iterable) or isinstance(value, str | bytes):
         raise error(f"{name} is {shown(value)}; it must be a list")
     try:
         members = tuple(islice(value, MOST_MEMBERS + 1))
-    except Exception as why:  # an array without dimensions; a stranger's iterator
+    except Exception as why:  # an array without dimensions; a foreign iterator
         raise error(f"{name} is {shown(value)}; it must be a list ({why})") from None
     if len(members) > MOST_MEMBERS:
         raise error(f"{name} is {shown(value)}; it must have at most {MOST_MEMBERS} members")
@@ -286,7 +286,7 @@ def one_of(value: object, known: Sequence[str], name: str) -> str:
     """A name among those that are known.
 
     Raises:
-        ProblemError: it is another.
+        ProblemError: the name is unknown.
     """
     if isinstance(value, str) and value in known:
         return value
@@ -294,7 +294,7 @@ def one_of(value: object, known: Sequence[str], name: str) -> str:
 
 
 def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:
-    """A path that the file system can have; whether there is such a file is not looked at.
+    """A path that the file system can have; the file need not exist.
 
     Raises:
         ArmdynError: as `error`; the value is no such object.
@@ -302,7 +302,7 @@ def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
     try:
         found = os.fsdecode(value)  # type: ignore[arg-type]  # it refuses other values
         good = b"\0" not in os.fsencode(found)  # which refuses half a surrogate pair
-    except Exception:  # whatever a stranger's __fspath__ raises
+    except Exception:  # any error of a foreign __fspath__
         good = False
     if not good:
         raise error(f"{name} is {shown(value)}; it must be a path")
@@ -344,7 +344,7 @@ def _real(value: object) -> Array | None:
         if array.dtype.kind not in "iuf" or _has_booleans(value):
             return None
         return array.astype(float)
-    except Exception:  # rows of different length, integers beyond floats, whatever a stranger's __array__ raises
+    except Exception:  # rows of different length, integers beyond floats, any error of a foreign __array__
         return None
 
 

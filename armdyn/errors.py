@@ -93,7 +93,7 @@ class UnknownRobotError(ArmdynError, KeyError):
         meant = did_you_mean(name, known)
         names = f"{' Known' if meant else '; known'}: {', '.join(known)}" if known else ""
         if meant and len(known) > _MANY:  # the guess would not be seen before them
-            names = " `armdyn robots` lists those there are"
+            names = " `armdyn robots` lists all"
         super().__init__(f"no robot named {name!r}{f'; {hint}' if hint else ''}{meant}{names}")
 
 
@@ -134,7 +134,7 @@ class TrajectoryError(ArmdynError, ValueError):
 
 
 class LogError(ArmdynError, ValueError):
-    """A log cannot be read, or is none of the arm: units, order of the joints, currents, gaps, dead channels.
+    """A log cannot be read, or does not fit the arm: units, order of the joints, currents, gaps, dead channels.
 
     Attributes:
         joint: at fault; None: not one alone.
@@ -190,7 +190,7 @@ class MissingPackageError(ArmdynError, ImportError):
     """An optional package is needed for the request, and not installed.
 
     Attributes:
-        package: its name, as pip knows it.
+        package: its name on PyPI.
         what: the request.
         instead: a way without it; empty: none.
     """

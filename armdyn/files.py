@@ -83,13 +83,13 @@ def _read(handle: int, path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def file_inside(folder: str | os.PathLike[str], name: object) -> Path:
-    """The file that a stranger's file names, seen from its own folder; links are followed, and lead not out of it.
+    """The file that an untrusted file names, relative to its own folder; links must not lead out of it.
 
     Raises:
-        FileError: there is none, or not inside.
+        FileError: the file is missing, or outside the folder.
     """
     found = place_inside(folder, name)
-    if os.path.isfile(found):  # noqa: PTH113  # a name too long is none
+    if os.path.isfile(found):  # noqa: PTH113  # False for a name that is too long
         return found
     raise FileError(shown(name), f"no file inside {os.path.realpath(folder)}")
 

@@ -115,7 +115,7 @@ def shared_pool(context: Context, workers: int | None, threads: bool = False) ->
     """Pool for several series of jobs: forks take longer than small solves.
 
     Args:
-        context: object that the jobs are functions of. Processes know it as it was when the first jobs came.
+        context: object that the jobs are functions of. Processes have it as it was when the first jobs came.
         workers: see `in_processes`.
         threads: of this process instead of forks, for jobs that work where the interpreter's lock is let go. Those
             running when the caller stops iterating go on to their end.

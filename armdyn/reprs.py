@@ -71,7 +71,7 @@ def percent(part: float) -> str:
 
 
 def gap_words(gap: float) -> str:
-    """A proven gap to the lower bound as a predicate ("It is …"): how much slower than possible a motion is at most.
+    """A proven gap to the lower bound as a predicate ("It is …"): the largest excess over the fastest possible time.
 
     Args:
         gap: as a part of the lower bound.

@@ -92,7 +92,7 @@ def doctor(
 
 
 def _built(robot: ad.Robot) -> float:
-    """Build a robot's machine code, if it is not there, and say how long that took [s]."""
+    """Build a robot's machine code, if it is missing; returns the time [s]."""
     from armdyn.optimal.flat.equations import torque_equations
 
     started = time.perf_counter()

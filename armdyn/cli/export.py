@@ -52,7 +52,7 @@ class RowOptions:
         """The format.
 
         Raises:
-            ProblemError: there is none of that name.
+            ProblemError: no format has that name.
         """
         return FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
 

@@ -58,7 +58,7 @@ class IdentifyCommandOptions:
 
     then: str | None = option(
         "COMMAND …",
-        "Run another command with the identified arm as ROBOT; all that follows is its own: --then mintime --q-goal …",
+        "Run another command with the identified arm as ROBOT, by the rest of the line: --then mintime --q-goal …",
     )
 
     @property
@@ -94,7 +94,7 @@ def identify(
     identified.toml, which mintime, track and the other commands take as ROBOT, with arms that fit the logs as well:
     mintime --for-tracking chooses the reserve with which all of them settle.
 
-    A log that is none of this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
+    A log that does not fit this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
 
     [dim]armdyn identify panda --exciting 10 --out log
     armdyn identify ur5 --exciting 10 --obstacle plane:0,0,1@0,0,-0.05 --self-collision --preset ur5

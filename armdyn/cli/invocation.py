@@ -60,17 +60,17 @@ def running(command: str, parameters: Mapping[str, Parameter], values: Mapping[s
 
 
 def command_name() -> str:
-    """Name of the command that is running; empty: none is."""
+    """Name of the running command; empty: no command is running."""
     return _RUNNING.get().command
 
 
 def option_value(name: str) -> Any:
-    """Value of an option of the command that is running; None: it has no such option."""
+    """Value of an option of the running command; None: the command has no such option."""
     return _RUNNING.get().values.get(name)
 
 
 def is_given(name: str) -> bool:
-    """Whether the command that is running has an option of this name, which is not as by default."""
+    """Whether the running command has an option of this name with another value than the default."""
     now = _RUNNING.get()
     return name in now.values and now.values[name] != now.parameters[name].default
 
@@ -104,7 +104,7 @@ def in_options(text: str) -> str:
 
 
 def invocation() -> dict[str, object]:
-    """The command that is running, as JSON says it; empty: none is.
+    """The running command as JSON; empty: no command is running.
 
     Returns:
         "asked": {"command": a line for a shell with all that is not by default, "options": all by name}.

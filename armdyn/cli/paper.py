@@ -37,7 +37,7 @@ def reproduce(
     Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
     DIR/tables has Tables 3 to 7 as CSV, Markdown and LaTeX, DIR/figures Figures 2 to 7, DIR/cases every single
     result; the six examples with 100.6 g have a folder each.
-    After Ctrl-C the same command goes on: solved cases stay in DIR.
+    After Ctrl-C the same command continues: solved cases stay in DIR.
     A PID loop that does not settle is a finding, not a failure: the paper's loop is unstable for RRR. Exit code 3:
     some minimum-time motion is not usable.
 

@@ -29,7 +29,7 @@ def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | N
     if out is not None:
         target = probe_folder(out.parent, out.name) / out.name
         if target.exists() and target.samefile(file):
-            raise ProblemError(f"--out is {out}, the URDF itself, which stays as it is; name another file")
+            raise ProblemError(f"--out is {out}, the URDF itself, which is never overwritten; name another file")
     found = repair_urdf(file, package_dirs=tuple(part.package_dir or ()))
     written = []
     if target is not None and found.inertias:
@@ -87,7 +87,7 @@ def _table(repairs: tuple[InertiaRepair, ...]) -> Table:
 
 
 def _proposals(found: UrdfRepair) -> list[str]:
-    """Lines about everything but inertias, with the options that mend it."""
+    """Lines about all faults but inertias, with the options that repair them."""
     from armdyn.models.reading.meshes import mesh_folders
 
     looked_in = mesh_folders(Path(found.source), ())

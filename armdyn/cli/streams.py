@@ -14,7 +14,7 @@ def settle() -> None:
     """Make standard output and error robust: no encoding and no closed pipe raises an error.
 
     A character that the terminal's encoding lacks is written as its escape. Output without a
-    reader is dropped, and the command goes on: its files are still wanted.
+    reader is dropped, and the command continues: its files are still wanted.
 
     Raises:
         SystemExit: standard output is closed.
@@ -24,7 +24,7 @@ def settle() -> None:
     sys.stderr = _settled(sys.stderr) or open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  # for good
     out = _settled(sys.stdout)
     if out is None:
-        sys.stderr.write("armdyn: standard output is closed; to hear nothing, send it to /dev/null\n")
+        sys.stderr.write("armdyn: standard output is closed; to discard it, send it to /dev/null\n")
         sys.exit(BAD_INPUT)
     sys.stdout = out
 

@@ -99,7 +99,7 @@ def studio(
     stay. Without --q-start and --q-goal the arm starts at its first named pose, and turns its first joint.
 
     Buttons save the problem (problem.toml, for armdyn mintime), the motion (trajectory.npz) and the report
-    (report.html) into --out. The state is saved there all the time: a page that was killed goes on where it was, unless
+    (report.html) into --out. The state is saved there all the time: a page that was killed resumes where it was, unless
     --fresh is given. Several browsers show the same. Ctrl-C ends it.
 
     It needs the package viser: pip install viser. No page leaves this machine, and nothing is loaded from another.
@@ -135,7 +135,7 @@ def _expect_viser() -> None:
 
 
 def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
-    """The state of the last session in a folder; None: there was none, or it is of no use, and a warning says so."""
+    """The state of the last session in a folder; None: missing, or unusable, with a warning."""
     from armdyn.show.studio.session import restored
 
     try:

@@ -1,7 +1,7 @@
 """Generate C that evaluates a Function at several points at once, one point per lane of a vector register.
 
-GCC and Clang know types of several numbers; sums and products of such are one instruction on every processor of
-today, and the numbers are those of one place alone.
+GCC and Clang have vector types; their sums and products are one instruction on every processor of
+today, and the results equal those of one point alone.
 """
 
 import re
@@ -34,7 +34,7 @@ _WRITTEN = {
     ca.OP_INV: "1.0 / {}",
 }
 _LIBRARY = ("sin", "cos", "tan", "tanh", "sqrt", "exp", "log", "fabs")
-"""Functions of the C library, which knows one place at a time."""
+"""Functions of the C library, which take one number at a time."""
 _CALLED = {getattr(ca, f"OP_{name.upper()}"): name for name in _LIBRARY}
 _TURNS = """typedef long long W __attribute__((vector_size(LANES * sizeof(double))));
 

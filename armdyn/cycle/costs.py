@@ -70,7 +70,7 @@ def cycle_costs(
         The costs; after Ctrl-C those so far.
 
     Raises:
-        ProblemError: the solution is none, or not usable.
+        ProblemError: it is no solution of a cycle, or not usable.
     """
     expect(solution, CycleSolution, "solution")
     if not solution.usable:

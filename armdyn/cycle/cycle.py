@@ -172,7 +172,7 @@ class Cycle:
         """Rest at a stop [s].
 
         Raises:
-            ProblemError: it is none.
+            ProblemError: the target is no stop of the cycle.
         """
         steps = (self.steps[k - 1] for k in expect(stop, RestPlace, "stop", "one of Cycle.stops").rests)
         return float(sum(step.dwell for step in steps if not isinstance(step, Move)))
@@ -226,7 +226,7 @@ class Cycle:
                 job = []
             if job or isinstance(step, Move):
                 job.append(k)
-        last = self.moves[-1].step  # a step of the way back is no job; where it is added, it is none of the steps
+        last = self.moves[-1].step  # the way back is no job
         back = self.closed and job == [last] and _same(self.stops[-1].target, self.start)
         return tuple(jobs if back else [*jobs, tuple(job)])
 

@@ -67,7 +67,7 @@ class CycleFile:
 def read_cycle(path: str | os.PathLike[str]) -> Cycle:
     """The cycle that a file describes; docs/cycles.md says how.
 
-    The file may come from a stranger: it is read up to a size, files that it names are inside its own folder, and
+    The file may be untrusted: it is read up to a size, files that it names are inside its own folder, and
     nothing is downloaded.
 
     Raises:

@@ -102,7 +102,7 @@ def _held(cycle: Cycle, stop: RestPlace, positions: tuple[Array, ...], limits: J
     """Joint positions at which the motors hold the arm with everything that it carries at the stop.
 
     Raises:
-        CycleError: there is none.
+        CycleError: no branch can be held.
     """
     names = cycle.robot.joint_names
     kept = Reserve.of(cycle.conditions.get("reserve", 0.0), 0.0, names)

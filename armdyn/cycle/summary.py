@@ -16,7 +16,7 @@ from armdyn.reprs import gap_words, percent
 _QUANTITIES = {"torque limit": "torque", "velocity limit": "speed"}
 """Plain words for a limit of a joint."""
 NEAR = 0.05
-"""A cycle whose proven gap is no larger is near the fastest possible: the bound knows neither obstacles nor straight
+"""A cycle whose proven gap is no larger is near the fastest possible: the bound ignores obstacles and straight
 segments."""
 _TOUCHING = 0.05
 """Bodies that are nearer touch, as a part and its table do [mm]."""

@@ -46,7 +46,7 @@ class Dynamics:
             robot: an arm.
             payload_frame: with a frame's name every method takes one more argument, the ten dynamic
                 parameters (see `payload_parameters`) of a body fixed to that frame's joint.
-            free_last_body: every method takes one more argument, the ten dynamic parameters of all that
+            free_last_body: every method takes one more argument, the ten dynamic parameters of everything
                 the last joint carries (the robot's own are in `last_body`; zeros there stay zero).
                 The same Functions then serve every payload at the tip.
 

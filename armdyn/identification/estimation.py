@@ -83,7 +83,7 @@ def identify(
         options: of the filter and the fit.
 
     Raises:
-        LogError: a log is none of this arm.
+        LogError: a log does not fit this arm.
         ProblemError: an argument is wrong.
     """
     expect_robot(robot)

@@ -85,7 +85,7 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     random ones is improved by an evolution strategy (Rechenberg's rule of one fifth).
 
     Args:
-        robot: the arm, as far as it is known.
+        robot: the arm, approximately.
         duration: of the motion [s], 1 to 600.
         options: unknowns, margins and obstacles.
 

@@ -155,7 +155,7 @@ class Log:
             MissingPackageError: it is a bag, and rosbags is not installed.
         """
         file, joint_names = Path(path_of(path, "path of a log", error=LogError)), expect_robot(robot).joint_names
-        if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # a name that is too long is none
+        if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # False for a name that is too long
             return cls._of_bag(file, joint_names)
         try:
             found = read_planned(file, joint_names)
@@ -207,7 +207,7 @@ def _joint_states(file: Path) -> Iterator[tuple[float, Any]]:
                 yield message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec, message
     except ArmdynError:
         raise
-    except Exception as error:  # a damaged bag sets off all that its storage can raise
+    except Exception as error:  # its storage raises many classes on a damaged bag
         raise LogError(f"{file}: not a readable bag ({str(error)[:200]})") from None
 
 

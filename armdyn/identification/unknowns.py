@@ -106,7 +106,7 @@ class Unknowns:
         return np.asarray(np.eye(4) + np.einsum("bk,kij->bij", own, BASIS))
 
     def divergence(self, x: Array) -> float:
-        """Divergence from the prior; infinite where a body is none or a positive number is not."""
+        """Divergence from the prior; infinite where a body is unphysical or a positive number is not positive."""
         relative, split = self._relative(x), 10 * len(self.joints)
         positive, free = 1 + x[split : split + self.positive], x[split + self.positive :]
         if (relative.size and np.min(np.linalg.eigvalsh(relative)) <= 0) or np.any(positive <= 0):

@@ -14,7 +14,7 @@ def number(text: str, what: str) -> float:
     """A number such as -1.5, 2e-3, inf, pi/20 or -3*pi/4.
 
     Raises:
-        ProblemError: it is none.
+        ProblemError: the text is no number.
     """
     text = text.strip()
     if match := _PI.fullmatch(text):

@@ -50,7 +50,7 @@ class Table:
     def error(self, key: str, why: str) -> ProblemError:
         """A complaint about a key, with its line; of a key that is not there with that of the table.
 
-        A complaint that has its line already stays as it is.
+        A complaint that has its line already stays unchanged.
         """
         if why.startswith(f"{self.path}, line "):
             return ProblemError(why)
@@ -98,7 +98,7 @@ class Table:
             raise self.error(key, str(error)) from None
 
     def only(self, known: Collection[str]) -> None:
-        """Refuse a key that is none of some.
+        """Refuse an unknown key.
 
         Raises:
             ProblemError: there is one.

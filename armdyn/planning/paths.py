@@ -23,7 +23,7 @@ class PlannerOptions:
             the motion's verification finds collisions between checks.
         reach: length by which a tree grows towards a random point; 0.1 to 0.2 need the fewest checks in shelves.
         checks: collision checks of all attempts together, so that the work does not depend on the clock.
-        first_checks: of the first attempt. Times to a path have a heavy tail: starting again beats going on.
+        first_checks: of the first attempt. Times to a path have a heavy tail: starting again beats continuing.
         growth: factor from the checks of one attempt to those of the next.
         shortcuts: random shortcuts tried on every path.
         beyond: random points are no farther than this from the box around both ends: half as many checks, and paths
@@ -77,7 +77,7 @@ def plan_paths(
         start: [rad or m], shape (n,), free.
         goal: likewise.
         seed: of the random points; the same seed gives the same paths.
-        options: how finely and how long.
+        options: resolution and budget.
         stop: whether to give up; polled within an attempt, too.
 
     Yields:

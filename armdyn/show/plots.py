@@ -162,7 +162,7 @@ def save_figures(figure: Figure, stem: Path, kinds: Sequence[str]) -> list[Path]
     """Write a figure in several formats, see `save_figure`; its panels are placed once.
 
     Args:
-        figure: as it is to be seen.
+        figure: the figure.
         stem: the files' path without a suffix.
         kinds: png, pdf or svg.
 

@@ -45,7 +45,7 @@ def write_html(
             a `ShownMotion` with facts.
         path: the HTML file.
         fps: frames per second of playing time that are stored; the page interpolates between them.
-        slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
+        slow_motion: initial playing time over real time; None: about 4 s in all.
         obstacles: drawn where they stand.
 
     Returns:

@@ -73,7 +73,7 @@ def write_run(
         progress("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figures
 
-        # Of a minimum-time answer whose arcs are not resolved the summary has an empty list of them.
+        # The summary of a minimum-time solution whose arcs are not resolved has an empty list of arcs.
         unresolved = (0,) if summary.get("arcs") == [] else ()
         figure = plot_trajectories(list(own.values()), limits=robot.limits, title=title, unresolved=unresolved)
         files += save_figures(figure, folder / "figure", ("png", "pdf"))

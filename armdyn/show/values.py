@@ -171,7 +171,7 @@ def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: boo
     Args:
         motion: the drawn one.
         limits: drawn, too; None: none.
-        resolved: its switching times are its own, not a mesh's or a curve's; else it says so.
+        resolved: its switching times are exact, not a mesh's or a curve's; else the legend says so.
     """
     figure = plot_trajectories([_thinned(motion)], limits=limits, unresolved=() if resolved else (0,))
     figure.set_size_inches(6.0, 5.4 + 1.4 * (len(figure.axes) - 3))

@@ -204,7 +204,7 @@ def monte_carlo(
     """Run a controller along a reference on many arms that differ from its model.
 
     Arm k of a seed is the same for any number of workers and any order. With a file each row is written as it
-    ends; a study that was stopped or killed goes on with the rows that are missing, also with a greater count.
+    ends; a study that was stopped or killed continues with the missing rows, also with a greater count.
 
     Args:
         robot: the controller's model of the arm, with the payload that it counts on.

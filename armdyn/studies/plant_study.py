@@ -216,5 +216,5 @@ def _plain(value: object) -> object:
         return named(value)
     array = np.asarray(value)
     if array.dtype == object:
-        raise ResultError(f"rows on disk describe their study in numbers; {shown(value)} is none: give no file")
+        raise ResultError(f"rows on disk describe their study in numbers, unlike {shown(value)}: give no file")
     return array.tolist()

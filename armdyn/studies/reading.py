@@ -42,7 +42,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
     Raises:
         FileError: the file, or a robot's file, cannot be read.
         ProblemError: the file is no study; the message has the line and the remedy.
-        ArmdynError: an arm is none.
+        ArmdynError: an arm cannot be read.
     """
     table = read_toml(path)
     sections = {task.section: name for name, task in TASKS.items()}

@@ -140,7 +140,7 @@ def reserve_curve(
     A motion with a larger reserve takes longer, and is followed better: between lies the least settled time.
 
     Args:
-        problem: the motion; its own reserve is not looked at.
+        problem: the motion; its own reserve is ignored.
         controllers: that follow it; None: `Lqr()`.
         plants: arms that move; None: `likely_plants`.
         reserves: values to try, each at least 0 and below 1.

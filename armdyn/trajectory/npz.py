@@ -95,7 +95,7 @@ def is_own(path: str | os.PathLike[str]) -> bool:
     try:
         with opened(path) as file:
             return "format.npy" in file.namelist()
-    except Exception:  # no file, or none of these: whoever reads it says so
+    except Exception:  # no file, or none of these: its reader raises the error
         return False
 
 

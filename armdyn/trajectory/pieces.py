@@ -124,7 +124,7 @@ def from_text(content: str) -> tuple[Piece, ...]:
     """Pieces of the text that `to_text` wrote, which may be untrusted.
 
     Raises:
-        TrajectoryError: they are none.
+        TrajectoryError: the text has no pieces.
     """
     entries = json.loads(content)
     if not isinstance(entries, list) or len(entries) > MOST_PIECES:

@@ -115,7 +115,7 @@ def read_planned(path: str | os.PathLike[str], joint_names: Sequence[str]) -> Pl
 
 
 def joint_names_in(path: str | os.PathLike[str], ends: Sequence[str]) -> tuple[str, ...]:
-    """Names of a file's joints with given ends, "panda_joint1" for "joint1"; an end that no name has is kept as it is.
+    """Names of a file's joints with given ends, "panda_joint1" for "joint1"; an end that no name has is kept.
 
     Args:
         path: of a file that `read_planned` reads.

@@ -273,7 +273,7 @@ class Trajectory:
                 other than `LEAST_STAMP`, as the two sides of a jump, only the first.
 
         Raises:
-            TrajectoryError: the rate is none, the samples are more than `MOST_SAMPLES`, the motion is shorter than
+            TrajectoryError: the rate is no number, the samples are more than `MOST_SAMPLES`, the motion is shorter than
                 `LEAST_STAMP`, or q has not one column per joint.
         """
         return samples_of(self, rate)

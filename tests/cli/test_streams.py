@@ -29,7 +29,7 @@ def test_a_reader_that_has_gone_is_no_error(command):
 def test_closed_standard_output_is_named():
     done = shell("armdyn urdf rr >&-")
     assert done.returncode == 2
-    assert done.stderr == "armdyn: standard output is closed; to hear nothing, send it to /dev/null\n"
+    assert done.stderr == "armdyn: standard output is closed; to discard it, send it to /dev/null\n"
 
 
 @pytest.mark.slow

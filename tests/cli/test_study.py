@@ -158,7 +158,7 @@ def test_killed_twice_and_gone_on_with(tmp_path):
 @pytest.mark.parametrize(
     ("left", "words"),
     [
-        (None, "too early to say how long"),
+        (None, "time left not yet known"),
         ((0.0, 0.4), "0 s left"),
         ((40.0, 80.0), "40 to 80 s left"),
         ((100.0, 300.0), "2 to 5 min left"),

@@ -20,7 +20,7 @@ def bound(
     computed in intervals, rounded outward; no motion is searched for. With --goal-pose the bound holds for all joint
     positions within the limits that reach the pose, with --wrap for all ways round. It takes less than a second, for a
     goal pose of six or seven joints some seconds. Without velocity
-    limits there is no such bound, which is no error: the exit code is 0.
+    limits there is no bound, which is no error: the exit code is 0.
 
     [dim]armdyn bound panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]

@@ -62,7 +62,7 @@ def _saved(path: Path, arm: ad.Robot) -> Saved:
         ArmdynError: it cannot be read, or moves another number of joints.
 
     Warns:
-        ArmdynWarning: it is another arm's.
+        ArmdynWarning: the motion is another arm's.
     """
     from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
     from armdyn.models.robots.loads import is_motion_of

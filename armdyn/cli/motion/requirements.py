@@ -25,7 +25,7 @@ class Requirement:
     """A condition of --require.
 
     Attributes:
-        text: as it was given.
+        text: the option's value.
         kind: "certified", "extremal" or "gap".
         most: the largest gap, as a part of the lower bound; ignored for other kinds.
     """
@@ -39,7 +39,7 @@ def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
     """Requirements as --require says them.
 
     Raises:
-        ProblemError: a text is none.
+        ProblemError: a text is no requirement.
     """
     return tuple(_requirement(text.strip()) for text in texts)
 

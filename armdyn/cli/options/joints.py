@@ -86,7 +86,7 @@ class FastJointOptions:
         "JOINT",
         "A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
         "where it is to go. The same as a limit of 0 in --effort-limit; may be given again. A zero in a URDF does "
-        "not say so by itself: many mean by it that they know no limit.",
+        "not mean that: in many it stands for an unknown limit.",
         rich_help_panel=ROBOT,
     )
     joints: JointOptions = field(default_factory=JointOptions)

@@ -144,7 +144,7 @@ def goal_pose_of(text: str) -> ad.GoalPose:
     """A goal pose as --goal-pose says it.
 
     Raises:
-        ProblemError: it is none.
+        ProblemError: the text is no goal pose.
     """
     from armdyn.models.values.placement import pose_of
 

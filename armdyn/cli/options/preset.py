@@ -14,7 +14,7 @@ def preset_named(name: str, interface: str | None = None) -> ad.ControllerPreset
     """A built-in preset, or that of a file NAME.toml.
 
     Raises:
-        ArmdynError: there is none, the file describes none, or it has no such interface.
+        ArmdynError: the preset is unknown, the file describes none, or the interface is unknown.
     """
     if name.lower().endswith(".toml"):
         return ad.ControllerPreset.read(name).on(interface or "")
@@ -43,7 +43,7 @@ class PresetOptions:
     )
 
     def read(self) -> ad.ControllerPreset | None:
-        """The preset; None: none is given.
+        """The preset; None: no --preset.
 
         Raises:
             ArmdynError: see `preset_named`; or an interface is given without a preset.

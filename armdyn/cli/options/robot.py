@@ -82,7 +82,7 @@ class PartOptions:
         """The robot of a name, as its URDF or MJCF describes it; with the tool of a file if one is named.
 
         Raises:
-            ArmdynError: there is none of that name, or the joints are not its own.
+            ArmdynError: the name is unknown, or the robot has no such joints.
         """
         tool = self._tool() or tool
         if name in models.PLANAR_ARMS:
@@ -194,7 +194,7 @@ class PayloadPlace:
         """A payload of a mass [kg] at this place.
 
         Raises:
-            ProblemError: its place is given, but neither mass nor shape; or a shape is none.
+            ProblemError: its place is given, but neither mass nor shape; or a shape is malformed.
         """
         shapes = obstacles_of(self.payload_shape, "--payload-shape") if self.payload_shape else ()
         if not mass and not shapes and (self.payload_frame or self.payload_com):

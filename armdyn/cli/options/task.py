@@ -33,7 +33,7 @@ def problem_file(name: str) -> ProblemFile:
 
 
 def likely_arms(task: ProblemOptions | ArmOptions) -> tuple[ad.Robot, ...]:
-    """The likely arms of a file of `armdyn identify`, with the payload and limits of the options; none: no such file.
+    """The likely arms of a file of `armdyn identify`, with the options' payload and limits; empty for other robots.
 
     Raises:
         ArmdynError: one of them cannot be made.
@@ -85,7 +85,7 @@ class ProblemOptions:
         """The problem, and the solver's options of a file.
 
         Raises:
-            ArmdynError: there is no such problem; or an option repeats a key of the file.
+            ArmdynError: the problem is ill-posed; or an option repeats a key of the file.
         """
         name = self.robot.robot
         if kind_of_file(name) in ("problem", "study"):
@@ -122,10 +122,10 @@ class ArmOptions:
 
     @cached_property
     def arm(self) -> ad.Robot:
-        """The arm as a controller knows it.
+        """The controller's model of the arm.
 
         Raises:
-            ArmdynError: there is no such arm.
+            ArmdynError: the arm cannot be read.
         """
         return self.carrying(None) if self._problem is None else self._problem.robot
 
@@ -170,7 +170,7 @@ class FastArmOptions(ArmOptions):
         """The fastest motion as a problem, and how it is searched.
 
         Raises:
-            ArmdynError: there is no such problem.
+            ArmdynError: the problem is ill-posed.
         """
         if self.file is not None and self._problem is not None:
             return self._problem, ad.MinimumTimeOptions(**self.file.options)

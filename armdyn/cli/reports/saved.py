@@ -40,9 +40,9 @@ def read_saved(path: Path) -> Saved:
     """A result: a folder that a command has written, its result.json, or a motion's npz file alone.
 
     Raises:
-        FileError: there is none, or it leads elsewhere.
-        ResultError: its result.json is none.
-        TrajectoryError: its motion is none.
+        FileError: the file is missing, or a link leads out of the folder.
+        ResultError: its result.json cannot be read.
+        TrajectoryError: its motion cannot be read.
     """
     folder = path if path.is_dir() else path.parent
     if not path.is_dir() and path.name != "result.json":

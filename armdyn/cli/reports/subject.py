@@ -1,6 +1,6 @@
 """The robot of a result, rebuilt from the result's description or from its name; motions of it side by side.
 
-A result may come from a stranger: a robot is made from a name that comes with armdyn, and from a file that a result
+A result may be untrusted: a robot is made from a name that comes with armdyn, and from a file that a result
 names only if it makes the very arm that moved.
 """
 
@@ -67,7 +67,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
             file here that makes the very arm that moved.
 
     Raises:
-        ArmdynError: the robot that the user named is none, or has other joints.
+        ArmdynError: the robot that the user named cannot be read, or has other joints.
 
     Warns:
         ArmdynWarning: the robot is not at hand.
@@ -190,8 +190,8 @@ NEAR = 1e-3
 def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[ShownMotion]]:
     """Read motions with unique names, and their robot, from saved results; of a single result also its reference.
 
-    The robot is the user's, else that of the first result that says one. A motion without a result is looked at,
-    where the robot is at hand: whether it keeps its limits.
+    The robot is the user's, else that of the first result that says one. The limits of a motion without a result are
+    checked, where the robot is at hand.
 
     Args:
         paths: results of armdyn, and motions as other planners leave them.

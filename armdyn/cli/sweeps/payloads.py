@@ -47,7 +47,7 @@ def run_payloads(
         options: of every search.
         required: of every motion.
         results: files that are written.
-        answer: filled in.
+        answer: receives the facts.
     """
     first = next(iter(problems.values()))
     arm, figure = first.robot, not results.no_figure
@@ -146,7 +146,7 @@ def _complain(status: str, missing: Sequence[str]) -> None:
 
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
-    """The table for people."""
+    """Print the table."""
     cells = []
     for row in rows:
         gram, most, saved = row["ms_per_gram"], row["limited_most_by"], row["ms_saved_by_one_per_cent"]

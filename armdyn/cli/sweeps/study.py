@@ -44,7 +44,7 @@ class StudyOptions:
         """The executor of the cases.
 
         Raises:
-            ProblemError: the scheduler's address is none, or workers are given, too.
+            ProblemError: the scheduler's address is malformed, or workers are given, too.
         """
         from armdyn.studies.executors.local import local_executor
 
@@ -72,7 +72,7 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
         path: of the study.
         options: the executor.
         results: files that are written.
-        answer: filled in.
+        answer: receives the facts.
 
     Raises:
         ArmdynError: it is no study, or cannot be done.
@@ -122,9 +122,7 @@ def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
         "files": [str(file) for file in files],
     }
     if run.interrupted:
-        answer.facts["message"] = (
-            f"interrupted with {there} of {run.cases} rows; the same command goes on with the others"
-        )
+        answer.facts["message"] = f"interrupted with {there} of {run.cases} rows; the same command does the others"
 
 
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:
@@ -181,7 +179,7 @@ def _progress_text(now: Progress) -> str:
 def _left(left: tuple[float, float] | None) -> str:
     """The remaining time, to its accuracy."""
     if left is None:
-        return "too early to say how long"
+        return "time left not yet known"
     least, most = left
     unit, size = next((u, s) for u, s in (("h", 3600.0), ("min", 60.0), ("s", 1.0)) if most >= 2 * s or u == "s")
     words = [f"{time / size:.0f}" for time in (least, most)]

@@ -38,7 +38,7 @@ class PayloadsOptions:
         """The masses [kg] that a robot is to carry, each once, increasing.
 
         Raises:
-            ProblemError: none is given for a robot that is not the paper's.
+            ProblemError: no mass is given for a robot that is not the paper's.
         """
         if self.payload is not None:
             return sorted(set(numbers(self.payload, "--payload")))
@@ -91,14 +91,14 @@ def sweep(
 ) -> None:
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
-    Of a ROBOT: how much each gram costs, and which limit counts. Each optimum is where the search for the next
+    Of a ROBOT: the time that each gram costs, and the limit that decides. Each optimum is where the search for the next
     payload's begins; the optimum of a heavier payload is tried on the lighter one, too. A payload that is solved
-    is on disk at once, and the same command goes on with the others. Exit code 0: all motions are usable; 3: some are
+    is on disk at once, and the same command solves the others. Exit code 0: all motions are usable; 3: some are
     not; 4: all are, but some do not meet --require.
 
     A STUDY.toml says all of its motions itself: options of task, robot, limits and solver are for a ROBOT. Its cases
     are done side by side, on this machine or on a Dask cluster. Each row is on disk as soon as it has ended. Ctrl-C
-    leaves the tables of the rows that there are; the same command goes on where it was stopped or killed.
+    leaves the tables of the rows that there are; the same command continues where it was stopped or killed.
     Exit code 3: some cases were refused, are not usable, or ended in an error; their rows say why.
 
     [dim]armdyn sweep rr
@@ -136,7 +136,7 @@ def _problems(
     """Problems by payload [kg], and the solver's options of a problem file.
 
     Raises:
-        ArmdynError: there is no such problem; or an option repeats a key of the file.
+        ArmdynError: the problem is ill-posed; or an option repeats a key of the file.
     """
     masses = payloads.masses(robot.robot)
     if kind_of_file(robot.robot) == "problem":

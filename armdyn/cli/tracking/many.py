@@ -39,7 +39,7 @@ class ArmsOptions:
         """The ranges, for a model or the likely arms of an identification.
 
         Raises:
-            ProblemError: one is none.
+            ProblemError: a range is malformed.
         """
         carries = robot.payload is not None and robot.payload.mass > 0
         load = self.payload_range or ("0.8,1.2" if carries and not likely else "1,1")
@@ -57,7 +57,7 @@ def range_of(text: str, name: str) -> tuple[float, float]:
     """Two numbers, the least and the greatest.
 
     Raises:
-        ProblemError: it is another count.
+        ProblemError: the text has another count of numbers.
     """
     ends = numbers(text, name)
     if len(ends) != 2:
@@ -103,7 +103,7 @@ def monte_carlo(
 
     ROBOT may be identified.toml of armdyn identify: its likely arms, which fit the log, are then taken in turn.
 
-    Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command goes on
+    Each arm is drawn at random and run as `track` runs one. Its row is on disk at once: the same command continues
     where it was stopped or killed, also with a greater --count. Exit code 0: done; 4: fewer settle than --at-least.
 
     [dim]armdyn monte-carlo rrr --payload 0.1006 --reserve 0.1 --within 0.4

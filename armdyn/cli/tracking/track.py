@@ -74,10 +74,10 @@ def track(
 ) -> None:
     """Simulate a controller on a real arm along a motion: sampled, delayed, saturated, with another payload.
 
-    The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller knows the arm with
-    --payload; the one that moves may carry --plant-payload and rub. Where the payload changes along --reference, model
-    and arm have the loads of its pieces. Exit code 0: it settled at the goal; 3: it did not, and the output says why,
-    also where the loop is unstable for its sampling.
+    The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller's model carries
+    --payload; the simulated arm may carry --plant-payload and have friction. Where the payload changes along
+    --reference, both have the loads of its pieces. Exit code 0: it settled at the goal; 3: it did not, and the output
+    says why, also where the loop is unstable for its sampling.
 
     [dim]armdyn track rrr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
     armdyn track rr --ramp 0.4 --controller pid --gains 30,50,1

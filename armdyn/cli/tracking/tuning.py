@@ -67,7 +67,7 @@ class TuningOptions:
     generations: int = option("N", "Most of them.", default=60)
     time_limit: float = option("S", "Of the search \\[s].", default=300.0)
     search_seed: int = option("N", "Of the search.", default=0)
-    held_out: int = option("N", "Random arms, or likely ones of a file, on which only the answer is run.", default=100)
+    held_out: int = option("N", "Random arms, or likely ones of a file, on which only the result is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
         """The options of `tune`.
@@ -94,7 +94,7 @@ def tune(
 
     They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
     then tried on random arms. ROBOT may be identified.toml of armdyn identify: they are chosen on half of its likely
-    arms, at most 10, and tried on the others. Ctrl-C gives the best so far, and the same command goes on. Exit code 0:
+    arms, at most 10, and tried on the others. Ctrl-C gives the best so far, the same command continues. Exit code 0:
     all arms that they were chosen on settle; 3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003

@@ -46,10 +46,10 @@ def half_range(robot: Robot) -> Array:
 
 
 def lag(loop: Loop) -> float:
-    """Mean delay from a velocity to the torque that answers it [s].
+    """Mean delay from a velocity to the torque computed from it [s].
 
     The delay and half a tick of hold; with a filter also half a tick of the difference and the mean age of the
-    filter's memory, pole/(1 - pole) ticks. An observer that knows the arm does not lag.
+    filter's memory, pole/(1 - pole) ticks. An observer with the right model does not lag.
     """
     if loop.hold == "continuous":
         return 0.0
@@ -117,12 +117,12 @@ class Lqr:
     position and velocity count less, by the two shares below, and the integral stands still.
 
     The defaults are for least settled time, and one rule for every arm: tuned on random motions of two and three
-    joints. An error on the way costs nothing by itself, and a fast motion leaves little torque to mend it: gains that
+    joints. An error on the way costs nothing by itself, and a fast motion leaves little torque against it: gains that
     are as high there as at the goal clip the torque, and a joint short of torque disturbs the others. Where speed is
     limited rather than torque, friction that the model does not know is made up for late: a Panda is then up to 14 %
     faster than its limit, and 3 % with both shares at 1.
 
-    The regulator knows the delay, but not that a filtered velocity lags. A joint of little inertia would be given gains
+    The regulator models the delay, not the lag of a filtered velocity. A joint of little inertia would be given gains
     that this lag makes unstable; its `position` is taken as large as `phase` needs.
 
     Attributes:

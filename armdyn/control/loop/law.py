@@ -56,7 +56,7 @@ def expect_controller(controller: object, name: str = "controller") -> Controlle
     """The argument, if it is a controller.
 
     Raises:
-        ProblemError: it is none, or the class of one.
+        ProblemError: the value is no controller, or a controller's class.
     """
     if isinstance(controller, type):  # whose law is a function, too, but takes the controller first
         raise ProblemError(f"{name} is {shown(controller)}; it must be a value, {_SUCH_AS}")

@@ -23,7 +23,7 @@ Antiwindup = Literal["conditional", "back_calculation", "none"]
 - "conditional": it halts for a joint whose error would increase it (conditional integration).
 - "back_calculation": it is led back in 10 ms to where the torque is at its limit (Åström and Murray, Feedback
   Systems, 2nd ed., section 11.4).
-- "none": it goes on.
+- "none": it continues.
 """
 ANTIWINDUPS: tuple[Antiwindup, ...] = ("conditional", "back_calculation", "none")
 
@@ -49,7 +49,7 @@ class Loop:
         noise: standard deviation of the readings' noise, added before rounding [rad or m].
         seed: of the noise.
         saturate: clip torques at the effort limits; with torque-speed curves the arm gets the torque allowed at
-            its speed, which the integral's anti-windup does not know.
+            its speed, which the integral's anti-windup ignores.
         antiwindup: see `Antiwindup`.
         hold: see `Hold`; a continuous loop has no other imperfections.
 
@@ -110,9 +110,9 @@ def expect_loop(loop: object, default: Loop | None = None) -> Loop:
 
     Args:
         loop: as given.
-        default: in place of None; None: there is none.
+        default: value in place of None; None: None is refused.
 
     Raises:
-        ProblemError: it is none.
+        ProblemError: the value is no loop.
     """
     return default if loop is None and default is not None else expect(loop, Loop, "loop", "Loop(rate=1000.0, delay=1)")

@@ -36,8 +36,8 @@ class SampledStability:
         stable: whether that is below 1.
         continuous_growth: largest real part [1/s] of the eigenvalues of the same law without sampling, delay or filter;
             None: the controller has no law for a loop without them.
-        slowest_stable_rate: from which rate on the loop is stable [Hz]; None if it is stable as it is, unstable as a
-            continuous loop, too, or unstable at every rate looked at.
+        slowest_stable_rate: rate from which on the loop is stable [Hz]; None if it is stable at its own rate, unstable
+            as a continuous loop, too, or unstable at every rate of the scan.
         message: the same in a sentence.
     """
 
@@ -53,7 +53,7 @@ def sampled_stability(
 ) -> SampledStability:
     """Stability of a loop at rest at a goal, and whether its sampling is the cause of instability.
 
-    Other rates are looked at only where it is unstable as sampled, and stable as a continuous loop.
+    Other rates are scanned only where it is unstable as sampled, and stable as a continuous loop.
 
     Args:
         robot: the controller's model of the arm.
@@ -113,7 +113,7 @@ def slowest_stable_rate(
 ) -> float | None:
     """Sampling rate above which a loop is stable at rest at a goal [Hz].
 
-    Stability need not be monotone in the rate. The answer is the one above which all rates of a scan are stable, twelve
+    Stability need not be monotone in the rate. The result is the rate above which all of a scan are stable, twelve
     per decade; below it there may be others at which the loop is stable. The delay stays the same number of ticks, the
     cutoff of the velocity's filter or observer the same frequency, and a controller whose law depends on the rate is
     made anew for each; a rate at which it has none counts as unstable.
@@ -128,7 +128,7 @@ def slowest_stable_rate(
         rates: least and greatest of the scan [Hz].
 
     Returns:
-        The rate, exact to 1e-4 of it; the least looked at if all are stable; None if the greatest is not.
+        The rate, exact to 1e-4 of it; the least of the scan if all are stable; None if the greatest is not.
 
     Raises:
         ProblemError: something does not fit the robot; a continuous loop; rates out of order.

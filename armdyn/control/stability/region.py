@@ -100,7 +100,7 @@ def least_stable_factor(
 ) -> float | None:
     """Least common factor of kp, ki and kd with which the continuous loop is stable at its goal.
 
-    Stability need not be monotone in the factor. The answer is the one from which on all factors of a scan are stable,
+    Stability need not be monotone in the factor. The result is the one from which on all factors of a scan are stable,
     60 per decade up to the greatest; eigenvalues decide.
 
     Args:
@@ -108,10 +108,10 @@ def least_stable_factor(
         q_goal: [rad or m], shape (nv,).
         gains: that are multiplied.
         form: of the controller's output, see `Form`.
-        factors: the least and the greatest that are looked at.
+        factors: the least and the greatest of the scan.
 
     Returns:
-        The factor, exact to 1e-12 of it: above 1 the gains are too small. The least looked at if all are stable; None
+        The factor, exact to 1e-12 of it: above 1 the gains are too small. The least of the scan if all are stable; None
         if the greatest is not.
 
     Raises:
@@ -173,7 +173,7 @@ def gain_plane(
     """Growth and spectral radius over a grid; a point takes about half a millisecond.
 
     Args:
-        robot: an arm, which the controller knows.
+        robot: the arm, and the controller's model.
         q_goal: [rad or m], shape (nv,).
         kp: shape (n,), increasing.
         kd: shape (m,), increasing.

@@ -1,4 +1,4 @@
-"""Routh's table of a real polynomial, in exact arithmetic: how many roots lie in the right half-plane."""
+"""Routh's table of a real polynomial, in exact arithmetic: number of roots in the right half-plane."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def characteristic_polynomial(matrix: ArrayLike) -> tuple[Fraction, ...]:
     """det(s I - A) of a real matrix, exactly, by Faddeev and LeVerrier's recursion in integers.
 
     Coefficients that are computed from rounded eigenvalues, as by `numpy.poly`, decide nothing near a boundary. Here
-    the matrix is taken as it is: floats times a power of two are integers.
+    the matrix is taken exactly: floats times a power of two are integers.
 
     Args:
         matrix: shape (n, n).

@@ -48,7 +48,7 @@ class Run:
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         went_wrong: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
-        overshoot: how far each joint went past its goal, seen from the start [rad or m], shape (nv,).
+        overshoot: farthest travel of each joint past its goal, seen from the start [rad or m], shape (nv,).
         stability: of the loop at rest at the goal, of a run of `track` that did not settle; else None.
         arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that says *stay*
             has none where a loop of `simulate_pid` is unstable at the goal, or the run broke off.
@@ -176,7 +176,7 @@ def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
 def overshoot(q: Array, goal: Array) -> Array:
     """Overshoot of each joint past its goal, seen from the start [rad or m], shape (nv,).
 
-    Of a joint that starts at its goal, how far it strays.
+    Of a joint that starts at its goal, its largest distance from it.
 
     Args:
         q: positions [rad or m], shape (n, nv).

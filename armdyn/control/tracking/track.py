@@ -269,7 +269,7 @@ def track(
     Args:
         robot: the controller's model of the arm.
         reference: the motion to follow, such as a minimum-time solution's trajectory. In each piece the controller's
-            model, its feedforward and the arm have the piece's load; the controller's memory goes on over a change,
+            model, its feedforward and the arm have the piece's load; the controller's memory continues over a change,
             which takes effect at the first tick of the piece.
         controller: `Lqr`, `ComputedTorque` or `Pid`.
         plant: the arm that moves: another payload, friction; None: the model itself. Of a reference whose pieces have

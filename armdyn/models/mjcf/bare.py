@@ -20,7 +20,7 @@ _JOINTS = ("hinge", "slide", "ball", "free")
 _WIDTHS = {"ball": 4, "free": 7}
 """Numbers of qpos that a joint has if not one."""
 _SOLIDS = {"sphere": 1, "capsule": 2, "ellipsoid": 3, "cylinder": 2, "box": 3}
-"""Shapes that Pinocchio knows the inertia of, and how many sizes each takes."""
+"""Shapes whose inertia Pinocchio computes, and their numbers of sizes."""
 _MASSLESS = ("plane", "hfield")
 _MESHES = ("mesh", "sdf")
 _MACROS = ("frame", "replicate", "composite", "flexcomp", "attach")
@@ -36,7 +36,7 @@ class Bare:
         fixed: free joints that stand still where their body is; None: all of them do.
         joints: name to attributes of every joint written.
         free: the free joints that stand still.
-        widths: how many numbers of MuJoCo's qpos each joint has, those that stand still included, in qpos' order.
+        widths: count of MuJoCo's qpos numbers of each joint, locked ones included, in qpos' order.
         called: of bodies, joints and sites, each kind apart: their names to those that they are written with, for
             pin 4.1 crashes at some names, such as "universe".
     """
@@ -136,7 +136,7 @@ class Bare:
                 if self.fixed is None or called in self.fixed:
                     self.free.add(called)
                     continue
-                what = "is free; armdyn knows arms on a fixed base: lock it, at 0, to let its body stand where it is"
+                what = "is free; armdyn supports arms on a fixed base: lock it, at 0, to let its body stand where it is"
                 raise UnsupportedJointError(self.classes.source, what, values.where)
             self.joints[called] = values
             if len(self.joints) > MAX_MOVING:
@@ -221,12 +221,12 @@ def check_moving(joints: Mapping[str, Values], moving: Sequence[str], root: Elem
     for name in moving:
         values = joints[name]
         if values.number("stiffness", 0.0):
-            raise UnsupportedJointError(source, "has a spring (stiffness), which armdyn does not know", values.where)
+            raise UnsupportedJointError(source, "has a spring (stiffness), which armdyn does not support", values.where)
         if values.number("ref", 0.0):
-            what = "counts from elsewhere (ref); armdyn knows joints that are zero where the file draws them"
+            what = "counts from elsewhere (ref); armdyn supports joints that are zero where the file draws them"
             raise UnsupportedJointError(source, what, values.where)
     for coupling in root.findall("equality/joint"):
         follower = str(coupling.get("joint1"))
         if coupling.get("active") != "false" and follower in moving:
-            what = "is coupled by <equality>; armdyn knows no coupled joints: lock it"
+            what = "is coupled by <equality>; armdyn supports no coupled joints: lock it"
             raise UnsupportedJointError(source, what, f"joint {clipped(follower)!r}")

@@ -8,7 +8,7 @@ from armdyn.errors import UrdfError
 from armdyn.models.reading.urdf_xml import clipped, finite_numbers
 
 ROTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-"""Ways to say how something is turned, and how many numbers each takes."""
+"""Notations of a rotation, and their counts of numbers."""
 
 
 MAIN = "main"

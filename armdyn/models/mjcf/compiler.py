@@ -16,7 +16,7 @@ from armdyn.models.reading.urdf_xml import clipped
 _GRAVITY = (0.0, 0.0, -9.81)
 _FLAGS = ("true", "false")
 _SHORTEST = 1e-6
-"""A direction of less length is none."""
+"""Least length of a direction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class Compiler:
         """The settings of an MJCF; of several the last counts.
 
         Raises:
-            UrdfError: one is none, or changes the bodies in a way that armdyn does not know.
+            UrdfError: a setting is malformed, or changes the bodies in a way that armdyn does not support.
         """
         values = Values.of_all(root, "compiler", source)
         values.word("coordinate", ("local",))
@@ -76,7 +76,7 @@ def gravity(root: Element, source: str) -> Array:
     values = Values.of_all(root, "option", source)
     for key in ("density", "viscosity"):
         if values.number(key, 0.0):
-            raise UrdfError(source, f"{key}: armdyn knows no drag of a fluid", "<option>")
+            raise UrdfError(source, f"{key}: armdyn supports no drag of a fluid", "<option>")
     if any(flag.get("gravity") == "disable" for flag in root.findall("option/flag")):
         return np.zeros(3)
     return np.array(values.numbers("gravity", 3) or _GRAVITY)

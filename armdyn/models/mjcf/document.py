@@ -18,7 +18,7 @@ _ROOT = re.compile(rb"<mujoco[\s/>]")
 
 
 def is_mjcf(path: str | os.PathLike[str]) -> bool:
-    """Whether a file's root element is `<mujoco>`; a file that cannot be read is none."""
+    """Whether a file's root element is `<mujoco>`; False for a file that cannot be read."""
     try:
         data = read_bounded(path, MAX_BYTES)
     except FileError:

@@ -29,7 +29,7 @@ def read_mjcf_arm(root: Element, source: str, lock: Mapping[str, float], arm: tu
         arm: first and last joint, body or site; see `Robot.from_urdf`.
 
     Raises:
-        UrdfError: the MJCF is not physical, or uses elements that armdyn does not know.
+        UrdfError: the MJCF is not physical, or uses elements that armdyn does not support.
         UnsupportedJointError: a joint that moves is of no known kind, has a spring, or is coupled.
         SpecError: a lock or the arm does not fit it.
     """
@@ -59,10 +59,10 @@ def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str,
     Args:
         root: of `parse_mjcf`; the MJCF has been read as an arm.
         source: name of the file or text, in messages.
-        most: keys that are looked at.
+        most: largest number of keys that are read.
 
     Raises:
-        UrdfError: the MJCF is not one that armdyn knows.
+        UrdfError: the MJCF is not supported.
     """
     bare = Bare(Classes.of(root, source), Compiler.of(root, source), None)
     bare.text(root)
@@ -70,7 +70,7 @@ def read_keyframes(root: Element, source: str, most: int) -> dict[str, dict[str,
     for key in islice(root.iterfind("keyframe/key"), most):
         try:
             qpos = Values(key.attrib, source, "<key>").numbers("qpos", int(at[-1]))
-        except UrdfError:  # the robot is none the worse for it
+        except UrdfError:  # poses are optional
             continue
         if qpos and (name := key.get("name")):
             poses[name] = {
@@ -108,7 +108,7 @@ def _refuse_loops(model: pin.Model, root: Element, source: str) -> None:
             tied.add(0)
         if tie.get("active") != "false" and len(tied) > 1:
             names = ", ".join(clipped(end) for end in ends if end)
-            raise UrdfError(source, f"<equality> ties {names} together; armdyn knows no closed loops: lock joints")
+            raise UrdfError(source, f"<equality> ties {names} together; armdyn supports no closed loops: lock joints")
 
 
 Range = tuple[float, float]

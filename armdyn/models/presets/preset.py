@@ -94,7 +94,7 @@ class ControllerPreset:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
-        """A preset of a TOML file; docs/presets.md says how. The file may be a stranger's: it is bounded and checked.
+        """A preset of a TOML file; docs/presets.md says how. The file may be untrusted: it is bounded and checked.
 
         Raises:
             FileError: the file cannot be read, or is too large.
@@ -119,7 +119,7 @@ class ControllerPreset:
         """A preset as a key of a file says it: "franka-panda", "franka-panda:torque", a file, or a table.
 
         Raises:
-            ProblemError: there is none; the message says in which line.
+            ProblemError: the preset is unknown or malformed; the message has the line.
         """
         if isinstance(table.values[key], dict):
             return cls._from(table.table(key))

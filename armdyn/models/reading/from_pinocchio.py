@@ -194,7 +194,7 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
     (base, start), (end, goal) = ends
     way = [int(joint) for joint in model.supports[end]]
     goal = goal or next((frame for frame in model.frames if frame.name == last), None)
-    # Frames of a model that was put together by hand may not know where they hang.
+    # Frames of a model that was built by hand may lack their parents.
     branches = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
     if base not in way or branches:
         raise SpecError(f"arm: {clipped(last)!r} is not behind {clipped(first)!r} in {source}")

@@ -57,7 +57,7 @@ def geometries(
 
     Raises:
         ValueError: a size is no number.
-        OSError: there is no such mesh.
+        OSError: the mesh is missing.
     """
     holder = element.find("geometry")
     for shape in () if holder is None else holder:
@@ -101,7 +101,7 @@ def resolve_mesh(name: str, folders: tuple[str, ...]) -> Path:
         folders: see `mesh_folders`.
 
     Raises:
-        FileNotFoundError: there is none.
+        FileNotFoundError: the file is missing.
         PermissionError: there is one, but not inside.
     """
     homes = [Path(os.path.realpath(folder)) for folder in folders]

@@ -33,7 +33,7 @@ _POSES = 1000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UrdfRepair:
-    """Faults and gaps of a URDF, with the least change or the option that mends each.
+    """Faults and gaps of a URDF, with the least change or the option that repairs each.
 
     Attributes:
         source: the file.
@@ -62,7 +62,7 @@ class UrdfRepair:
 
 
 def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os.PathLike[str]] = ()) -> UrdfRepair:
-    """Find the faults and gaps of a URDF, and the least change or the option that mends each; nothing is written.
+    """Find the faults and gaps of a URDF, and the least change or the option that repairs each; nothing is written.
 
     Packages are looked for in the given folders, in the file's own and in the six above it, by the names of the files
     that its meshes name; a link that leads out of such a folder is refused.
@@ -73,7 +73,7 @@ def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os
 
     Raises:
         SpecError: package_dirs is no list of paths.
-        UrdfError: it cannot be read, or has a fault that no number mends, such as a joint without a parent.
+        UrdfError: it cannot be read, or has a fault that no number repairs, such as a joint without a parent.
     """
     file = file_path(path)
     text, source = read_urdf(file), str(file)

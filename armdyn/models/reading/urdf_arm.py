@@ -61,7 +61,7 @@ def _mimics(root: Element, source: str) -> dict[str, Mimic]:
     """Joints that follow others.
 
     Raises:
-        UrdfError: a `<mimic>` has no leader, or its numbers are none.
+        UrdfError: a `<mimic>` has no leader, or malformed numbers.
     """
     joints = {str(joint.get("name")): joint for joint in root.findall("joint")}
     mimics: dict[str, Mimic] = {}

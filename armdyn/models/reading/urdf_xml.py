@@ -42,7 +42,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
         raise UrdfError("path", f"looks like {kind} text: use {of_text}")
     try:
         return Path(os.fsdecode(path))  # type: ignore[arg-type]  # it refuses other values
-    except Exception:  # a stranger's __fspath__ may raise anything
+    except Exception:  # a foreign __fspath__ may raise anything
         raise UrdfError("path", f"is {shown(path)}; it must be the path of a {kind} file") from None
 
 

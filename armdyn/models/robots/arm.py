@@ -60,7 +60,7 @@ class Arm:
             every result, says "repaired model".
         payload: the added one; None: none was.
         tip: the frame at the end of the arm, or of its tool.
-        friction: in its joints; the model itself, and so `pin.aba`, knows nothing of it.
+        friction: in its joints; the model itself, and so `pin.aba`, ignores it.
         origin: where it was read from; None: it was put together otherwise.
         options: with which it was read.
     """
@@ -135,7 +135,7 @@ class Arm:
         """The joint positions of a name [rad or m], shape (nv,).
 
         Raises:
-            SpecError: there is none of that name; the message lists all.
+            SpecError: no pose has that name; the message lists all.
         """
         return pose_named(self, name)
 
@@ -266,7 +266,7 @@ class Arm:
         """This robot with a payload or a tool; the model is copied before it is changed.
 
         Raises:
-            SpecError: it is none, its frame is none or does not move, or its name is taken.
+            SpecError: it is no payload, its frame is unknown or does not move, or its name is taken.
         """
         model, tip = self.model.copy(), self.tip
         if body is not None:
@@ -354,7 +354,7 @@ def payload_inertia(payload: Payload) -> pin.Inertia:
 
 
 def model_hash(model: pin.Model, friction: JointFriction) -> str:
-    """A SHA-256 of all that an arm's equations of motion depend on, in hexadecimal.
+    """SHA-256 of an arm's equations of motion, in hexadecimal.
 
     Joints, placements, inertias with the payload, armature, gravity and friction, each number to 1e-12 of its SI
     unit, so that the last bit of another machine's sine does not matter. Names of links, shapes and limits are

@@ -106,7 +106,7 @@ _CORRECTED = {"ur3": "ur3_robot.urdf"}
 
 
 def library_names() -> list[str]:
-    """All names that `library_arm` knows."""
+    """All names of `library_arm`."""
     from example_robot_data.robots_loader import ROBOTS
 
     return sorted({*ROBOTS, *LIBRARY_ARMS, *BENCHMARKS})

@@ -73,7 +73,7 @@ class RobotOptions:
             mesh.
 
     Raises:
-        SpecError: tool is none, lock no mapping, arm no pair of names, or package_dirs no list of paths.
+        SpecError: tool is no tool, lock no mapping, arm no pair of names, or package_dirs no list of paths.
     """
 
     payload: Payload | None = None

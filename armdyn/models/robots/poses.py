@@ -1,7 +1,7 @@
 """Poses that have a name: those of an SRDF that lies by the URDF, an MJCF's keyframes, and those of a table.
 
 SRDF, MoveIt's semantic description, has them as `<group_state name="home" group="arm"><joint name=… value=…/>…`:
-http://wiki.ros.org/srdf. It comes from a stranger as the URDF does, and is read within the same bounds.
+http://wiki.ros.org/srdf. It is as untrusted as the URDF, and is read within the same bounds.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False)
         degrees: see `armdyn.parsing.numbers.position`.
 
     Raises:
-        ProblemError: it is none of these.
+        ProblemError: the value is no position.
     """
     if isinstance(given, str):
         parts: list[object] = [*given.split(",")]

@@ -176,7 +176,7 @@ class Robot(Arm):
 
         Args:
             name: the library's name for it, that of an arm inside a bigger robot, such as "baxter_left", or
-                "acrobot", "cart_pole", "furuta_pendulum", "pendubot", which come with armdyn: they know which of
+                "acrobot", "cart_pole", "furuta_pendulum", "pendubot", which come with armdyn, with a mark which of
                 their joints have no motor.
             payload: see `from_urdf`.
             keywords: see `from_urdf`; `lock` adds to the joints that are locked already, such as a hand's fingers.
@@ -255,7 +255,7 @@ class Robot(Arm):
         payload: Payload | None = None,
         **keywords: Unpack[RobotKeywords],
     ) -> Self:
-        """An arm from a Pinocchio model that was built or loaded elsewhere, and stays as it is.
+        """An arm from a Pinocchio model that was built or loaded elsewhere, and stays unchanged.
 
         Its friction is that of the model. Its geometry is unknown: it is drawn as rods, and obstacles cannot
         be given.
@@ -314,7 +314,7 @@ def expect_robot(robot: object, name: str = "robot") -> Robot:
     """The robot.
 
     Raises:
-        ProblemError: it is none; with how to come by one.
+        ProblemError: the value is no robot; the message names the readers.
     """
     return expect(robot, Robot, name, f"use {READERS}")
 

@@ -80,7 +80,7 @@ class RobotSource:
 
         Args:
             name: of the robot, or its file seen from the folder.
-            folder: of the stranger's file; links are followed.
+            folder: of the untrusted file; links are followed.
 
         Raises:
             SpecError: the robot's file is outside the folder, or the name is one of robot_descriptions.

@@ -184,7 +184,7 @@ class CollisionModel:
             motion: joints follow cubics between its samples.
             bounds: travel and acceleration as of `motion_bounds`, and the reach of every pair, shape (pairs, nv).
             required: distances to be kept [m], shape (pairs,).
-            work: equal parts of the motion that are looked at first, and pairs looked at again at most.
+            work: equal parts of the motion at the start, and the most bisections.
 
         Returns:
             The nearest pair, `sure` if all keep their distances; times at which a pair is nearer [s], increasing.

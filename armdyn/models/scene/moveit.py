@@ -230,7 +230,7 @@ def read_scene_text(file: Path, frames: Mapping[str, pin.SE3 | None]) -> Read:
     """The objects of a file of MoveIt's text format, old or new; it has no frames and no allowed contacts.
 
     Raises:
-        ArmdynError: the file cannot be read, or is none.
+        ArmdynError: the file cannot be read, or is not of this format.
     """
     lines = [line.strip() for line in read_bounded(file, MAX_BYTES).decode("utf-8", "replace").splitlines()]
     starts = [i for i, line in enumerate(lines) if line.startswith("*")]

@@ -59,7 +59,7 @@ def mujoco_model(
 
     Raises:
         ProblemError: the motion has other joints, or geometry is wanted that the arm does not have.
-        TrajectoryError: a name is none that XML can say.
+        TrajectoryError: a name has characters that XML cannot have.
     """
     robot, model = expect_robot(robot), robot.model
     solids = bodies(robot) if flag(geometry, "geometry") else ()

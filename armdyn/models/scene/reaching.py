@@ -118,7 +118,7 @@ def poses_reaching(
 
     Raises:
         SpecError: the robot has no such frame.
-        ProblemError: the frame does not move, or no position was found that reaches the goal; with how near it comes.
+        ProblemError: the frame does not move, or no position was found that reaches the goal; with the least distance.
     """
     frame = robot.frame(goal.frame)
     if frame.parentJoint == 0:
@@ -193,7 +193,7 @@ def approached(robot: Robot, goal: GoalPose, near: Array, limits: JointLimits) -
         limits: of the positions.
 
     Returns:
-        The positions [rad or m], shape (nv,), and how far the frame is from the goal there [m, rad], shape (6,) or
+        The positions [rad or m], shape (nv,), and the frame's distance from the goal there [m, rad], shape (6,) or
         (3,).
     """
     ends = limits.position_lower, limits.position_upper

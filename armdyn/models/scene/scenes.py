@@ -49,7 +49,7 @@ def load_scene(
 ) -> Scene:
     """Read a scene; docs/obstacles.md describes the kinds of files.
 
-    The file may come from a stranger: it is read up to a size, and its meshes lie inside its folder, the folder of its
+    The file may be untrusted: it is read up to a size, and its meshes lie inside its folder, the folder of its
     ROS package, or `package_dirs`.
 
     Args:

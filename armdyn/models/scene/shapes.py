@@ -50,7 +50,7 @@ class Obstacle:
         """Check the name, and keep points and positive lengths as numbers.
 
         Raises:
-            ProblemError: one is none.
+            ProblemError: a field is malformed.
         """
         text(self.name, "name of an obstacle")
         for field in points:
@@ -220,7 +220,7 @@ def primitive(kind: str, sizes: Array, pose: Array, name: str) -> Obstacle:
         name: in messages.
 
     Raises:
-        ProblemError: another kind, or numbers that are none.
+        ProblemError: another kind, or malformed numbers.
     """
     count = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}.get(kind)
     if count is None:

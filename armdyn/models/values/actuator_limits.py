@@ -135,7 +135,7 @@ class TorqueSpeed(ActuatorLimits):
 
     The curve is concave and piecewise linear, t(|v|) = min_k (c_k - s_k |v|) with s_k ≥ 0, and |τ + s_k v| ≤ c_k in all
     four quadrants, besides `lower` and `upper`. So is a motor at limited voltage and current: its back EMF, which grows
-    with speed, leaves less torque to drive, and helps to brake. Beyond its last point the curve goes on as before.
+    with speed, leaves less torque to drive, and helps to brake. Beyond its last point the curve is extrapolated.
 
     Attributes:
         joints: names of all joints.

@@ -32,7 +32,7 @@ def homogeneous(placement: Placement, what: str) -> Array:
     """A position, shape (3,), or a pose, shape (4, 4) or `pin.SE3`, as a matrix of shape (4, 4) [m].
 
     Raises:
-        ProblemError: it is none of these, or its rotation is no rotation.
+        ProblemError: the value has another type, or an invalid rotation.
     """
     if isinstance(placement, pin.SE3):
         return np.array(placement.homogeneous)
@@ -49,7 +49,7 @@ def homogeneous(placement: Placement, what: str) -> Array:
         raise ProblemError(f"{what} is not finite")
     rotation = pose[:3, :3]
     # 1e-6: a matrix typed with seven digits is a rotation.
-    with np.errstate(over="ignore", invalid="ignore"):  # a matrix of huge numbers is none
+    with np.errstate(over="ignore", invalid="ignore"):  # huge numbers make no rotation
         turned = np.max(np.abs(rotation.T @ rotation - np.eye(3)))
     if not turned <= 1e-6 or np.linalg.det(rotation) < 0:
         raise ProblemError(f"{what} has an invalid rotation: {rotation.tolist()}")

@@ -1,4 +1,4 @@
-"""Whether an arm's actuators can hold it still at its goal, and with how much payload."""
+"""Whether an arm's actuators can hold it still at its goal, and the largest payload."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -19,7 +19,7 @@ class Traits:
     """Traits of a motion, one number per joint.
 
     Attributes:
-        reversals: how often a joint turns round and goes back at least 1e-3 rad.
+        reversals: number of times that a joint turns round and goes back at least 1e-3 rad.
         swings: the longest way back after a reversal [rad].
         overshoot: farthest past the goal, seen from the start [rad].
         position: range of positions, largest minus smallest [rad].

@@ -15,7 +15,7 @@ from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 RTOL = 1e-12
 """Tolerance of the integrator: durations are to hold to 1e-10."""
 _SAMPLES = 48
-"""Per arc, on which the signs of S are looked at and which the answer has."""
+"""Samples per arc, for the signs of S and in the solution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +55,11 @@ class BangBangExtremal:
         switches: the joint that switches after each arc but the last.
         starts: y where the arcs start, shape (arcs, 4 nv).
         status: SOLVED, or why not.
-        message: the same for people.
+        message: the status in words.
         residual: of the scaled equations, largest.
         t: times of the samples [s], shape (arcs, k); one at which two arcs join is in both.
         y: there, shape (arcs, k, 4 nv).
-        wrong_sign: how far H would fall if one torque went to its other limit; the most among the samples.
+        wrong_sign: largest decrease of H at a sample if one torque went to its other limit.
     """
 
     arcs: tuple[Arc, ...]

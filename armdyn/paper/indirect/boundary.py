@@ -32,7 +32,7 @@ class BoundaryExtremal:
         y: (q, v, ρ_q, ρ_v) there, shape (4 nv, m).
         duration: t_f [s].
         status: SOLVED, or why not.
-        message: the same for people, with where it is worst.
+        message: the status in words, with the place of the largest residual.
         residual: of the scaled equations, largest over the intervals (Lobatto: root mean square in each).
     """
 

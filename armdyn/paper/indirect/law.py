@@ -38,7 +38,7 @@ class TorqueLaw:
     Its functions are to stand in a module, so that it can be a key of caches and go to other processes.
 
     Attributes:
-        name: for people.
+        name: in messages.
         torque: symbols -> τ without limits [N m], shape (nv,).
         running_cost: symbols -> L, one number.
         minimises: τ is where H with L = 1 + w/2 τᵀτ is least: costates of the direct method are then its own, and

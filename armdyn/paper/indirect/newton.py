@@ -50,7 +50,7 @@ class Root:
         residual: F(x), shape (n,).
         steps: taken.
         status: SOLVED; ITERATION_LIMIT; FAILED; or the stop's status.
-        reason: the same for people.
+        reason: the status in words.
     """
 
     unknowns: Array

@@ -84,8 +84,8 @@ class IndirectSolution:
 
     Attributes:
         success: converged, within position and velocity limits.
-        status: SOLVED; INFEASIBLE if it leaves those limits, which this method does not know; or why it failed.
-        message: the same for people, with where the residual is largest.
+        status: SOLVED; INFEASIBLE if it leaves limits outside the equations; or the failure's status.
+        message: the status in words, with the place of the largest residual.
         problem: the minimum-time problem.
         options: how.
         duration: t_f [s]; of the last iterate if the solve failed.
@@ -95,7 +95,7 @@ class IndirectSolution:
         hamiltonian: H at the trajectory's times, shape (n,), the 1 that time costs among its terms.
         hamiltonian_spread: largest |H|; 0 at an optimum.
         residual: largest of the equations that were solved, scaled.
-        arcs: for minimum time, which limit every joint is on, and for how long; else empty.
+        arcs: for minimum time, the active limit of every joint and the durations; else empty.
         direct: the direct method's solution that it was seeded with, if its arcs were resolved.
         solve_time: wall time [s].
     """
@@ -246,7 +246,7 @@ def _limit_left(problem: MinimumTimeProblem, motion: Trajectory) -> str:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Differences of two answers at equal parts of their durations, each against the peak of its kind.
+    """Differences of two solutions at equal parts of their durations, each against the peak of its kind.
 
     Attributes:
         duration: |difference| of t_f against t_f.
@@ -269,11 +269,11 @@ def compare_with_direct(indirect: IndirectSolution, direct: Phases | None = None
     """Compare an indirect solution with a direct one.
 
     Args:
-        indirect: one answer; between its samples costates are linear, which costs about 1e-4 of their peak.
+        indirect: one solution; between its samples costates are linear, which costs about 1e-4 of their peak.
         direct: the other, as `Solution.phases`; None: the one that seeded the first.
 
     Raises:
-        ProblemError: there is none, or it is something else.
+        ProblemError: an argument is no solution, or has no motion.
     """
     expect(indirect, IndirectSolution, "indirect", "the result of solve_indirect")
     direct = indirect.direct if direct is None else expect(direct, Phases, "direct", "Solution.phases")

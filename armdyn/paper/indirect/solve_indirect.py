@@ -119,12 +119,12 @@ def solve_indirect(
 ) -> IndirectSolution:
     """Pontryagin's conditions, solved as equations.
 
-    A time-energy answer is the optimum of least J among those that the search found and the boundary value
-    problem confirmed; a minimum-time answer the fastest of those that they lead to as w → 0.
+    A time-energy solution is the optimum of least J among those that the search found and the boundary value
+    problem confirmed; a minimum-time solution the fastest of those that they lead to as w → 0.
 
     Args:
         problem: effort_weight > 0 asks for the time-energy optimum, 0 for minimum time. Limits on position
-            and velocity are looked at afterwards only.
+            and velocity are checked afterwards only.
         seed: a solution of this problem by the direct method, or of one with another weight; None: a few
             guesses are solved by the direct method first.
         options: by default for arms of one to three joints.

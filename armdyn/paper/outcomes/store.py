@@ -26,7 +26,7 @@ MAX_BYTES = 2**22
 
 
 def fingerprint(case: Case) -> str:
-    """A hash of all that an outcome depends on: the case, its robot's URDF and poses, armdyn's version."""
+    """Hash of an outcome's inputs: the case, its robot's URDF and poses, armdyn's version."""
     inputs = {
         "format": _FORMAT,
         "version": version("armdyn"),

@@ -1,4 +1,4 @@
-"""Tables on disk: CSV for machines, Markdown and LaTeX in the paper's layout."""
+"""Tables on disk: CSV, and Markdown and LaTeX in the paper's layout."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import fields

@@ -48,10 +48,10 @@ class Row:
         published: None where the paper has none.
         ours: None where there is none; `reason` says why.
         verdict: see `judge`.
-        reason: of the verdict, for people.
+        reason: of the verdict, in words.
         example: 1 to 6.
         kind: how our number came about; None in Table 3.
-        setup: other states or another sign than the case's default, for people; mostly empty.
+        setup: other states or another sign than the case's default, in words; mostly empty.
         trapezoid: Table 7's number by (35) with the step `TRAPEZOID_STEP` [N m s].
         indirect: t_f by the indirect method, for R and RR [s].
     """
@@ -196,7 +196,7 @@ def torque_rows(outcome: Outcome) -> list[Row]:
 
 
 def setup(case: Case) -> str:
-    """Other states or another sign than the case's default, for people; empty if it has none."""
+    """Other states or another sign than the case's default, in words; empty if it has none."""
     parts = ["Example 2's states"] if case.states != "printed" else []
     parts += ["+ k_D as printed"] if case.derivative_sign == "printed" else []
     return ", ".join(parts)

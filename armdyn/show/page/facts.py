@@ -45,7 +45,7 @@ class Facts:
         return self.values.get(name) is True
 
     def given(self) -> dict[str, Any]:
-        """All values but those that are none."""
+        """All values but None."""
         return {name: value for name, value in self.values.items() if value is not None}
 
     def part(self, name: str) -> Facts:

@@ -1,6 +1,6 @@
 """A report: one HTML file of one motion or several, with the arm, its curves under one cursor, and its verdict.
 
-Facts become a `Report`, a value; `report_html` is the only one that knows how a page is written.
+Facts become a `Report`, a value; only `report_html` writes a page.
 """
 
 from __future__ import annotations

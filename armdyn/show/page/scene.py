@@ -54,7 +54,7 @@ def scene_data(
         robot: the arm that moves.
         trajectories: one or more motions of its joints; they start together.
         fps: frames per second of playing time that are stored; the page interpolates between them.
-        slow_motion: how many times slower than real time it plays at first; None: about 4 s in all.
+        slow_motion: initial playing time over real time; None: about 4 s in all.
         obstacles: drawn where they stand.
         touching: names of links, tool, payload and obstacles that are drawn in red.
         marks: see `mark_of`.

@@ -170,7 +170,7 @@ def _of_pid(facts: Facts) -> Verdict:
 
 def _of_given(facts: Facts) -> Verdict:
     """Verdict on a motion without a result."""
-    text = "A motion from elsewhere: whether the arm can do it was looked at, and not how much faster it could be."
+    text = "Another planner's motion: its limits were checked, but not the possible gain of time."
     keeps = facts.true("feasible")
     return Verdict("good" if keeps else "bad", f"{'Keeps' if keeps else 'Breaks'} its limits", text, _possible(facts))
 

@@ -291,7 +291,7 @@ class Page:
         self._notes["saved"] = lambda: setattr(self._saved, "content", note_html(words))
 
     def _chosen(self) -> tuple[int, Obstacle] | None:
-        """Number and value of the selected obstacle; None: none is."""
+        """Number and value of the selected obstacle; None: no selection."""
         found = [(i, one) for i, one in enumerate(self._session.state.obstacles) if one.name == self._selected]
         return found[0] if found else None
 

@@ -86,7 +86,7 @@ class Session:
         warnings: of the problem, and of the last action.
         solution: the last motion; None: none yet.
         solved: the state that the last result is of.
-        failed: why the last result is no motion; empty: it is one.
+        failed: reason why the last result is no motion; empty: the result is a motion.
         unsaved: why the state could not be saved; empty: it was.
     """
 
@@ -131,7 +131,7 @@ class Session:
             changes: fields of `StudioState`; positions are clipped to those of the sliders.
 
         Raises:
-            ArmdynError: a value is none of the field; the state stays as it is.
+            ArmdynError: a value does not fit its field; the state stays unchanged.
         """
         lower, upper = slider_limits(self.setup.problem)
         for end in ("start", "goal"):
@@ -199,7 +199,7 @@ class Session:
         """Write the motion that is shown.
 
         Raises:
-            ArmdynError, OSError: it cannot be written, or there is none.
+            ArmdynError, OSError: there is no motion, or the file cannot be written.
         """
         solution = self._shown()
         motion = replace(solution.trajectory, model_hash=solution.problem.robot.model_hash)
@@ -209,7 +209,7 @@ class Session:
         """Write the report of the motion that is shown.
 
         Raises:
-            ArmdynError, OSError: it cannot be written, or there is none.
+            ArmdynError, OSError: there is no motion, or the file cannot be written.
         """
         solution = self._shown()
         arm, facts = solution.problem.robot, minimum_time_summary(solution)
@@ -275,7 +275,7 @@ def restored(setup: SessionSetup, folder: Path) -> StudioState | None:
     """The state that a session left in a folder; None: none did.
 
     Raises:
-        FileError: the file is none of a session of this robot.
+        FileError: the file is not of a session of this robot.
     """
     path = folder / STATE_FILE
     if not path.exists():

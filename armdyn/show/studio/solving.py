@@ -18,7 +18,7 @@ _PATIENCE = 1.0
 """Least time of a computation before a newer request stops it [s]: during a drag, motions of a moment ago appear,
 instead of none until the hand rests."""
 _AGAIN = 5.0
-"""Time after which a computation that goes on is interrupted once more [s]: stopped, it still checks its motion."""
+"""Time after which a stopped computation is interrupted once more [s]: it still checks its motion."""
 _POLL = 0.02
 """Polling period of the process and the requests [s]."""
 

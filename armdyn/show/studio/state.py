@@ -89,7 +89,7 @@ class StudioState:
 
     @classmethod
     def from_entry(cls, entry: object, joints: int) -> Self:
-        """The state of JSON values, which may be a stranger's.
+        """The state of JSON values, which may be untrusted.
 
         Args:
             entry: as `StudioState.entry` makes it.
@@ -160,7 +160,7 @@ def posed(
         presets: by their names.
 
     Raises:
-        ArmdynError: there is no such problem, such as where a pose is outside the limits or touches something.
+        ArmdynError: the problem is ill-posed, such as where a pose is outside the limits or touches something.
     """
     if state.preset and state.preset not in presets:
         raise ProblemError(f"no preset of this robot is named {shown(state.preset)}; there are {', '.join(presets)}")
@@ -192,7 +192,7 @@ def placement_of(obstacle: Obstacle) -> pin.SE3 | None:
 
 
 def moved(obstacle: Obstacle, to: pin.SE3) -> Obstacle:
-    """An obstacle of which `placement_of` is another one.
+    """The obstacle at another `placement_of`.
 
     Raises:
         ArmdynError: the placement is not finite.

@@ -47,7 +47,7 @@ class BatchSize:
         self._mean, self._most = 0.0, 1
 
     def add(self, cases: int, seconds: float) -> None:
-        """Record how long a batch took [s], for the size of the next ones."""
+        """Record a batch's duration [s], for the size of the next ones."""
         mean = seconds / cases
         self._mean = (1 - _NEW) * self._mean + _NEW * mean if self._mean else mean
         self._most = max(self._most, min(2 * cases, MOST))
@@ -66,7 +66,7 @@ class BatchSize:
 
 
 _PATIENCE = 10.0
-"""For a scheduler to answer, and for a first worker to join it [s]."""
+"""Time limit for a scheduler's response, and for a first worker to join [s]."""
 _AHEAD = 2
 """Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
 _FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)

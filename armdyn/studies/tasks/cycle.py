@@ -65,7 +65,7 @@ class CycleTask:
         """A setting's value, if there is such a place in the cycle file.
 
         Raises:
-            ProblemError: there is none.
+            ProblemError: there is no cycle file.
         """
         if name.partition(".")[0] not in self.tables:
             raise ProblemError(f"{name} is no setting of a cycle: its way begins with {', '.join(self.tables)}")

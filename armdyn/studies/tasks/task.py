@@ -16,7 +16,7 @@ from armdyn.studies.rows import Value
 from armdyn.trajectory import Trajectory
 
 INTERRUPTED = "interrupted"
-"""Status of a result that is none: the case is done again."""
+"""Status of a missing result: the case is done again."""
 ERROR = "error"
 """Status of a case whose work raised an unexpected exception."""
 
@@ -80,7 +80,7 @@ def result_of(
             result = task.work(settings, guess, revisit)
         except ArmdynError as error:
             result = CaseResult(status="refused", message=str(error))
-        except Exception as error:  # a row says so; the other cases go on
+        except Exception as error:  # the row has the error; the other cases continue
             result = CaseResult(status=ERROR, message=f"{type(error).__name__}: {error}"[:1000])
     messages = dict.fromkeys(str(one.message) for one in caught if issubclass(one.category, ArmdynWarning))
     if messages:

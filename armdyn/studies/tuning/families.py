@@ -64,7 +64,7 @@ class ControllerFamily:
     Attributes:
         name: in messages.
         parameters: to be chosen.
-        controller: of the values that are chosen, by name. It may take others, too: all that a search chooses.
+        controller: of the tuned values, by name. It may take others, too: all that a search tunes.
 
     Raises:
         ProblemError: no parameters, or two of one name.

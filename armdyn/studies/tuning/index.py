@@ -30,7 +30,7 @@ class Worth:
 
     Attributes:
         index: of the worst arm, see `Index`.
-        settled: how many arms settle.
+        settled: number of arms that settle.
         count: of arms.
         settled_time: of the worst arm [s]; inf if one does not settle.
         overshoot: of the worst arm's worst joint, as a part of the largest travel of a joint [-].

@@ -116,15 +116,15 @@ def tune(
     """Choose a family's parameters that are best for the worst of some arms, in the actual loop.
 
     Differential evolution (Storn and Price, Journal of Global Optimization 11, 1997) over the logarithms of the
-    parameters, as scipy has it. A controller that overshoots by more than it may is the answer only where the search
-    has found no other. With `options.file` the same search goes on where it was stopped or killed.
+    parameters, as scipy has it. A controller that overshoots by more than allowed is returned only where the search
+    has found no other. With `options.file` the same search continues where it was stopped or killed.
 
     Args:
         robot: the controller's model of the arm.
         reference: motion to follow; or `Ramps`, whose duration is chosen, too.
         family: controllers to choose from, such as `ControllerFamily.pid(robot, q_goal)`.
         plants: arms that the choice is made on, such as `Plants(…).corners(robot)`.
-        held_out: others, on which only the answer is run, such as `Plants(…).arms(robot, 100)`.
+        held_out: others, on which only the result is run, such as `Plants(…).arms(robot, 100)`.
         loop: connection of controller and arm.
         options: the index to minimise, and the extent of the search.
         progress: called with the progress in words.

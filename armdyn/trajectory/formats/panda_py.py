@@ -43,7 +43,7 @@ class PandaPython(Stream):
         """Text of the program.
 
         Raises:
-            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is none; or an event
+            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is wrong; or an event
                 occurs in motion.
         """
         events = self.events(samples)

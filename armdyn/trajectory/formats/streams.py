@@ -42,7 +42,7 @@ class Stream:
     gripper's, and calls a function at each event, into which the user writes the gripper's commands.
 
     Attributes:
-        payload: mass that the controller is to know [kg]; None: the one that is set on the robot stays.
+        payload: mass set in the controller [kg]; None: the controller's own setting stays.
         payload_com: its centre of mass from the flange, in the flange's axes [m].
     """
 
@@ -100,7 +100,7 @@ class Stream:
         """Refuse motions of arms with another number of joints.
 
         Raises:
-            TrajectoryError: it is another one.
+            TrajectoryError: the rate is another one.
         """
         if count != cls.joints:
             raise TrajectoryError(f"the motion has {count} joints; {cls.name} is for arms of {cls.joints}")
