@@ -103,7 +103,7 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
     for method in strategy.fallback:
         if task.stop or _is_enough(task, optima):
             break
-        task.progress(f"nothing so far is usable, or what is faster touches something: {method}")
+        task.progress(f"no usable motion so far, or a faster one collides: {method}")
         near = tuple(one.trajectory for one in optima if one.landed(task.policy.landing.far))
         more, searched = _by(method, task.with_options(guesses=near))
         optima += [slowed(task, one) for one in more]

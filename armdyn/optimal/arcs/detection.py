@@ -62,7 +62,7 @@ def detect(
         if limits.passive[i]:
             modes = [Mode.PASSIVE] * intervals
         modes = _without_brief(modes, mesh, brief)
-        runs = _runs(_without_lifting_off(modes))
+        runs = _runs(_without_bounces(modes))
         switching = [mode is Mode.FREE and (b - a <= switch or mesh[b] - mesh[a] <= brief) for mode, a, b in runs]
         first.append(_first_mode(runs, level[:, i], switching[0]))
         events += _switches(runs, level[:, i], knots, i, switching)
@@ -89,7 +89,7 @@ def _state_mode(fast: bool, v: float, contact: bool, above: bool) -> Mode:
     return Mode.FREE
 
 
-def _without_lifting_off(modes: Sequence[Mode]) -> list[Mode]:
+def _without_bounces(modes: Sequence[Mode]) -> list[Mode]:
     """Merge two contacts with one limit and the free torque between them: a small bounce costs no time."""
     out, runs = list(modes), _runs(modes)
     for (before, *_), (mode, start, stop), (after, *_) in zip(runs, runs[1:], runs[2:], strict=False):

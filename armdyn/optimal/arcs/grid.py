@@ -42,7 +42,7 @@ class Density:
         return Density(t, np.diff(self.up_to(t) / self.mass.sum() + other.up_to(t) / other.mass.sum()))
 
 
-def deal(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[Index, Array]:
+def distribute(durations: Array, intervals: int, density: Density | None, per_arc: int) -> tuple[Index, Array]:
     """Distribute intervals over arcs: a least number each, the rest in proportion to the density's mass.
 
     Args:

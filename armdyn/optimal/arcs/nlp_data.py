@@ -7,7 +7,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import HELD, POSITION, VELOCITY, Arc, Mode
-from armdyn.optimal.arcs.grid import Density, deal, layered
+from armdyn.optimal.arcs.grid import Density, distribute, layered
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.layout import Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, to_unknowns
@@ -69,7 +69,7 @@ def assemble_arcs(
     scales = Scales.of(problem, guess)
     durations = np.array([arc.duration for arc in arcs])
     density = density or layered(guess, problem.robot.friction, numbers)
-    arc_of, part = deal(durations, N, density, numbers.per_arc)
+    arc_of, part = distribute(durations, N, density, numbers.per_arc)
     x = to_unknowns(guess, layout, durations[arc_of] * part / durations.sum(), scales)
     lower, upper = bounds(problem, layout, N, scales)
     narrowed = _Narrowed(problem, layout, scales, lower, upper)

@@ -156,7 +156,7 @@ class Cells:
         """Cells with further bounds of the velocities, and of the positions that these imply; None: no motion."""
         v = self.v.meet(v)
         ways = self.times[:, None] * v
-        nodes = self.nodes.led_by(ways).both(self.nodes[::-1].led_by(-ways[::-1])[::-1])
+        nodes = self.nodes.propagated(ways).intersection(self.nodes[::-1].propagated(-ways[::-1])[::-1])
         if np.any(nodes.lower > nodes.upper):
             return None
         for k, region in self.passed.items():
@@ -166,7 +166,7 @@ class Cells:
             nodes.lower[k], nodes.upper[k] = box.lower[0], box.upper[0]
         q = self.q
         for ends, way in ((nodes[:-1], ways), (nodes[1:], -ways)):
-            q = q.both(ends.hull(ends + way))
+            q = q.intersection(ends.hull(ends + way))
         if np.any(q.lower > q.upper):
             return None
         for line in {line for line in self.lines if line is not None}:
@@ -175,7 +175,7 @@ class Cells:
             if box is None:
                 return None
             q.lower[own], q.upper[own] = box.lower, box.upper
-        inner = nodes[1:-1].both(q[:-1].both(q[1:]))
+        inner = nodes[1:-1].intersection(q[:-1].intersection(q[1:]))
         nodes = joined([leg.start.q[None], inner, leg.goal.q[None]])
         return None if np.any(nodes.lower > nodes.upper) else replace(self, q=q, v=v, nodes=nodes)
 

@@ -70,7 +70,7 @@ class Within:
         finite = np.isfinite(self.velocity)
         far = np.where(finite, up(np.where(finite, self.velocity, 1.0) * self.duration), np.inf)
         for q in self.ends:
-            box = box.both(Interval.at(q) + Interval(-far, far))
+            box = box.intersection(Interval.at(q) + Interval(-far, far))
         return box
 
     def times(self, boxes: Interval, turning: Flags) -> Array:

@@ -106,7 +106,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
             break
         before, most = known, min((1 + numbers.phase_ahead) * known, longest)
         far = up(leg.velocity * most)
-        box = ((leg.start if first else leg.goal).q + Interval(-far, far)).both(event.box)
+        box = ((leg.start if first else leg.goal).q + Interval(-far, far)).intersection(event.box)
         near = event.region.narrowed(box[None], numbers) if np.all(box.lower <= box.upper) else None
         if near is None:
             known = most
@@ -172,7 +172,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
         turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
         if not turned:
             return None
-        box = joined(turned).around.both(within.box)
+        box = joined(turned).around.intersection(within.box)
     found = region.narrowed(box[None], leg.policy)
     return None if found is None else found[0]
 

@@ -39,14 +39,14 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         weakest, strongest = limits.actuators.range(q, v)
         upper, lower = (
             np.stack([np.max(beyond[:, part], axis=1) for part in parts], axis=1).reshape(-1, half.size)
-            for beyond in (tops((tau - strongest) / half), tops((weakest - tau) / half))
+            for beyond in (peaks((tau - strongest) / half), peaks((weakest - tau) / half))
         )
         rates = _KEPT if limit is None else _rate_excess(leg, s, tau, limit)
         found.append(TorqueMargin(upper, lower, rates))
     return tuple(found)
 
 
-def tops(tau: Array) -> Array:
+def peaks(tau: Array) -> Array:
     """Torques in an interval, raised to the maximum of the parabola through three of them where that lies between.
 
     Args:
@@ -54,9 +54,9 @@ def tops(tau: Array) -> Array:
     """
     first, second = tau[:, 2:] - tau[:, :-2], tau[:, 2:] - 2 * tau[:, 1:-1] + tau[:, :-2]
     near = np.abs(first) < -2 * second  # the maximum is no farther than the next place
-    tops = tau.copy()
-    tops[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
-    return tops
+    raised = tau.copy()
+    raised[:, 1:-1] += np.where(near, first**2, 0.0) / (8 * np.where(near, -second, 1.0))
+    return raised
 
 
 def _rate_excess(leg: CurveLeg, s: Array, tau: Array, limit: Array) -> Array:

@@ -70,17 +70,17 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     Returns:
         Number of samples, shape (intervals,).
     """
-    lengths, bends = np.diff(leg.basis.breaks), _bends(robot, leg)
-    padded = np.concatenate([-bends[:1], bends, -bends[-1:]])
+    lengths, snap = np.diff(leg.basis.breaks), _forced_snap(robot, leg)
+    padded = np.concatenate([-snap[:1], snap, -snap[-1:]])
     jumps = np.abs(padded[1:, 0] - padded[:-1, -1])
-    worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(bends), axis=1))
+    worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(snap), axis=1))
     allowed = 48 * numbers.off * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
     needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
     needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
     return np.asarray(np.ceil(needed), dtype=int)
 
 
-def _bends(robot: Robot, leg: CurveLeg) -> Array:
+def _forced_snap(robot: Robot, leg: CurveLeg) -> Array:
     """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
 
     Returns:

@@ -8,7 +8,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.flat.excess import tops
+from armdyn.optimal.flat.excess import peaks
 from armdyn.optimal.live.program import StepProgram
 from armdyn.trajectory.interpolation import cubic_accelerations
 
@@ -63,7 +63,7 @@ def check(program: StepProgram, points: Array, duration: float, torque: StateFun
     tau = torque(q, v, a)
     lower, upper = limits.actuators.range(q, v)
     above, below = (
-        np.max(mesh.once(tops(mesh.per_interval(each)))[mesh.around], axis=1)
+        np.max(mesh.once(peaks(mesh.per_interval(each)))[mesh.around], axis=1)
         for each in ((tau - upper) / program.half, (lower - tau) / program.half)
     )
     bounded = np.where(np.isinf(limits.position_upper), 1.0, limits.position_upper - limits.position_lower)

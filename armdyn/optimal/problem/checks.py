@@ -13,7 +13,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.collision import CollisionModel
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
-from armdyn.optimal.problem.planning_limits import kept_words
+from armdyn.optimal.problem.planning_limits import reserve_words
 
 _TYPED = 1e-9
 """Largest excess of a pose over a position limit that is accepted [rad or m]: poses are typed with ten digits."""
@@ -41,7 +41,7 @@ def check_state(robot: Robot, limits: JointLimits, q: Array, v: Array, name: str
         if abs(v[i]) > limits.velocity[i] + _TYPED:
             raise ProblemError(
                 f"{name} velocity of joint {joint!r} (index {i}) is {v[i]:.6g} rad/s, beyond its limit "
-                f"{limits.velocity[i]:.6g} rad/s{kept_words(reserve[i], limits.velocity[i], 'rad/s')}"
+                f"{limits.velocity[i]:.6g} rad/s{reserve_words(reserve[i], limits.velocity[i], 'rad/s')}"
             )
         outward = -v[i] if name == "goal" else v[i]  # backwards in time at the goal
         on_upper, on_lower = q[i] >= limits.position_upper[i], q[i] <= limits.position_lower[i]
@@ -78,11 +78,11 @@ def check_motors(robot: Robot, limits: JointLimits, relative_effort_weight: floa
         )
 
 
-def check_every_joint_has_motor(robot: Robot, limits: JointLimits, what: str) -> None:
-    """Refuse an arm with a joint without a motor for `what`, which only B-spline curves can solve."""
+def check_every_joint_has_motor(robot: Robot, limits: JointLimits, reason: str) -> None:
+    """Refuse an arm with a joint without a motor for `reason`, which only B-spline curves can solve."""
     if np.any(limits.passive):
         name = robot.joint_names[int(np.argmax(limits.passive))]
-        raise ProblemError(f"{what}, which takes a motor at every joint; joint {name!r} has none")
+        raise ProblemError(f"{reason}, which takes a motor at every joint; joint {name!r} has none")
 
 
 def check_limits(robot: Robot, limits: JointLimits) -> None:
@@ -186,7 +186,7 @@ def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, p
         if abs(torque[i]) <= abs(bound) + room:
             continue
         unit = "N" if robot.slides[i] else "N m"
-        kept = "" if limits.passive[i] else kept_words(reserve[i], bound, unit)
+        kept = "" if limits.passive[i] else reserve_words(reserve[i], bound, unit)
         most = "it has no motor" if limits.passive[i] else f"its limit is {bound:.4g} {unit}{kept}"
         own = abs(bound) / (1 - reserve[i])
         excess = (abs(torque[i]) - abs(bound)) / limits.actuators.scale[i]

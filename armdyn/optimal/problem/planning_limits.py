@@ -67,7 +67,7 @@ class Reserve:
         )
 
 
-def kept_words(part: float, left: float, unit: str) -> str:
+def reserve_words(part: float, left: float, unit: str) -> str:
     """Reserve of a limit as the end of a message; empty without a reserve.
 
     Args:

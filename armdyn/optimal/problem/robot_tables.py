@@ -44,7 +44,7 @@ def robot_from(table: Table, mass: float | None = None) -> Robot:
         mass: mass of the payload [kg], instead of the table's; None: the table's.
 
     Raises:
-        ProblemError: a key is unknown or wrong; the message says in which line.
+        ProblemError: a key is unknown or wrong; the message has the line.
     """
     table.only(KEYS)
     with table.locating_errors(_WORDS):
@@ -123,7 +123,7 @@ def likely_from(table: Table) -> tuple[Robot, ...]:
     """Likely arms of a table [robot], which fit the same log as well as the identified arm; empty without any.
 
     Raises:
-        ProblemError: a key is unknown or wrong; the message says in which line.
+        ProblemError: a key is unknown or wrong; the message has the line.
     """
     shared = {key: value for key, value in table.values.items() if key != "likely"}
     arms = table.tables("likely")

@@ -20,7 +20,7 @@ from armdyn.parallel import SharedPool, shared_pool
 Result = TypeVar("Result")
 
 
-def _silently(text: str) -> None:
+def _ignore(text: str) -> None:
     """Ignore a progress message."""
 
 
@@ -32,7 +32,7 @@ def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
     return min(options.replay_tolerance, max(WAY_TOLERANCE * way, LEAST_TOLERANCE))
 
 
-def _unknown() -> None:
+def _no_bound() -> None:
     """Lower bound of a task without one: None."""
 
 
@@ -58,8 +58,8 @@ class Task:
     options: MinimumTimeOptions
     policy: Policy
     stop: Stop = field(default_factory=Stop)
-    progress: Callable[[str], None] = _silently
-    lower_bound: Callable[[], float | None] = _unknown
+    progress: Callable[[str], None] = _ignore
+    lower_bound: Callable[[], float | None] = _no_bound
     pool: SharedPool[Any] | None = None
 
     @classmethod
@@ -94,7 +94,7 @@ class Task:
             replace(options, replay_tolerance=_landing(problem, options)),
             policy,
             Stop() if stop is None else stop,
-            progress or _silently,
+            progress or _ignore,
         )
 
     def about(self, problem: MinimumTimeProblem) -> Self:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armdyn.optimal.arcs.grid import Density, deal, density_of
+from armdyn.optimal.arcs.grid import Density, density_of, distribute
 
 PER_ARC, FLOOR = 2, 0.15
 LENGTHS = st.floats(1e-3, 10.0)
@@ -23,7 +23,7 @@ def densities(draw, total=None):
 @given(DURATIONS, st.integers(0, 60), st.none() | densities())
 def test_all_intervals_are_dealt_and_every_arc_has_two(durations, more, density):
     intervals = 2 * durations.size + more
-    arc_of, parts = deal(durations, intervals, density, PER_ARC)
+    arc_of, parts = distribute(durations, intervals, density, PER_ARC)
     assert arc_of.size == parts.size == intervals
     assert np.all(np.diff(arc_of) >= 0) and np.all(np.bincount(arc_of, minlength=durations.size) >= 2)
     assert np.all(parts > 0)
@@ -33,7 +33,7 @@ def test_all_intervals_are_dealt_and_every_arc_has_two(durations, more, density)
 
 @given(DURATIONS, st.integers(0, 60))
 def test_without_a_density_they_are_even_and_go_by_length(durations, more):
-    arc_of, parts = deal(durations, 2 * durations.size + more, None, PER_ARC)
+    arc_of, parts = distribute(durations, 2 * durations.size + more, None, PER_ARC)
     counts = np.bincount(arc_of)
     np.testing.assert_allclose(parts, 1 / counts[arc_of], rtol=1e-9)
     shorter = durations[:, None] < durations * (1 - 1e-9)
@@ -47,7 +47,9 @@ def test_a_density_of_other_times_is_stretched(durations, more, density, factor)
     intervals = 2 * durations.size + more
     stretched = Density(factor * density.t, density.mass)
     for one, other in zip(
-        deal(durations, intervals, density, PER_ARC), deal(durations, intervals, stretched, PER_ARC), strict=True
+        distribute(durations, intervals, density, PER_ARC),
+        distribute(durations, intervals, stretched, PER_ARC),
+        strict=True,
     ):
         np.testing.assert_allclose(one, other, rtol=1e-6)
 

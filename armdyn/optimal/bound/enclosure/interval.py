@@ -102,7 +102,7 @@ class Interval:
         lower, upper = np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper)
         return Interval(np.minimum(lower, upper), np.maximum(lower, upper))
 
-    def both(self, other: Interval) -> Interval:
+    def intersection(self, other: Interval) -> Interval:
         """Intersection; empty if the lower end is above the upper one."""
         return Interval(np.maximum(self.lower, other.lower), np.minimum(self.upper, other.upper))
 
@@ -153,7 +153,7 @@ class Interval:
         error = rounding(len(self.lower), sizes)
         return Interval(_from_zero(np.cumsum(self.lower, 0)) - error, _from_zero(np.cumsum(self.upper, 0)) + error)
 
-    def led_by(self, ways: Interval) -> Interval:
+    def propagated(self, ways: Interval) -> Interval:
         """Tighten each box along the first axis by all boxes before it, plus the displacements to it.
 
         The least of a box's upper ends and those of all boxes before it, each plus the sum of the displacements since;
@@ -163,7 +163,7 @@ class Interval:
         low, high = (_from_zero(np.cumsum(end, 0)) for end in (ways.lower, ways.upper))
         most, least = np.minimum.accumulate(self.upper - high), np.maximum.accumulate(self.lower - low)
         below, above = (rounding(len(sizes) + 2, 2 * sizes + np.abs(end)) for end in (least, most))
-        return self.both(Interval(low + least - below, high + most + above))
+        return self.intersection(Interval(low + least - below, high + most + above))
 
 
 def joined(parts: Sequence[Interval]) -> Interval:

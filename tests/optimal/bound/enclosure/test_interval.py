@@ -54,7 +54,7 @@ def test_matrix_products_and_running_sums_hold_the_exact_result(first, second):
 def test_boxes_that_ways_lead_to_hold_them_exactly_and_are_no_wider(boxes, ways):
     """Against box by box: as far as the way leads from the box before, and within the box itself."""
     boxes, ways = (joined([of(pair)[0] for pair in some]) for some in (boxes, ways))
-    found, (lower, upper) = boxes.led_by(ways), (Fraction(end[0]) for end in (boxes.lower, boxes.upper))
+    found, (lower, upper) = boxes.propagated(ways), (Fraction(end[0]) for end in (boxes.lower, boxes.upper))
     for k, (low, high) in enumerate(zip(ways.lower, ways.upper, strict=True), start=1):
         lower, upper = lower + Fraction(low), upper + Fraction(high)
         lower, upper = max(lower, Fraction(boxes.lower[k])), min(upper, Fraction(boxes.upper[k]))
