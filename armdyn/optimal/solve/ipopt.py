@@ -1,10 +1,8 @@
 """IPOPT as a `Solver`: polls a stopping condition, prints nothing."""
 
-import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Generic, TextIO, TypeVar
+from typing import Any, Generic, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -18,48 +16,6 @@ from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.solver_settings import SolverSettings
 
 
-class _Muted:
-    """Stream that drops one thread's output."""
-
-    def __init__(self, stream: TextIO):
-        self._stream, self._thread = stream, threading.get_ident()
-
-    def unmute(self) -> None:
-        """Stop dropping that thread's output: the stream may have been kept elsewhere."""
-        self._thread = -1
-
-    def write(self, text: str) -> int:
-        """Pass the text on if another thread writes."""
-        return len(text) if threading.get_ident() == self._thread else self._stream.write(text)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
-@contextmanager
-def silence(verbose: bool) -> Iterator[None]:
-    """Context that drops this thread's standard output and error.
-
-    Args:
-        verbose: drop nothing.
-    """
-    if verbose:
-        yield
-        return
-    heard = sys.stdout, sys.stderr
-    deaf = _Muted(sys.stdout), _Muted(sys.stderr)
-    sys.stdout, sys.stderr = deaf
-    try:
-        yield
-    finally:
-        for stream in deaf:
-            stream.unmute()
-        if sys.stdout is deaf[0]:
-            sys.stdout = heard[0]
-        if sys.stderr is deaf[1]:
-            sys.stderr = heard[1]
-
-
 class Monitor(ca.Callback):
     """Iteration callback of `casadi.nlpsol` that polls a `Stop`."""
 
@@ -67,16 +23,19 @@ class Monitor(ca.Callback):
         ca.Callback.__init__(self)
         self._sizes = {"x": nx, "f": 1, "g": ng, "lam_x": nx, "lam_g": ng, "lam_p": np_}
         self._stop: Stop | None = None
+        self._raised: BaseException | None = None
         self.construct("monitor", {})
 
     @contextmanager
     def watching(self, stop: Stop) -> Iterator[None]:
-        """Context in which the iterations poll a `Stop`."""
-        self._stop = stop
+        """Context in which the iterations check a `Stop`; raises what that raised, such as a second Ctrl-C."""
+        self._stop, self._raised = stop, None
         try:
             yield
         finally:
             self._stop = None
+        if self._raised is not None:
+            raise self._raised
 
     def get_n_in(self) -> int:
         """Number of inputs: the outputs of nlpsol."""
@@ -96,7 +55,11 @@ class Monitor(ca.Callback):
 
     def eval(self, arguments: Any) -> list[int]:
         """Returns nonzero to stop IPOPT."""
-        return [int(bool(self._stop))]
+        try:
+            return [int(bool(self._stop))]
+        except BaseException as failure:  # IPOPT knows none: it ends, and CasADi says nothing on the terminal
+            self._raised = failure
+            return [1]
 
 
 P = TypeVar("P", bound=Program)
@@ -128,7 +91,7 @@ class Ipopt(Generic[P]):
     def __init__(self, program: P, settings: SolverSettings):
         nx, ng, parameters = (program.functions[name].numel() for name in ("x", "g", "p"))
         self.program = program
-        self._monitor, self._verbose = Monitor(nx, ng, parameters), settings.verbose
+        self._monitor = Monitor(nx, ng, parameters)
         self._solver = ca.nlpsol(
             "minimum_time",
             "ipopt",
@@ -139,6 +102,8 @@ class Ipopt(Generic[P]):
                 "iteration_callback": self._monitor,
                 "iteration_callback_step": _POLL if nx <= _SMALL else 1,
                 "calc_multipliers": False,
+                "calc_lam_p": False,
+                "inputs_check": settings.verbose,  # it warns of equations that fixed unknowns satisfy
                 "error_on_fail": False,
                 "print_time": False,
                 "show_eval_warnings": settings.verbose,
@@ -150,7 +115,7 @@ class Ipopt(Generic[P]):
         """Solve the program, see `Solver.solve`; the only place that calls IPOPT."""
         (lbx, ubx), (lbg, ubg) = data.x_bounds, data.g_bounds
         more = {} if near is None else {"lam_x0": near.lam_x, "lam_g0": near.lam_g}
-        with one_at_a_time, self._monitor.watching(stop), silence(self._verbose):
+        with one_at_a_time, self._monitor.watching(stop):
             result = self._solver(x0=data.x, p=data.p, lbx=lbx, ubx=ubx, lbg=lbg, ubg=ubg, **more)
             stats: dict[str, Any] = self._solver.stats()
         x, lam_x, lam_g = (np.array(result[name]).ravel() for name in ("x", "lam_x", "lam_g"))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+import pytest
 
 from armdyn.codegen.deadline import NoTimeError
 from armdyn.optimal.problem.status import Status
@@ -123,3 +124,25 @@ def test_without_time_to_compile_it_is_built_without():
     for _ in range(2):
         assert in_time(task, build).compile is False
     assert modes == [None, False, False]  # it is not tried again and again
+
+
+class _Breaks(Stop):
+    """A stop that fails, as a second Ctrl-C does."""
+
+    def __bool__(self):
+        raise KeyboardInterrupt
+
+
+def test_what_a_stop_raises_ends_the_solve_and_is_raised_without_a_word(capfd):
+    solver = Ipopt(valley(Shape(100.0)), SETTINGS)
+    with pytest.raises(KeyboardInterrupt):
+        solve(solver, stop=_Breaks())
+    assert capfd.readouterr() == ("", "")
+    assert solve(solver, start=(0.5, 1.5)).status is Status.SOLVED
+
+
+def test_no_ending_is_heard(capfd):
+    assert solve(Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 1))).status is Status.ITERATION_LIMIT
+    assert solve(Ipopt(valley(Shape(100.0)), SETTINGS), x_bounds=(np.zeros(2), np.zeros(2))).status is Status.INFEASIBLE
+    assert solve(Ipopt(valley(Shape(100.0)), SETTINGS), p=np.nan).status is Status.FAILED
+    assert capfd.readouterr() == ("", "")
