@@ -47,7 +47,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         message="; ".join((_message(task, status, best, found), *best.missed, *([remark] if remark else []))),
         problem=task.problem,
         duration=duration,
-        trajectory=_marked(task, best.trajectory),
+        trajectory=replace(best.trajectory, name=task.problem.robot.marked(best.trajectory.name)),
         certificate=certificate,
         arcs=best.phases.arcs if best.phases else (),
         phases=best.phases,
@@ -56,8 +56,8 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         iterations=found.iterations + sum(optimum.iterations for optimum in optima),
         solve_time=elapsed,
         worst_violation=_worst(best),
-        clearance=best.reports.clearance if best.reports else None,
-        constraint_reports=best.reports.each if best.reports else (),
+        clearance=best.reports.clearance,
+        constraint_reports=best.reports.each,
         via_times=best.via_times,
         moves=_moves(task, best),
         calm=best.calm,
@@ -65,12 +65,6 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
         decides=best.decides
         or (deciding(task.problem, best.phases, task.policy.arcs.least_share) if best.phases else ()),
     )
-
-
-def _marked(task: Task, motion: Trajectory) -> Trajectory:
-    """The motion, marked in its name if its robot's model was repaired."""
-    name = task.problem.robot.marked(motion.name)
-    return motion if name == motion.name else replace(motion, name=name)
 
 
 def failed(task: Task, found: Found, elapsed: float) -> Solution:
@@ -206,7 +200,7 @@ def _worst(optimum: Optimum) -> Violation | None:
         return optimum.worst_violation
     if not optimum.within_limits:
         return optimum.certificate.exceeded
-    return optimum.reports.worst if optimum.reports else None
+    return optimum.reports.worst
 
 
 def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[float]) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from armdyn.optimal.flat.follow import follow, sample_counts
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
 from armdyn.optimal.flat.sequential import SequenceSettings
 from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
-from armdyn.optimal.landing.pace import can_be_slowed, least_factor, mended
+from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
@@ -282,11 +282,6 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     finer = numbers.finer if rubbing or not jumps or not numbers.cruises else 1
     counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
-
-
-def constraints_mended(task: Task, reports: ConstraintReports) -> bool:
-    """Whether the path constraints are satisfied, or would be after slowing down at little cost."""
-    return mended(task.problem, reports.slowing, task.policy.path_constraints.slower)
 
 
 def _slowed(task: Task, curve: Curve) -> Curve:

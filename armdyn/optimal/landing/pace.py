@@ -13,7 +13,9 @@ from armdyn.dynamics.numeric import forward_dynamics, inverse_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.landing.limit_violations import excesses
+from armdyn.optimal.path_constraints.tightened import ConstraintReports
 from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Sample, Trajectory
 
 
@@ -25,15 +27,10 @@ def can_be_slowed(problem: MinimumTimeProblem) -> bool:
     return problem.from_rest_to_rest and not np.any(problem.limits.passive)
 
 
-def mended(problem: MinimumTimeProblem, slowing: float, little: float) -> bool:
-    """Whether a slightly slower motion satisfies all limits.
-
-    Args:
-        problem: problem of the motion.
-        slowing: factor on the duration that is required; 1: no limit is exceeded.
-        little: part of the duration that slowing down may cost.
-    """
-    return slowing <= 1 + (little if can_be_slowed(problem) else 0.0)
+def constraints_mended(task: Task, reports: ConstraintReports) -> bool:
+    """Whether the path constraints are satisfied, or would be after slowing down at little cost."""
+    little = task.policy.path_constraints.slower if can_be_slowed(task.problem) else 0.0
+    return reports.slowing <= 1 + little
 
 
 def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, tolerance: float = 0.0) -> float:

@@ -27,7 +27,7 @@ class ConstraintReports:
         each: report of every path constraint.
     """
 
-    each: tuple[ConstraintReport, ...]
+    each: tuple[ConstraintReport, ...] = ()
 
     @property
     def reasons(self) -> tuple[str, ...]:

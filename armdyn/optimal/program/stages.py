@@ -64,14 +64,11 @@ class StageFunctions:
         lam, nu = ca.SX.sym("lam", 2 * n), ca.SX.sym("nu", 2 * n)
         acceleration, one = _Acceleration.of(dynamics, p), _Interval.of(n, Parameters.of(p, n), y)
         left, middle, right = (_Point.of(name, acceleration, one) for name in "lmr")
-        multipliers = _Multipliers(lam, nu, middle.by_state.T @ lam)
-        jacobian, hessian, moved = one.derivatives(left, middle, right, multipliers)
+        jacobian, hessian, moved = one.derivatives(left, middle, right, lam, nu)
         gradient = ca.gradient(one.cost, y)
         nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
         given = [part for point in (left, middle, right) for part in (point.a, point.jacobians, point.hessians)]
-        bow = (
-            one.h / 2 * multipliers.middle - 3 / 4 * nu
-        )  # weight of the middle's correction: h / 8 over -h / 6 is -3 / 4
+        bow = one.h / 2 * middle.weighed(lam) - 3 / 4 * nu  # of the middle's correction: h / 8 over -h / 6 is -3 / 4
         weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(
@@ -154,20 +151,10 @@ class _Point:
         by_torque = ca.vertcat(ca.SX(n, n), jacobian[:, 2 * n :])
         return cls(a, jacobians, hessians, by_state, by_torque, ca.triu2symm(ca.SX(acceleration.hessians, hessians)))
 
-
-@dataclass(frozen=True, eq=False)
-class _Multipliers:
-    """Multipliers of an interval's equations.
-
-    Attributes:
-        lam: λ, of the defects.
-        nu: ν, of the middle's state x_m.
-        middle: gradient of λ'F_m in x_m.
-    """
-
-    lam: ca.SX
-    nu: ca.SX
-    middle: ca.SX
+    def weighed(self, lam: ca.SX) -> ca.SX:
+        """Gradient of λ'F by the state."""
+        gradient: ca.SX = self.by_state.T @ lam
+        return gradient
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +211,7 @@ class _Interval:
         return self.end - self.start - self.h / 6 * self.total(left, middle, right)
 
     def derivatives(
-        self, left: _Point, middle: _Point, right: _Point, multipliers: _Multipliers
+        self, left: _Point, middle: _Point, right: _Point, lam: ca.SX, nu: ca.SX
     ) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Jacobian of the defects, upper triangle of the Hessian of cost + λ'defects + ν'x_m, Jacobian of x_m.
 
@@ -235,7 +222,8 @@ class _Interval:
             left: left end, with the Hessian for the weights of `weigh`.
             middle: middle, with the Hessian for the weights λ.
             right: right end, as the left one.
-            multipliers: λ and ν.
+            lam: λ, of the defects.
+            nu: ν, of the middle's state x_m.
         """
         n, h, dh = self.n, self.h, self.dh
         none, one = ca.SX(2 * n, 2 * n), ca.SX.eye(2 * n)
@@ -257,8 +245,8 @@ class _Interval:
         for point, way, weight in points:
             at = ca.vertcat(way, torque)
             curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
-        bow = dh / 8 * multipliers.nu - h * dh / 12 * multipliers.middle
-        beside = -dh / 6 * multipliers.lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
+        bow = dh / 8 * nu - h * dh / 12 * middle.weighed(lam)
+        beside = -dh / 6 * lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
         shared = along_T.T @ beside
         hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
         return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.landing.pace import mended
+from armdyn.optimal.landing.pace import constraints_mended
 from armdyn.optimal.landing.rollout import dense, replay_of
-from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found, find
@@ -93,8 +93,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
         replay = _replayed(task, attempt)
         found = _judged(task, replay, attempt)
         best = found if best is None or _rank(task, found) <= _rank(task, best) else best
-        reasons = found.reports.reasons if found.reports else ()
-        task.progress("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *reasons)))
+        task.progress("; ".join((f"round {k + 1}: {attempt.trajectory.duration:.4f} s", *found.missed)))
         mesh = None if task.stop else _next(task, mesh, found, replay, attempt)
     if best is None:
         best = _judged(task, _replayed(task, attempt), attempt)
@@ -109,7 +108,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None
         return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration)
-    constraints = mesh.constraints if found.reports is None else mesh.constraints.tightened(problem, found.reports)
+    constraints = mesh.constraints.tightened(problem, found.reports)
     if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
         return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing))
     # Else the mesh's solution is no motion of the arm, which no correction repairs.
@@ -118,12 +117,9 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
 
 def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
     """Two flags: a constraint is violated beyond slowing down a little; the goal is missed."""
-    missed = optimum.reports is not None and not _mended(task, optimum.reports)
-    return missed, optimum.certificate.goal_error > task.policy.path_constraints.near
-
-
-def _mended(task: Task, reports: ConstraintReports) -> bool:
-    return mended(task.problem, reports.slowing, task.policy.path_constraints.slower)
+    return not constraints_mended(
+        task, optimum.reports
+    ), optimum.certificate.goal_error > task.policy.path_constraints.near
 
 
 def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:

@@ -16,7 +16,6 @@ from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import (
     RefinedCurve,
     calm_curve,
-    constraints_mended,
     refine_curve,
     refine_roughly,
     reports_on,
@@ -26,7 +25,7 @@ from armdyn.optimal.flat.refinement import (
 )
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.landing.pace import can_be_slowed, least_factor
+from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
 from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
@@ -74,7 +73,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     optima: list[Optimum] = []
     for one in found:
         optima.append(_calm(task, one))
-        kept = optima[-1].reports is None or constraints_mended(task, optima[-1].reports)
+        kept = constraints_mended(task, optima[-1].reports)
         if task.stop or (optima[-1].landed(task.options.replay_tolerance) and kept):
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
@@ -292,8 +291,6 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         curve = curve.slower(1 + more * (factor - 1))
         replay = follow(task, sampled(task, curve))
     replay = replace(replay, name="minimum time")
-    constraints = refined.spec.constraints
-    looked = constraints.check(problem, replay, curve.passing) if constraints.path_constraints else None
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
     shares = _deciding(task, refined)
@@ -305,7 +302,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=refined.iterations,
-        reports=looked,
+        reports=refined.spec.constraints.check(problem, replay, curve.passing),
         via_times=tuple(map(float, curve.passing)),
         decides=shares,
         calm=refined.calm,

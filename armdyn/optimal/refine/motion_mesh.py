@@ -249,7 +249,7 @@ def _in_parts(knots: Array, counts: Index) -> Array:
     return np.append(knots[own] + np.diff(knots)[own] * (part / counts[own]), knots[-1])
 
 
-def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions | None = None) -> Optimum | None:
+def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMotions) -> Optimum | None:
     """Resolved motion of a mesh, landed by multiple shooting, with the bound on its first-order saving.
 
     Args:
@@ -261,7 +261,6 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
     Returns:
         None if no mesh converges, the motion does not land, or a certified one is much faster.
     """
-    resolved = ResolvedMotions(task.policy.motion_mesh) if resolved is None else resolved
     meshes = _Meshes(task, resolved)
     finer = meshes.finer(attempt)
     first = next(finer, None)

@@ -1,6 +1,6 @@
 """Refined and replayed optimum."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -27,7 +27,7 @@ class Optimum:
         phases: solved arcs; None: not resolved, with the reason in the certificate.
         iterations: iterations of IPOPT.
         worst_violation: worst violation of the mesh's solution, if it did not converge.
-        reports: reports on the path constraints, if there are any.
+        reports: reports on the path constraints.
         via_times: times of the via points [s].
         decides: share of the time that each limit decides, largest first; for motions without arcs.
         calm: time spent on calm joints [s].
@@ -40,7 +40,7 @@ class Optimum:
     phases: Phases | None = None
     iterations: int = 0
     worst_violation: Violation | None = None
-    reports: ConstraintReports | None = None
+    reports: ConstraintReports = field(default_factory=ConstraintReports)
     via_times: tuple[float, ...] = ()
     decides: tuple[Share, ...] = ()
     calm: float = 0.0
@@ -82,7 +82,7 @@ class Optimum:
     @property
     def missed(self) -> tuple[str, ...]:
         """Violated path constraints, in words."""
-        return self.reports.reasons if self.reports else ()
+        return self.reports.reasons
 
     def landed(self, tolerance: float) -> bool:
         """Whether the replay ends within a tolerance of the goal [rad or m], see `Certificate.ends_within`."""

@@ -35,19 +35,17 @@ from armdyn.trajectory import Trajectory
 _IDLE = "time leaves a joint idle"
 
 
-def resolve(
-    task: Task, attempt: Attempt, budget: Budget | None = None, resolved: ResolvedMotions | None = None
-) -> Optimum:
+def resolve(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions) -> Optimum:
     """Best motion near a mesh's solution: a certified one if there is one, else the first by `rank`.
 
     Args:
         task: the problem and its settings.
         attempt: a collocation solution with constant torques between its knots.
-        budget: budget of integrator steps; None: unlimited.
-        resolved: cache of the problem's resolved motions, extended here; None: no cache.
+        budget: budget of integrator steps.
+        resolved: cache of the problem's resolved motions, extended here.
     """
     known = list[Optimum]()
-    for found in _optima(task, attempt, Budget(task.stop) if budget is None else budget, resolved):
+    for found in _optima(task, attempt, budget, resolved):
         known += found
         if certified := [one for one in found if one.certificate.ok]:
             return min(certified, key=partial(rank, task))
@@ -55,7 +53,7 @@ def resolve(
     return min(known, key=partial(rank, task))
 
 
-def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions | None) -> Iterator[list[Optimum]]:
+def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions) -> Iterator[list[Optimum]]:
     """Motions near a mesh's solution, in turn: extremals, the resolved mesh's motion, the mesh's own motion.
 
     Extremals of an unsettled structure are yielded with those of the structures it settles to: an earlier one may also
@@ -75,12 +73,12 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     yield extremals
     # Else a finer mesh may still show a structure.
     last = budget.left <= numbers.glance or 2 * attempt.intervals > task.options.max_intervals
-    if fast and resolved is not None:
+    if fast:
         resolved.spend(begun - budget.left)
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
     if motion is not None:
         yield [motion]
-    elif resolved is not None and (resolved.spent or resolved.beats(found.mesh)):
+    elif resolved.spent or resolved.beats(found.mesh):
         budget.spend(budget.left)
     if fast and motion is None and not found.settled and budget.left > 0:
         found = found.again(budget)

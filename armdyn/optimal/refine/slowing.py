@@ -50,8 +50,7 @@ def least_slowing(task: Task, optimum: Optimum) -> float:
     limits, motion = task.problem.limits, optimum.trajectory
     if excesses(limits, motion)[2].share > LIMIT_TOLERANCE:
         return np.inf
-    path_constraints = optimum.reports.slowing if optimum.reports else 1.0
-    return max(path_constraints, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
+    return max(optimum.reports.slowing, least_factor(task.problem.robot, limits, motion, LIMIT_TOLERANCE))
 
 
 def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> Optimum:
@@ -68,6 +67,6 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         certificate=certificate,
         cost=trajectory_cost(motion, problem.effort_weights()),
         phases=None,
-        reports=None if optimum.reports is None else TightenedConstraints.of(task).check(problem, motion, passing),
+        reports=TightenedConstraints.of(task).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )

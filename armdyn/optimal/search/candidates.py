@@ -19,7 +19,6 @@ from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
-from armdyn.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +45,6 @@ class Found:
     remark: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _RefinedSearch:
-    """The best coarse optima on a finer mesh, in its order; durations of the others."""
-
-    attempts: list[Attempt]
-    listed: list[float]
-    iterations: int
-
-
 def find(task: Task) -> Found:
     """Search from many guesses on coarse meshes, and solve the best on the mesh for arc detection.
 
@@ -64,7 +54,9 @@ def find(task: Task) -> Found:
     options, numbers = task.options, task.policy.search
     same = task.policy.same.coarse, task.policy.same.apart
     count = numbers.guesses(options)
-    extra_jobs = _extra_jobs(task)
+    # Guesses of the options are solved on the fine mesh directly.
+    on_mesh = partial(solve_quickly, intervals=options.intervals, settings=task.fine())
+    extra_jobs: list[Job] = [partial(on_mesh, guess=guess) for guess in options.guesses]
     task.progress(
         f"search: {count} guesses" + (f", and {len(extra_jobs)} on {options.intervals} intervals" if extra_jobs else "")
     )
@@ -79,10 +71,9 @@ def find(task: Task) -> Found:
         iterations = sum(attempt.iterations for attempt in attempts)
         if not found:
             return Found((), failed=tuple(attempts), iterations=iterations)
-        refined, mesh = _refined(pooled, found), options.intervals
-    iterations += refined.iterations
+        refined = _refined(pooled, found)
     if finer := _too_coarse(task, found, refined):
-        mesh, meshes, share = finer
+        iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
         near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
         several = min(count, max(count // share, numbers.again_at_least))
@@ -91,8 +82,8 @@ def find(task: Task) -> Found:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
             found = distinct([*refined.attempts, *again], *same)
             refined = _refined(near, found)
-        iterations += refined.iterations + sum(attempt.iterations for attempt in again)
-    return Found(tuple(refined.attempts), mesh=mesh, listed=tuple(refined.listed), iterations=iterations)
+        iterations += sum(attempt.iterations for attempt in again)
+    return replace(refined, iterations=iterations + refined.iterations)
 
 
 def _searched(
@@ -121,22 +112,8 @@ def _searched(
     return attempts
 
 
-def _extra_jobs(task: Task) -> list[Job]:
-    """Guesses that are solved on the fine mesh directly: those of the options."""
-    intervals, settings = task.options.intervals, task.fine()
-    jobs: list[Job] = []
-    for guess in task.options.guesses:
-        prepare_quickly(task, intervals, settings)
-        jobs.append(partial(_on_mesh, guess, intervals, settings))
-    return jobs
-
-
-def _on_mesh(guess: Trajectory, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
-    return solve_quickly(task, guess, intervals, settings)
-
-
-def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
-    """The best distinct coarse optima, on the first mesh for arc detection.
+def _refined(task: Task, found: Sequence[Attempt]) -> Found:
+    """The best distinct coarse optima, on the first mesh for arc detection and in its order.
 
     Args:
         task: task with that mesh as `options.intervals`.
@@ -159,16 +136,15 @@ def _refined(task: Task, found: Sequence[Attempt]) -> _RefinedSearch:
         if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):
             break
     candidates = candidates[:most] or list(found[:1])
-    return _RefinedSearch(candidates, [attempt.trajectory.duration for attempt in found[k + 1 :]], iterations)
+    listed = tuple(attempt.trajectory.duration for attempt in found[k + 1 :])
+    return Found(tuple(candidates), mesh=options.intervals, listed=listed, iterations=iterations)
 
 
 def _finer(attempt: Attempt, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
-    return attempt if attempt.intervals == intervals else _on_mesh(attempt.trajectory, intervals, settings, task)
+    return attempt if attempt.intervals == intervals else solve_quickly(task, attempt.trajectory, intervals, settings)
 
 
-def _too_coarse(
-    task: Task, found: Sequence[Attempt], refined: _RefinedSearch
-) -> tuple[int, tuple[int, int], int] | None:
+def _too_coarse(task: Task, found: Sequence[Attempt], refined: Found) -> tuple[int, tuple[int, int], int] | None:
     """Meshes for another search if the finer mesh contradicts the search; None: it does not.
 
     Returns:

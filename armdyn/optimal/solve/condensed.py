@@ -66,8 +66,10 @@ def guess_jobs(
     """
     names = task.problem.robot.joint_names
     if not has_stagewise(task):
+        alone = partial(solve_quickly, between=False)
         return [
-            partial(_alone, guesses.motion(k, names), intervals, one) for k, (intervals, one) in enumerate(settings)
+            partial(alone, guess=guesses.motion(k, names), intervals=intervals, settings=one)
+            for k, (intervals, one) in enumerate(settings)
         ]
     jobs = dict[int, Callable[[Task], Attempt]]()
     for intervals in {intervals for intervals, _ in settings}:
@@ -75,10 +77,6 @@ def guess_jobs(
         for k, program in zip(which, _programs(task, guesses.chosen(which), intervals), strict=True):
             jobs[k] = partial(_begun, guesses, k, program, settings[k][1])
     return [jobs[k] for k in range(len(settings))]
-
-
-def _alone(guess: Trajectory, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
-    return solve_quickly(task, guess, intervals, settings, between=False)
 
 
 def _begun(guesses: Guesses, k: int, program: "_Program", settings: SolverSettings, task: Task) -> Attempt:

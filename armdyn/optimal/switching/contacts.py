@@ -38,10 +38,10 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
         if contact is None:
             continue
         if (weak := contact.weak) is not None:
-            if (kept := kept_at_speed(extremal, segment, weak.part, weak.mode)) is not None:
+            if (kept := kept_at_speed(extremal, segment, *weak)) is not None:
                 left = left_at_speed(extremal, kept, segment)
                 return [kept] if left is None else [kept, left]
-            return [_let_go(extremal, segment, weak.part, [(0.0, weak.mode)])]
+            return [_let_go(extremal, segment, weak[0], [(0.0, weak[1])])]
         joint, mode = structure.changes[segment.begin].joint, structure.changes[segment.begin].mode
         alike = [
             other.largest
@@ -57,19 +57,6 @@ def with_contacts(extremal: Extremal, is_extremal: bool = True) -> list[Switchin
             steps = [(0.0, away), (0.5, towards)] if mode in VELOCITY else bounce
             return [_let_go(extremal, segment, part, steps)]
     return []
-
-
-@dataclass(frozen=True)
-class _Weak:
-    """Part of a contact that needs a torque beyond its limit.
-
-    Attributes:
-        part: start and end, from 0 to 1.
-        mode: the exceeded torque limit.
-    """
-
-    part: tuple[float, float]
-    mode: Mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,14 +108,14 @@ class Contact:
         )
 
     @property
-    def weak(self) -> _Weak | None:
-        """First part that needs a torque beyond its limit, and that limit; None without any."""
+    def weak(self) -> tuple[tuple[float, float], Mode] | None:
+        """First part, from 0 to 1, that needs a torque beyond its limit, and that limit; None without any."""
         beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * self.numbers.excess)
         if not beyond.size:
             return None
         run = stretches(beyond)[0]
         mode = Mode.UPPER if self.torque[run[0]] > 0 else Mode.LOWER
-        return _Weak(self._part(run), mode)
+        return self._part(run), mode
 
     @property
     def largest(self) -> float:

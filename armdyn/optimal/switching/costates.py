@@ -88,45 +88,35 @@ class SampledExtremal:
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
         """Sample an extremal."""
-        grid, robot = _Grid.of(extremal.rollout), extremal.shooting.problem.robot
-        at = _At.of(extremal, grid)
-        costate, state_multipliers = _adjoined(at, np.diff(grid.t), robot.nv)
+        (t, step, part), robot = _grid(extremal.rollout), extremal.shooting.problem.robot
+        at = _At.of(extremal, step, part)
+        costate, state_multipliers = _adjoined(at, np.diff(t), robot.nv)
         switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(grid.t, at.x, _torques(at, robot), costate, switching, state_multipliers, at.position, at.velocity)
+        return cls(t, at.x, _torques(at, robot), costate, switching, state_multipliers, at.position, at.velocity)
 
 
-@dataclass(frozen=True, eq=False)
-class _Grid:
-    """Grid of intervals that consist of steps.
+def _grid(rollout: Rollout) -> tuple[Array, Index, Array]:
+    """Group a rollout's steps into intervals, of one step where a torque is free; skip arcs without length.
 
-    Attributes:
-        t: knots [s], shape (K + 1,).
-        step: index of the step at the start and the stages of intervals, shape (K, stages + 1).
-        part: place within that step, likewise.
+    Returns:
+        Knots [s], shape (K + 1,); index of the step at the start and the stages of intervals, shape (K, stages + 1);
+        place within that step, likewise.
     """
-
-    t: Array
-    step: Index
-    part: Array
-
-    @classmethod
-    def of(cls, rollout: Rollout) -> Self:
-        """Group a rollout's steps into intervals, of one step where a torque is free; skip arcs without length."""
-        first: list[int] = []
-        count: list[int] = []
-        curved = np.any(rollout.torques.free_mask > 0, axis=1)
-        for arc in range(rollout.structure.size + 1):
-            own = np.flatnonzero(rollout.arc == arc)
-            if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
-                continue
-            parts = own.size if curved[own[0]] else rollout.shooting.policy.rollout.groups(own.size)
-            for steps in np.array_split(own, parts):
-                first.append(int(steps[0]))
-                count.append(steps.size)
-        along = np.array(count)[:, None] * NODES
-        inside = np.minimum(along.astype(int), np.array(count)[:, None] - 1)
-        t = np.append(rollout.times[first], rollout.times[-1])
-        return cls(t, np.array(first)[:, None] + inside, along - inside)
+    first: list[int] = []
+    count: list[int] = []
+    curved = np.any(rollout.torques.free_mask > 0, axis=1)
+    for arc in range(rollout.structure.size + 1):
+        own = np.flatnonzero(rollout.arc == arc)
+        if rollout.h[own].sum() <= 1e-12 * rollout.structure.duration:
+            continue
+        parts = own.size if curved[own[0]] else rollout.shooting.policy.rollout.groups(own.size)
+        for steps in np.array_split(own, parts):
+            first.append(int(steps[0]))
+            count.append(steps.size)
+    along = np.array(count)[:, None] * NODES
+    inside = np.minimum(along.astype(int), np.array(count)[:, None] - 1)
+    t = np.append(rollout.times[first], rollout.times[-1])
+    return t, np.array(first)[:, None] + inside, along - inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,20 +144,20 @@ class _At:
     holder: Index
 
     @classmethod
-    def of(cls, extremal: Extremal, grid: _Grid) -> Self:
-        """Sample an extremal on a grid."""
+    def of(cls, extremal: Extremal, steps: Index, parts: Array) -> Self:
+        """Sample an extremal at places within its steps, both of shape (K, stages + 1)."""
         rollout, robot = extremal.rollout, extremal.shooting.problem.robot
-        step, part, n = grid.step.ravel(), grid.part.ravel(), robot.nv
+        step, part, n = steps.ravel(), parts.ravel(), robot.nv
         x, state_transition, rate = _carried(rollout, step, part)
         p = np.linalg.solve(state_transition.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
         first, last = (tau[step] for tau in rollout.torques.tau)
         tau = first + part[:, None] * (last - first)
         inertia = joint_inertia(robot)(x[:, :n])
         modes = extremal.structure.modes()
-        own = [modes[a] for a in rollout.arc[grid.step[:, 0]]]
-        shape, carriers = grid.step.shape, extremal.structure.carriers()
+        own = [modes[a] for a in rollout.arc[steps[:, 0]]]
+        shape, carriers = steps.shape, extremal.structure.carriers()
         holder = np.tile(np.arange(n), (shape[0], 1))
-        for k, a in enumerate(rollout.arc[grid.step[:, 0]]):
+        for k, a in enumerate(rollout.arc[steps[:, 0]]):
             for joint, carrier in carriers[a].items():
                 holder[k, joint] = carrier.joint
         return cls(

@@ -1,7 +1,6 @@
 """Singular arcs: bang arcs are replaced by a singular control where a switching function stays near zero."""
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.signs import WrongSign, worst_stretch
-from armdyn.optimal.task.policy.switching import SingularPolicy
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
@@ -68,57 +66,34 @@ def with_bang_arcs(extremal: Extremal, least: float) -> SwitchingStructure | Non
     for k, change in reversed(list(enumerate(structure.changes))):
         if not change.control:
             continue
-        along = _FreeTorque.of(extremal, k)
-        bang_arcs = along.held(max(least, idle_fall(extremal, k)))
-        if bang_arcs:
-            pieces = _pieces(extremal, k, bang_arcs)
-            now = edited(extremal.rollout, now, [k], pieces)
+        if bang_arcs := _on_limits(extremal, k, max(least, idle_fall(extremal, k))):
+            now = edited(extremal.rollout, now, [k], _pieces(extremal, k, bang_arcs))
     return None if now is structure else now.without(())
 
 
-@dataclass(frozen=True, eq=False)
-class _FreeTorque:
-    """Free torque at the starts and ends of its steps, in order.
+def _on_limits(extremal: Extremal, k: int, least: float) -> list[tuple[float, float, Mode]]:
+    """Stretches on which a free torque should stay on a limit it has reached: start, end [s], and the limit.
 
-    Attributes:
-        joint: index of the joint.
-        t: times [s], shape (samples,).
-        fall: decrease of H from limit to limit: switching function times range, likewise.
-        slack: distance from the upper and the lower limit, as parts of the range, shape (2, samples).
-        numbers: tuned numbers of singular arcs.
+    Args:
+        extremal: extremal with that torque.
+        k: index of the change that starts it.
+        least: tolerated increase of H off the limit.
     """
-
-    joint: int
-    t: Array
-    fall: Array
-    slack: Array
-    numbers: SingularPolicy
-
-    @classmethod
-    def of(cls, extremal: Extremal, k: int) -> Self:
-        """Sample the free torque that starts at a change."""
-        rollout, joint = extremal.rollout, extremal.structure.changes[k].joint
-        limits = rollout.shooting.problem.limits
-        own = np.flatnonzero((rollout.arc > k) & (rollout.arc <= extremal.structure.end_of(k)))
-        low, high = limits.actuators.lower[joint], limits.actuators.upper[joint]
-        switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
-        tau = np.column_stack([each[own, joint] for each in rollout.torques.tau]).ravel()
-        t = np.column_stack([rollout.times[own], rollout.times[own + 1]]).ravel()
-        slack = np.array([high - tau, tau - low]) / (high - low)
-        return cls(joint, t, switching * (high - low), slack, extremal.shooting.policy.singular)
-
-    def held(self, least: float) -> list[tuple[float, float, Mode]]:
-        """Stretches on which the torque should stay on a limit it has reached: start, end [s], and the limit.
-
-        Args:
-            least: tolerated increase of H off the limit.
-        """
-        out: list[tuple[float, float, Mode]] = []
-        for mode, sign, slack in ((Mode.UPPER, -1, self.slack[0]), (Mode.LOWER, 1, self.slack[1])):
-            runs = stretches(np.flatnonzero(sign * self.fall > self.numbers.rise * least))
-            held = [r for r in runs if np.max(sign * self.fall[r]) > least and np.min(slack[r]) <= self.numbers.reached]
-            out += [(float(self.t[run[0]]), float(self.t[run[-1]]), mode) for run in held]
-        return sorted(out)
+    rollout, joint, numbers = extremal.rollout, extremal.structure.changes[k].joint, extremal.shooting.policy.singular
+    own = np.flatnonzero((rollout.arc > k) & (rollout.arc <= extremal.structure.end_of(k)))
+    limits = extremal.shooting.problem.limits.actuators
+    low, high = limits.lower[joint], limits.upper[joint]
+    # At the starts and ends of the steps in turn.
+    switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
+    tau = np.column_stack([each[own, joint] for each in rollout.torques.tau]).ravel()
+    t = np.column_stack([rollout.times[own], rollout.times[own + 1]]).ravel()
+    out: list[tuple[float, float, Mode]] = []
+    for mode, sign, slack in ((Mode.UPPER, -1, high - tau), (Mode.LOWER, 1, tau - low)):
+        rise = sign * switching * (high - low)
+        runs = stretches(np.flatnonzero(rise > numbers.rise * least))
+        held = [r for r in runs if np.max(rise[r]) > least and np.min(slack[r] / (high - low)) <= numbers.reached]
+        out += [(float(t[run[0]]), float(t[run[-1]]), mode) for run in held]
+    return sorted(out)
 
 
 def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode]]) -> list[tuple[float, Change]]:

@@ -31,6 +31,11 @@ def attempted(problem):
     return task, find(task).attempts[0]
 
 
+def resolved(task, attempt):
+    """Optimum that the meshes of an attempt are resolved to."""
+    return mesh_optimum(task, attempt, "its arcs are not resolved", ResolvedMotions(task.policy.motion_mesh))
+
+
 @cache
 def fast():
     """`of(FAST)`, for several tests."""
@@ -97,7 +102,7 @@ def test_another_integrator_and_pinocchio_lead_to_the_same_costates():
 
 
 def test_idle_joints_do_not_count():
-    optimum = mesh_optimum(*attempted(gantry_problem()), "")
+    optimum = resolved(*attempted(gantry_problem()))
     assert optimum.certificate.ok
     assert optimum.trajectory.duration == pytest.approx(4.0, rel=1e-5)
 
@@ -117,7 +122,7 @@ def test_a_joint_without_a_motor_has_no_torque_to_change():
     robot = ad.Robot.from_library("cart_pole", effort_limit=3.0)
     problem = ad.MinimumTimeProblem(robot, q_start=[0.0, 0.0], q_goal=[1.0, 0.0])
     task = Task.of(problem, ad.MinimumTimeOptions(starts=8, workers=1))
-    optimum = mesh_optimum(task, find(task).attempts[0], "")
+    optimum = resolved(task, find(task).attempts[0])
     assert optimum.certificate.ok, optimum.certificate.reasons
     assert optimum.trajectory.duration == pytest.approx(1.559332194, rel=1e-5)  # docs/passive.md; less is certified
 
@@ -126,7 +131,7 @@ def test_a_joint_without_a_motor_has_no_torque_to_change():
 def test_a_mesh_optimum_is_refused_where_a_change_saves_much():
     task, attempt = attempted(FAST)
     coarse = replace(task, policy=task.policy.changed("motion_mesh", inside=1e-3))
-    optimum = mesh_optimum(coarse, attempt, "its arcs are not resolved")
+    optimum = resolved(coarse, attempt)
     assert optimum.certificate.usable
     assert not optimum.certificate.ok
     (reason,) = optimum.certificate.reasons

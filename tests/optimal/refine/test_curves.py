@@ -62,7 +62,7 @@ def solved(problem, **options):
     np.testing.assert_allclose(replay.q, motion.q, atol=1e-12)  # it is a replay
     np.testing.assert_array_equal(motion.q[0], problem.q_start)
     np.testing.assert_array_equal(motion.v[0], problem.v_start)
-    assert optimum.reports is None or not optimum.reports.reasons, optimum.reports.reasons
+    assert not optimum.reports.reasons, optimum.reports.reasons
     assert motion.duration >= problem.duration_bound()
     return optimum
 

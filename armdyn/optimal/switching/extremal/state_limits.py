@@ -42,22 +42,20 @@ def with_limits(rollout: Rollout) -> SwitchingStructure | None:
     for over in _overlooked(rollout):
         if over.mode in VELOCITY:
             gone.update(over.changes(structure))
-            for time, change in ((over.begin, Change(over.joint, over.mode)), (over.end, over.after(structure))):
-                more.append((time, change, _at_speed(rollout, time, over.joint, over.bound)))
-            continue
-        if (pressed := over.pressed_beside_contact(structure)) is not None:
+            changes = [(over.begin, Change(over.joint, over.mode)), (over.end, over.after(structure))]
+        elif (pressed := over.pressed_beside_contact(structure)) is not None:
             gone.add(pressed)
             continue
-        near = [k for k in over.touched(structure) if k not in gone]
-        times = [over.worst, *(float(structure.times[k]) for k in near)]
-        begin, end, i = min(times), max(times), over.joint
-        gone.update(near)
-        if end > begin:
-            after = _mode_after(structure, i, end)
-            more.append((begin, Change(i, over.mode), _on(rollout, begin, i, over.bound)))
-            more.append((end, Change(i, after), _on(rollout, end, i, over.bound)))
         else:
-            more.append((begin, Change(i, over.mode, touch=True), _on(rollout, begin, i, over.bound)))
+            near = [k for k in over.touched(structure) if k not in gone]
+            times = [over.worst, *(float(structure.times[k]) for k in near)]
+            begin, end, i = min(times), max(times), over.joint
+            gone.update(near)
+            changes = [(begin, Change(i, over.mode, touch=end == begin))]
+            if end > begin:
+                after = structure.modes()[int(np.searchsorted(structure.times, end, side="right"))][i]
+                changes.append((end, Change(i, after)))
+        more += [(time, change, _state_on(rollout, time, over)) for time, change in changes]
     return structure.without_changes(gone).with_changes(more).without(()) if more or gone else None
 
 
@@ -133,22 +131,13 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
                 yield _Overlooked(i, mode, bound, begin, end, worst, short)
 
 
-def _mode_after(structure: SwitchingStructure, joint: int, time: float) -> Mode:
-    """Mode of a joint at a time [s]."""
-    return structure.modes()[int(np.searchsorted(structure.times, time, side="right"))][joint]
-
-
-def _on(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
-    """The state at a time [s], with a joint at rest on its limit."""
-    state = state_at(rollout, time)
-    state[joint], state[state.size // 2 + joint] = bound, 0.0
-    return state
-
-
-def _at_speed(rollout: Rollout, time: float, joint: int, bound: float) -> Array:
-    """The state at a time [s], with a joint on its velocity limit."""
-    state = state_at(rollout, time)
-    state[state.size // 2 + joint] = bound
+def _state_on(rollout: Rollout, time: float, over: _Overlooked) -> Array:
+    """The state at a time [s], with the joint on the limit that it exceeds, at rest on one of position."""
+    state, n = state_at(rollout, time), len(rollout.structure.first)
+    if over.mode in VELOCITY:
+        state[n + over.joint] = over.bound
+    else:
+        state[over.joint], state[n + over.joint] = over.bound, 0.0
     return state
 
 
