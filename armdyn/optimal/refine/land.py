@@ -9,7 +9,7 @@ from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.problem.aim import Aim
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
@@ -48,21 +48,21 @@ def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
     return replace(optimum, certificate=replace(optimum.certificate, adjoint_error=error))
 
 
-def land_extremal(task: Task, extremal: Extremal, intervals: int, stop: Stop) -> Optimum:
+def land_extremal(task: Task, extremal: Extremal, intervals: int, budget: Budget) -> Optimum:
     """Offset an extremal's goal until the replay of its sampled torques reaches the original goal; certify the replay.
 
     Args:
         task: the problem and its settings.
         extremal: the extremal.
         intervals: number of intervals of the mesh with its arcs.
-        stop: stopping condition, polled before finer integration.
+        budget: budget of finer integration.
     """
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     samples, least = 1, np.inf
     for _ in range(policy.refinement.aims):
         phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
         astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
-        if astray and not stop and (more := finer(extremal, stop)) is not None:
+        if astray and not budget and (more := finer(extremal, budget)) is not None:
             extremal = more
             continue
         replay = replay_of(task, dense(phases.torques, samples))

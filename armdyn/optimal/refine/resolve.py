@@ -182,7 +182,7 @@ class _Resolved:
         """Add the result of a structure, found within a part of a budget."""
         granted = min(budget.left, most)
         own = Budget(budget, granted)
-        refined = refine_extremal(replace(self.shooting, budget=own), structure, own)
+        refined = refine_extremal(replace(self.shooting, budget=own), structure)
         budget.spend(granted - own.left)
         tried = [*self.tried, (_lack(self.shooting, refined), refined)]
         return replace(self, tried=sorted(tried, key=lambda one: one[0]), reached=refined.reached)

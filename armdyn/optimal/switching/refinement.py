@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.stop import Budget, Stop
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.solve.registry import in_time
 from armdyn.optimal.switching.carried import with_carried_touches
 from armdyn.optimal.switching.contacts import with_contacts
@@ -66,22 +66,21 @@ def _flow(task: Task) -> Flow:
     return in_time(task, lambda scheme: flow_of(task.dynamics, scheme.compile))
 
 
-def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> RefinedExtremal:
+def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) -> RefinedExtremal:
     """Refine a switching structure until it satisfies Pontryagin's conditions: switches, contacts, singular arcs.
 
     Args:
         shooting: the shooting problem.
         structure: initial structure.
-        stop: stopping condition, polled before every step.
     """
     best, mended, stale, others = RefinedExtremal(None, np.inf, "nothing was tried"), False, 0, _Others()
-    numbers = shooting.policy.switching
+    numbers, budget = shooting.policy.switching, shooting.budget
     for _ in range(numbers.rounds):
         while structure.size + 1 > shooting.most_arcs and (more := shooting.finer()) is not None:
             shooting = more
-        found, given_up = _tried(shooting, structure, stop, bool(others.left))
+        found, given_up = _tried(shooting, structure, bool(others.left))
         enough = numbers.drift if isinstance(found, Extremal) else numbers.astray
-        drifts = found.linear is not None and found.linear.drift > enough and not stop
+        drifts = found.linear is not None and found.linear.drift > enough and not budget
         finer = shooting.finer(found.linear.rollout) if found.linear is not None and drifts else None
         if found.linear is not None and finer is not None:
             shooting, structure = finer, found.linear.rollout.structure
@@ -90,8 +89,8 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
             others.add(
                 with_contacts(Extremal(found.linear), is_extremal=False) if found.linear and not given_up else []
             )
-            if not others.left or stop:
-                reached = found.linear.rollout.structure if found.linear and not others.left and stop else None
+            if not others.left or budget:
+                reached = found.linear.rollout.structure if found.linear and not others.left and budget else None
                 return replace(best.or_else(found.linear, found.why), reached=reached)
             structure = others.next()
             continue
@@ -128,16 +127,15 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure, st
 
 
 def _tried(
-    shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop, waiting: bool
+    shooting: ShootingProblem, structure: SwitchingStructure, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
-    """The extremal of a structure within a part of the budget, and whether the attempt was abandoned."""
-    if not waiting or not isinstance(stop, Budget):
-        found = fastest(shooting, structure, stop)
-        return found, bool(stop)
-    granted = stop.left * shooting.policy.switching.trial
-    trial = Budget(stop, granted)
-    found = fastest(replace(shooting, budget=trial), structure, trial)
-    stop.spend(granted - trial.left)
+    """The extremal of a structure, within a part of the budget while others wait; and whether the attempt was abandoned."""
+    budget, granted = shooting.budget, shooting.budget.left * shooting.policy.switching.trial
+    if not waiting or granted == np.inf:
+        return fastest(shooting, structure), bool(budget)
+    trial = Budget(budget, granted)
+    found = fastest(replace(shooting, budget=trial), structure)
+    budget.spend(granted - trial.left)
     return found, bool(trial)
 
 

@@ -5,7 +5,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import POSITION, Mode
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.contacts import with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -55,7 +54,7 @@ def test_a_contact_that_is_pushed_all_along_stays():
     problem = random_problem(53)
     solution = ad.solve_minimum_time(problem)
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
-    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
+    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
     assert isinstance(found, Extremal)
     assert any(mode in POSITION for modes in found.structure.modes() for mode in modes)
     assert not with_contacts(found)
@@ -66,7 +65,7 @@ def test_arcs_without_contacts_have_none_to_mend():
     problem = paper_problem("rr", 0.1006)
     solution = ad.solve_minimum_time(problem)
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), solution.trajectory)
-    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques), Stop())
+    found = fastest(shooting, SwitchingStructure.of(solution.phases.arcs, solution.phases.torques))
     assert isinstance(found, Extremal)
     assert not with_contacts(found)
 

@@ -28,7 +28,7 @@ def test_changes_that_are_missing_are_put_in():
     begin, end = min((pair for pair in lengths if pair[1] < given.size), key=lambda pair: lengths[pair])
     lacking = given.without([Segment(begin, end)])
     assert lacking.size == given.size - 2
-    found = refine_extremal(own, lacking, Stop())
+    found = refine_extremal(own, lacking)
     assert found.why == ""
     assert [arc.modes for arc in found.extremal.structure.arcs(1e-7)] == [arc.modes for arc in solution.phases.arcs]
     assert found.extremal.structure.duration == pytest.approx(solution.phases.duration, rel=1e-7)
@@ -54,7 +54,7 @@ def test_a_motion_has_the_states_of_its_steps():
     solution = solved("rr")
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     own = shooting_problem(Task.of(solution.problem, MinimumTimeOptions(compile=False)), solution.trajectory)
-    found = refine_extremal(own, given, Stop())
+    found = refine_extremal(own, given)
     assert found.why == ""
     assert found.wrong <= 1e-4
     motion = phases_of(in_one_piece(found.extremal)).torques
@@ -71,7 +71,7 @@ def test_refinement_stops_when_its_budget_is_spent():
     own = replace(shooting_problem(task, solution.trajectory), budget=budget)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     apart = replace(given, times=given.times * 0.98)  # it lands off the optimum, and has to descend
-    found = refine_extremal(own, apart, budget)
+    found = refine_extremal(own, apart)
     assert found.why == "the budget of integrator steps is spent"
     assert -50 * own.steps < budget.left <= 0  # the landing that was begun has ended
-    assert refine_extremal(replace(own, budget=None), apart, Stop()).why == ""
+    assert refine_extremal(replace(own, budget=Budget(Stop())), apart).why == ""

@@ -7,7 +7,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.from_arcs import structures_of
@@ -44,11 +43,11 @@ def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
     full, free = structures_of(own, freed(solution), solution.phases.torques)
     assert not full.controls
     assert len(free.controls) == 1
-    found = fastest(own, free, Stop())
+    found = fastest(own, free)
     assert isinstance(found, Extremal)
     (k,) = found.structure.controls
     assert with_bang_arcs(found, 5e-5) is not None or idle_fall(found, k) <= 5e-5
-    end = refine_extremal(own, free, Stop())
+    end = refine_extremal(own, free)
     assert end.why == ""
     assert end.extremal.structure.duration == pytest.approx(solution.duration, rel=1e-7)
 
@@ -120,7 +119,7 @@ def settled_from(problem, text):
     arcs, motion = key(problem, text)
     own = shooting(problem, motion)
     *_, free = structures_of(own, arcs, motion)
-    return refine_extremal(own, free, Stop())
+    return refine_extremal(own, free)
 
 
 @pytest.mark.slow

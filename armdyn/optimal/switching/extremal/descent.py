@@ -13,7 +13,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import VELOCITY
-from armdyn.optimal.problem.stop import Budget, Stop
+from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model, lengths_of
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem
@@ -75,13 +75,12 @@ class NoExtremal:
     linear: LinearizedRollout | None = None
 
 
-def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop) -> Extremal | NoExtremal:
+def fastest(shooting: ShootingProblem, structure: SwitchingStructure) -> Extremal | NoExtremal:
     """Find the extremal near a structure.
 
     Args:
         shooting: the shooting problem.
         structure: initial structure; times and states may be inconsistent.
-        stop: stopping condition, polled before every step.
     """
     linear = landed(shooting, structure)
     if linear is None:
@@ -90,8 +89,8 @@ def fastest(shooting: ShootingProblem, structure: SwitchingStructure, stop: Stop
     numbers = shooting.policy.descent
     radius = numbers.radius * structure.duration
     for _ in range(numbers.steps):
-        if stop:
-            return NoExtremal(stop.word, linear)
+        if shooting.budget:
+            return NoExtremal(shooting.budget.word, linear)
         model = Model.of(linear)
         if not np.all(np.isfinite(model.quadratic.hessian)):
             return NoExtremal("the motion next to it overflows", linear)
@@ -170,17 +169,15 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
     return extremal if linear is None else Extremal(linear)
 
 
-def finer(extremal: Extremal, stop: Stop) -> Extremal | None:
+def finer(extremal: Extremal, budget: Budget) -> Extremal | None:
     """Solve the same structure with twice the steps; None at the largest number of steps, or without an extremal.
 
     Args:
         extremal: extremal with too long steps.
-        stop: stopping condition, polled before every step along a tangent.
+        budget: budget of its integrator steps.
     """
     shooting = extremal.rollout.shooting.finer(extremal.rollout)
-    if shooting is not None and isinstance(stop, Budget):
-        shooting = replace(shooting, budget=stop)
-    found = fastest(shooting, extremal.structure, stop) if shooting else None
+    found = fastest(replace(shooting, budget=budget), extremal.structure) if shooting else None
     return found if isinstance(found, Extremal) else None
 
 

@@ -40,12 +40,12 @@ def landed(
         rollout = Rollout.of(shooting, structure, joined)
         if not rollout.finite:
             return None
-        linear, structure, budget = LinearizedRollout.of(rollout), rollout.structure, shooting.budget
+        linear, structure = LinearizedRollout.of(rollout), rollout.structure
         if not np.all(np.isfinite(linear.jacobian)):  # a chain of many arcs may overflow even if no arc does
             return None
         if linear.infeasible <= numbers.closed:
             return linear
-        if budget is not None and budget.left < -numbers.overdrawn:
+        if shooting.budget.left < -numbers.overdrawn:
             return None
         by, whole = _correction(linear, tied)
         most = float(np.max(np.abs(by[: structure.size + 1]))) / structure.duration
@@ -77,10 +77,8 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
     if tied:
         held += [first + int(k) for k in np.flatnonzero(np.abs(now[first:]) <= _TIED * structure.duration)]
         least[held] = 0.0
-    budget = linear.rollout.shooting.budget
     while True:
-        if budget is not None:
-            budget.spend(numbers.cubic * width**3)
+        linear.rollout.shooting.budget.spend(numbers.cubic * width**3)
         equations = np.vstack([linear.jacobian, planes.rows[held]])
         by = _least_change(equations, np.concatenate([-linear.residual, (least - now)[held]]), changes, moved)
         after = now + planes.rows @ by

@@ -31,10 +31,10 @@ class ShootingProblem:
         body: dynamic parameters of the last body, shape (10,).
         torque_unit: torque of a coefficient of 1 in a singular control [N m], shape (nv,): weighs as much as a shift of
             a change by a second.
+        budget: stopping condition, and budget of integrator steps.
         offset: offset of the end state from the goal, (q, v), shape (2 nv,).
         steps: number of steps of a rollout.
         layers: density of steps in layers of dry friction; None: no such layers.
-        budget: budget of integrator steps; None: not counted.
     """
 
     problem: MinimumTimeProblem
@@ -42,10 +42,10 @@ class ShootingProblem:
     flow: Flow
     body: Array
     torque_unit: Array
+    budget: Budget
     offset: Array | float = 0.0
     steps: int = STEPS
     layers: Density | None = None
-    budget: Budget | None = None
 
     @property
     def most_arcs(self) -> int:
@@ -66,7 +66,7 @@ class ShootingProblem:
     def of(cls, task: Task, flow: Flow, motion: Trajectory) -> Self:
         """Make a task's shooting problem near a motion."""
         unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * motion.duration)
-        own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit)
+        own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit, Budget(task.stop))
         return replace(own, layers=own._layers_of(motion))
 
     @property
@@ -135,8 +135,7 @@ class Rollout:
             begins[first[joined]] = False
         body = np.tile(shooting.body, (arc.size, 1))
         columns = own, begins.astype(float), h, *torques.tau
-        if shooting.budget is not None:
-            shooting.budget.spend(arc.size * len(torques.layers))
+        shooting.budget.spend(arc.size * len(torques.layers))
         torque_sensitivity = np.zeros((arc.size, own.shape[1], 2, torques.free_mask.shape[1]))
         for free_mask in torques.layers:
             end, state_transition, along, rate = shooting.flow.rolled_out(*columns, free_mask, torques.kept, body)

@@ -1,11 +1,13 @@
 """Fastest switching times: closed forms, the arcs' collocation, the model against neighbouring motions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.stop import Budget, Stop
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model
@@ -35,7 +37,7 @@ def test_the_double_integrator_turns_round_half_way():
     problem = ad.MinimumTimeProblem(cart(), q_start=[0.0], q_goal=[2.0])
     t = np.linspace(0, 2.5, 21)
     guess = ad.Trajectory(t, 0.8 * t[:, None], np.full((21, 1), 0.8), np.zeros((21, 1)))
-    found = fastest(shooting(problem, guess), SwitchingStructure.of([Arc(1.5, (U,)), Arc(1.0, (L,))], guess), Stop())
+    found = fastest(shooting(problem, guess), SwitchingStructure.of([Arc(1.5, (U,)), Arc(1.0, (L,))], guess))
     assert isinstance(found, Extremal)
     assert found.structure.duration == pytest.approx(2 * np.sqrt(2), rel=1e-10)
     assert found.structure.times == pytest.approx([np.sqrt(2)], rel=1e-10)
@@ -45,7 +47,7 @@ def test_the_double_integrator_turns_round_half_way():
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
 def test_an_optimum_is_found_again_from_a_neighbour(arm):
     solution = solved(arm)
-    found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases), Stop())
+    found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases))
     assert isinstance(found, Extremal)
     # Eighth order in 96 steps, against ninth in 24 to 100 intervals.
     assert found.structure.duration == pytest.approx(solution.phases.duration, rel=1e-8)
@@ -85,7 +87,7 @@ def test_a_schedule_with_too_few_changes_has_no_motion_near():
     solution = solved("rr")
     arcs = solution.phases.arcs[:2]
     found = fastest(
-        shooting(solution.problem, solution.trajectory), SwitchingStructure.of(arcs, solution.phases.torques), Stop()
+        shooting(solution.problem, solution.trajectory), SwitchingStructure.of(arcs, solution.phases.torques)
     )
     assert isinstance(found, NoExtremal)
     assert "goal" in found.why
@@ -93,6 +95,6 @@ def test_a_schedule_with_too_few_changes_has_no_motion_near():
 
 def test_it_can_be_stopped():
     solution = solved("rr")
-    stop = Stop(interrupted=True)
-    found = fastest(shooting(solution.problem, solution.trajectory), beside(solution.phases), stop)
+    own = replace(shooting(solution.problem, solution.trajectory), budget=Budget(Stop(interrupted=True)))
+    found = fastest(own, beside(solution.phases))
     assert isinstance(found, NoExtremal)

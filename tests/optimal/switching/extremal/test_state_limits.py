@@ -7,7 +7,6 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.rollout import Rollout
@@ -66,7 +65,7 @@ def test_touches_are_found_on_the_way():
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
     touches = [k for k, change in enumerate(given.changes) if change.touch]
     assert len(touches) == 2
-    found = fastest(shooting, given.without_changes(touches), Stop())
+    found = fastest(shooting, given.without_changes(touches))
     assert isinstance(found, Extremal)
     assert within_limits(found.rollout)
     assert sum(change.touch for change in found.structure.changes) == 2
@@ -83,7 +82,7 @@ def test_a_velocity_limit_that_is_overlooked_is_kept():
     shooting = shooting_problem(Task.of(problem, MinimumTimeOptions(compile=False)), guess)
     bang = SwitchingStructure.of([Arc(np.sqrt(2), (U,)), Arc(np.sqrt(2), (L,))], guess)
     assert excess(Rollout.of(shooting, bang)) == pytest.approx(np.sqrt(2) / 0.8 - 1, rel=1e-9)
-    found = fastest(shooting, bang, Stop())
+    found = fastest(shooting, bang)
     assert isinstance(found, Extremal)
     assert [arc.modes[0] for arc in found.structure.arcs(1e-7)] == [U, Mode.VELOCITY_UPPER, L]
     assert found.structure.duration == pytest.approx(2 / 0.8 + 0.8, rel=1e-9)
