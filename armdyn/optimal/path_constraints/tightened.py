@@ -11,7 +11,6 @@ from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint, RequiredDistances
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, spread
-from armdyn.optimal.problem.aim import Aim
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.optimal.program.interval import IntervalView
@@ -50,6 +49,39 @@ class ConstraintReports:
         """Smallest clearance; None without obstacles."""
         found = [report.clearance for report in self.each if report.clearance is not None]
         return min(found, key=lambda clearance: clearance.distance, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """Offsets of a solve's via points and goal that cancel the misses of its replay.
+
+    Attributes:
+        offsets: offsets of q [rad or m], shape (legs, nv), or (nv,) for all legs.
+        end_velocity: offset of the velocity at the goal [rad/s or m/s], shape (nv,).
+    """
+
+    offsets: Array | float = 0.0
+    end_velocity: Array | float = 0.0
+
+    def corrected(self, problem: MinimumTimeProblem, replay: Trajectory, passing: Array | None = None) -> Self:
+        """Correct the offsets by a replay's misses at via points and goal.
+
+        Args:
+            problem: the original problem, with the true poses.
+            replay: motion of the last solve, integrated.
+            passing: times of the via points [s], shape (vias,); None: no via points.
+        """
+        vias = np.empty((0, problem.robot.nv)) if passing is None else replay(passing).q.reshape(-1, problem.robot.nv)
+        missed = np.vstack([vias, replay.q[-1]]) - problem.poses[1:]
+        return type(self)(
+            np.broadcast_to(self.offsets, missed.shape) - missed,
+            self.end_velocity - (replay.v[-1] - np.asarray(problem.v_goal)),
+        )
+
+    def at_goal(self, joints: int) -> Array:
+        """Offset from the goal's state (q, v), shape (2 nv,)."""
+        offset = np.broadcast_to(self.offsets, (1, joints)) if np.ndim(self.offsets) == 0 else np.asarray(self.offsets)
+        return np.concatenate([offset[-1], np.broadcast_to(self.end_velocity, joints)])
 
 
 @dataclass(frozen=True, eq=False)

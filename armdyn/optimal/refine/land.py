@@ -8,7 +8,7 @@ from armdyn.optimal.arcs.phases import Phases, Unresolved
 from armdyn.optimal.arcs.solving import solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
-from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.path_constraints.tightened import Aim
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.adjoint import adjoint_error

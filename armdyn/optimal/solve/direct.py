@@ -1,14 +1,12 @@
 """Direct collocation: solve a minimum-time problem from one guess on one mesh."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.arrays import Array
-from armdyn.optimal.path_constraints.legs import Legs, legs_of
+from armdyn.arrays import Array, Index
 from armdyn.optimal.path_constraints.rows import StageRows, with_rows
-from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
-from armdyn.optimal.problem.aim import Aim
+from armdyn.optimal.path_constraints.tightened import Aim, TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp
@@ -21,6 +19,51 @@ from armdyn.optimal.solve.solver import NlpData, Solver
 from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """Distribution of a mesh's intervals over the legs between via points.
+
+    Attributes:
+        intervals: number of intervals of every leg.
+        durations: durations of the legs in a guess [s], shape (legs,).
+    """
+
+    intervals: tuple[int, ...]
+    durations: Array
+
+    @property
+    def of(self) -> Index:
+        """Leg of each interval, shape (N,)."""
+        return np.repeat(np.arange(len(self.intervals)), self.intervals)
+
+    @property
+    def knots(self) -> Index:
+        """The last knot of every leg, shape (legs,)."""
+        return np.cumsum(self.intervals)
+
+
+def legs_of(problem: MinimumTimeProblem, guess: Trajectory, intervals: int) -> Legs:
+    """Distribute intervals over legs by a guess's times at the via points.
+
+    Every leg gets intervals in proportion to its time, and a few at least.
+    """
+    marks, first = [float(guess.t[0])], 0
+    inner = problem.poses[1:-1]
+    for i, pose in enumerate(inner):
+        last = guess.t.size - (len(inner) - i)
+        first = min(first + 1, last - 1)
+        away = np.max(np.abs(guess.q[first:last] - pose), axis=1)
+        first += int(np.argmin(away))
+        marks.append(float(guess.t[first]))
+    durations = np.maximum(np.diff([*marks, guess.t[-1]]), 1e-3 * guess.duration)
+    least = max(min(4, intervals // durations.size), 1)
+    spare = intervals - least * durations.size
+    if spare < 0:
+        raise ValueError(f"{intervals} intervals are too few for {durations.size} legs")
+    edges = np.round(spare * np.append(0.0, np.cumsum(durations)) / durations.sum()).astype(int)
+    return Legs(tuple((np.diff(edges) + least).tolist()), durations)
 
 
 def solve_on_mesh(

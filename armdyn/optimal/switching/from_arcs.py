@@ -9,11 +9,11 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.switching.at_speed import speed_contacts
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.singular import control_near, leaping_within
+from armdyn.optimal.switching.velocity_contacts import speed_contacts
 from armdyn.trajectory import Trajectory
 
 

@@ -7,8 +7,7 @@ import numpy as np
 
 from armdyn.optimal.problem.stop import Budget
 from armdyn.optimal.solve.registry import in_time
-from armdyn.optimal.switching.carried import with_carried_touches
-from armdyn.optimal.switching.contacts import with_contacts
+from armdyn.optimal.switching.contacts import with_carried_touches, with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.flow import Flow, flow_of
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
@@ -129,7 +128,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
 def _tried(
     shooting: ShootingProblem, structure: SwitchingStructure, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
-    """The extremal of a structure, within a part of the budget while others wait; and whether the attempt was abandoned."""
+    """The extremal of a structure, within a part of the budget while others wait; whether it was abandoned."""
     budget, granted = shooting.budget, shooting.budget.left * shooting.policy.switching.trial
     if not waiting or granted == np.inf:
         return fastest(shooting, structure), bool(budget)

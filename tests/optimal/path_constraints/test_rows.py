@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.path_constraints.legs import legs_of
 from armdyn.optimal.path_constraints.rows import with_rows
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints, numbers_of, row_bounds
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.program.interval import CollocationInterval
 from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.direct import legs_of
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from problems import POSES, paper_arm, paper_problem

@@ -26,7 +26,7 @@ TOLERANCE = 1e-6
 def optimum_of(problem, motion, phases=None):
     """A motion as an optimum of a problem with other limits."""
     path_constraints, passing = TightenedConstraints.of(Task.of(problem)), np.empty(0)
-    checked = path_constraints.check(problem, motion, passing) if path_constraints.path_constraints else None
+    checked = path_constraints.check(problem, motion, passing)
     cost = trajectory_cost(motion, problem.effort_weights())
     return Optimum(motion, certify(problem, motion, phases), cost, 40, phases, reports=checked)
 

@@ -3,8 +3,7 @@
 import numpy as np
 
 import armdyn as ad
-from armdyn.optimal.search.starts import spline, via_guesses
-from armdyn.optimal.search.swing_up import swing_up_guesses, swinging_time
+from armdyn.optimal.search.starts import spline, swing_up_guesses, swinging_time, via_guesses
 from armdyn.optimal.task.policy.search import SearchPolicy
 from problems import paper_problem
 
