@@ -8,9 +8,8 @@ from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import POINTS
 from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, round_words, worst_excess
 from armdyn.optimal.flat.follow import follow, sample_counts
-from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin, curve_layout, rows_of
-from armdyn.optimal.flat.sequential import SequenceSettings
-from armdyn.optimal.flat.solve import Solved, solve_curve, solve_in_steps, solved_by_steps
+from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
+from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
@@ -80,14 +79,11 @@ def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
     Returns:
         None if the steps do not converge, or torques stay too far beyond their limits between the points.
     """
-    spec, numbers, curves = CurveSpec.of(task), task.policy.sequential.without_obstacles, task.policy.curves
-    if not solved_by_steps(
-        task, curve_layout(task.problem, guess, spec.constraints), rows_of(task.problem, spec.constraints)
-    ):
-        return refine_curve(task, guess)
+    spec, curves = CurveSpec.of(task), task.policy.curves
     tighten = Tightening(task, guess, spec, curves.little)
-    steps = SequenceSettings(numbers.trust, numbers.enough, tighten=tighten, most=task.options.max_iterations)
-    solved = solve_in_steps(task, guess, spec, steps, numbers)
+    solved = solve_curve(task, guess, spec, tighten=tighten, rough=True)
+    if not solved.in_steps:
+        return _in_rounds(task, solved, spec, curves.little if can_be_slowed(task.problem) else 0.0)
     over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
     if not solved.converged or worst_excess(over) > curves.hopeless:
         return None

@@ -60,7 +60,12 @@ class Solved:
 
 
 def solve_curve(
-    task: Task, guess: Curve, spec: CurveSpec, near: Solved | None = None, tighten: Tighten | None = None
+    task: Task,
+    guess: Curve,
+    spec: CurveSpec,
+    near: Solved | None = None,
+    tighten: Tighten | None = None,
+    rough: bool = False,
 ) -> Solved:
     """Solve the program of curves from one guess.
 
@@ -70,6 +75,7 @@ def solve_curve(
         spec: requirements of the curve.
         near: result of a similar specification, for a warm start with its multipliers.
         tighten: see `SequenceSettings`, for programs solved by steps.
+        rough: do not fall back on IPOPT if steps do not converge.
     """
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
@@ -83,7 +89,7 @@ def solve_curve(
         trust, eager = (numbers.trust, None) if near is None else (numbers.again_trust, 0)
         steps = SequenceSettings(trust, numbers.enough, eager=eager, tighten=tighten, most=task.options.max_iterations)
         found = solve_in_steps(task, guess, spec, steps, numbers)
-        if found.converged or task.stop:
+        if found.converged or task.stop or rough:
             return found
         # With many torques at their limits throughout, first derivatives converge slowly.
     same = near is not None and not near.in_steps and (near.shape, near.rows) == (shape, rows)
