@@ -114,7 +114,7 @@ def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:
     return np.concatenate(columns, axis=1), np.concatenate(joints)
 
 
-def at_ends(leg: BoundLeg, w: Array, speed: Array | None = None) -> Interval:
+def at_ends(leg: BoundLeg, w: Array, speed: Array) -> Interval:
     """w(0)ᵀ p(0) − w(T)ᵀ p(T), and likewise for velocities under acceleration limits, if there are multipliers.
 
     Args:
@@ -127,7 +127,6 @@ def at_ends(leg: BoundLeg, w: Array, speed: Array | None = None) -> Interval:
         end = End.at(leg, outward)
         if end is not None:
             share = (end.momentum * Interval.at(w[node])).sum(0)
-            if speed is not None:
-                share = share + (Interval.at(end.v) * Interval.at(speed[node])).sum(0)
+            share = share + (Interval.at(end.v) * Interval.at(speed[node])).sum(0)
             total = total + (share if outward > 0 else -share)
     return total

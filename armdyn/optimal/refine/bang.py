@@ -59,7 +59,7 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
 
     def climbed(k: int) -> _Reached:
         begun = _Reached(attempts[k], shared or ResolvedMotions(meshes), left=numbers.budget * 2 / 3 ** (k + 1))
-        return _up(task, few if k else many, _first(task, begun))
+        return _up(task, few if k else many, _on(task, options.intervals, begun))
 
     optima: list[Optimum] = []
     beaten = np.inf
@@ -90,7 +90,7 @@ class _Reached:
     Attributes:
         guess: the last attempt that converged.
         resolved: resolved motions of the problem.
-        mesh: number of intervals of the last mesh; None: no mesh of the problem was tried.
+        mesh: number of intervals of the last mesh; 0: none was tried.
         best: best optimum so far; None: no mesh has converged.
         iterations: iterations over all meshes.
         resisted: message and worst violation of the last mesh, if it did not converge.
@@ -99,29 +99,19 @@ class _Reached:
 
     guess: Attempt
     resolved: ResolvedMotions
-    mesh: int | None = None
+    mesh: int = 0
     best: Optimum | None = None
     iterations: int = 0
     resisted: tuple[str, Violation | None] = ("", None)
     left: float = np.inf
 
 
-def _first(task: Task, step: _Reached) -> _Reached:
-    """Refinement on the first mesh."""
-    attempt = step.guess
-    if attempt.intervals != task.options.intervals:
-        return _on(task, task.options.intervals, step)
-    if not attempt.usable:
-        resisted = attempt.message, attempt.worst_violation
-        return replace(step, mesh=attempt.intervals, resisted=resisted)
-    best, left = _read(task, attempt, step)
-    return replace(step, mesh=attempt.intervals, best=best, left=left)
-
-
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Refine on a further mesh."""
-    attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
-    iterations = step.iterations + attempt.iterations
+    """Refine on a further mesh; on the first one a solution of the search is used as it is."""
+    attempt, iterations = step.guess, step.iterations
+    if step.mesh or attempt.intervals != mesh:
+        attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
+        iterations += attempt.iterations
     if not attempt.usable:
         resisted = attempt.message, attempt.worst_violation
         return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
@@ -134,8 +124,8 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
 def _up(task: Task, finest: int, step: _Reached) -> _Reached:
     """Refine on finer meshes until an optimum reaches the goal within its limits or is certified."""
     while not (_enough(task, step) or task.stop):
-        finer = task.options.intervals if step.mesh is None else doubled(step.mesh, finest)
-        if finer is None or (step.best is None and step.mesh is not None and step.mesh > task.options.intervals):
+        finer = doubled(step.mesh, finest)
+        if finer is None or (step.best is None and step.mesh > task.options.intervals):
             break
         step = _on(task, finer, step)
     return step
@@ -175,9 +165,8 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
         motion, (message, violation) = step.guess.trajectory, step.resisted
         remark = f"did not converge on {step.mesh} intervals ({message})"
         certificate = certify(problem, replay_of(task, motion), None, remark)
-        mesh = step.mesh or task.options.intervals
         return Optimum(
-            motion, certificate, motion.duration, mesh, iterations=step.iterations, worst_violation=violation
+            motion, certificate, motion.duration, step.mesh, iterations=step.iterations, worst_violation=violation
         )
     return replace(best, iterations=step.iterations)
 
