@@ -11,7 +11,7 @@ import yaml
 import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_of
-from cli.command import answer, run_here
+from cli.command import answer, run_here, run_json
 from problems import pick_and_place
 
 BARE = ("--no-figure", "--no-report")
@@ -231,7 +231,7 @@ def test_a_robot_is_not_read_because_a_result_names_it(name, tracked, tmp_path, 
     monkeypatch.setattr(ad.Robot, "from_urdf", None)  # reading a file would fail
     monkeypatch.setattr(ad.Robot, "from_mjcf", None)
     monkeypatch.setattr(ad.Robot, "from_description", None)
-    folder = changed(tracked, tmp_path / "run", asked__options__robot=name)
+    folder = changed(tracked, tmp_path / "run", asked__options__robot=name, model__source="arm.urdf")
     output = report(folder)
     assert output["success"] and len(output["warnings"]) == 1
 
@@ -315,3 +315,15 @@ def test_a_motion_is_compared_with_its_tracking_on_another_arm(tracked, tmp_path
     for order in ((tracked, tmp_path / "real"), (tmp_path / "real", tracked)):
         output = answer(run_here("compare", *order, "--json", "--out", tmp_path / "both"))
         assert not any("another arm" in warning for warning in output["warnings"])
+
+
+@pytest.mark.slow
+def test_an_arm_of_a_problem_file_that_comes_with_armdyn_is_drawn(tmp_path):
+    problem = "[robot]\nname = 'r'\n[problem]\nq_start = [-1.0]\nq_goal = [1.0]\n"
+    (tmp_path / "problem.toml").write_text(problem)
+    run_json("mintime", "problem.toml", "--no-figure", "--no-report", "--out", "run", cwd=tmp_path)
+    (tmp_path / "problem.toml").unlink()
+    assert run_json("report", "run", cwd=tmp_path)["warnings"] == []
+    result = tmp_path / "run" / "result.json"
+    result.write_text(result.read_text().replace('"name": "r"', '"name": "rr"'))
+    assert "cannot be made again" in run_json("report", "run", cwd=tmp_path)["warnings"][0]

@@ -31,7 +31,7 @@ class ShownOptions:
 
     results: list[Path] = argument(
         "RESULT",
-        "Folders that mintime, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
+        "Folders that mintime, cycle, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
         "them: .csv, .npz, ROS 2's .json and .yaml.",
     )
     robot: str | None = option(

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 
 _NAME = re.compile(r"[a-z0-9_]{1,80}")
+_OURS = ("example-robot-data: ", "armdyn: ", "ArmSpec ")
+"""Beginnings of the sources of arms that are made by their names alone."""
 _ROBOT_FILES = (".urdf", ".xml", ".mjcf")
 _MOST_OBSTACLES, _MOST_LOCKS = 200, 400
 
@@ -73,7 +75,8 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         ArmdynWarning: the robot is not at hand.
     """
     options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
-    named = spec.robot or _robot_of(saved, options.text("robot"), model.text("file"))
+    said = options.text("robot")
+    named = spec.robot or _robot_of(saved, said, model)
     count = saved.motion.v.shape[1]
     joints = saved.motion.joint_names or tuple(model.texts("joints")) or tuple(f"joint{k + 1}" for k in range(count))
     limits = _limits(model, joints)
@@ -93,24 +96,27 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
         _warn(f"{saved.path}: the robot {named} cannot be made again, so that it is not drawn ({error})")
         return bare
     arm = arm if limits is None else replace(arm, limits=limits)
-    if spec.robot is None and _is_file(named) and not is_motion_of(arm, saved.motion):
+    if spec.robot is None and (named != said or _is_file(named)) and not is_motion_of(arm, saved.motion):
         _warn(f"{saved.path}: {named} is not the arm that moved, so that it is not drawn: name the robot by --robot")
         return bare
     return Subject.of(arm, obstacles_in(saved.facts))
 
 
-def _robot_of(saved: Saved, said: str, file: str) -> str | None:
+def _robot_of(saved: Saved, said: str, model: Facts) -> str | None:
     """The robot that a result names: a name, or a file that exists; None: neither.
 
     Args:
         saved: the result.
-        said: as the user named the robot, perhaps in another working folder.
-        file: path of the robot's file from the result's folder.
+        said: as the user named the robot, perhaps in another working folder; or a file of a problem or a cycle with it.
+        model: the result's: its file, from the result's folder, or the name of an arm that comes with armdyn.
     """
     if _NAME.fullmatch(said):
         return said
     folder = (saved.path if saved.path.is_dir() else saved.path.parent).resolve()
-    return next((name for name in (os.path.normpath(folder / file), said) if _is_file(name)), None)
+    files = (os.path.normpath(folder / model.text("file")), said)
+    name, comes_along = model.text("name"), model.text("source").startswith(_OURS)
+    own = name if comes_along and _NAME.fullmatch(name) else None
+    return next((file for file in files if _is_file(file)), own)
 
 
 def _is_file(name: str) -> bool:

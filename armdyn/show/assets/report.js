@@ -12,7 +12,7 @@
   const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0));
   const unpacked = text => new Response(new Blob([bytes(text)]).stream().pipeThrough(new DecompressionStream("gzip"))).json();
   const number = armdynNumber, seconds = time => number(time, duration < 100 ? 4 : 2);  // as elsewhere in the page
-  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const dark = matchMedia("screen and (prefers-color-scheme: dark)");
 
   let scene = null;
   const curves = armdynCurves(el("plots"), motions, labels, to => player.hold(to), zoomed);

@@ -234,6 +234,9 @@ def test_a_phone_shows_all_of_it(chromium, tmp_path, scheme):
         page.set_viewport_size({"width": 844, "height": 390})  # turned on its side
         page.wait_for_timeout(200)
         agree(page, 0.2, 1e-3)
+        page.emulate_media(media="print", color_scheme=scheme)  # on paper it is light
+        assert page.evaluate("getComputedStyle(document.body).color") == "rgb(31, 41, 51)"
+        assert not page.locator(".zoom").is_visible()
         assert not errors
 
 
