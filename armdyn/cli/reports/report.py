@@ -31,8 +31,8 @@ class ShownOptions:
 
     results: list[Path] = argument(
         "RESULT",
-        "Folders that mintime, cycle, pid or track wrote, trajectories (npz), or files of other planners, as optimality reads "
-        "them: .csv, .npz, ROS 2's .json and .yaml.",
+        "Folders that mintime, cycle, pid or track wrote, trajectories (npz), or files of other planners, as "
+        "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
     )
     robot: str | None = option(
         "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
@@ -66,7 +66,7 @@ class ShownOptions:
 def report(shown: ShownOptions, output: OutputOptions) -> None:
     """One HTML page of saved results: the arm, its curves, its verdict and numbers.
 
-    mintime, pid and track write it by themselves. Of several results the first is judged, and the others are its
+    mintime, cycle, pid and track write it by themselves. Of several results the first is judged, and the others are its
     ghosts. It is written next to a single result, else to results/report-ROBOT. Nothing in a result is executed. A
     robot's file that a result names is drawn where it is here and makes the very arm that moved; else give --robot.
 

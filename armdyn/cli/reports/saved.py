@@ -51,7 +51,9 @@ def read_saved(path: Path) -> Saved:
         return Saved(path, Trajectory.load(path), Facts(load_result(_inside(file))) if judged else Facts())
     result, motion = folder / "result.json", folder / "trajectory.npz"
     if not motion.is_file():
-        raise FileError(motion, "no such file: give the folder of one motion, as mintime, pid and track write it")
+        raise FileError(
+            motion, "no such file: give the folder of one motion, as mintime, cycle, pid and track write it"
+        )
     facts = Facts(load_result(_inside(result)))
     other = next((folder / name for name in _BESIDE if (folder / name).is_file()), None)
     followed = None if other is None else Trajectory.load(_inside(other))
