@@ -21,7 +21,7 @@ from armdyn.parallel import ForkPool, job_pool
 _LISTEN = 0.25
 """Interval [s] at which Ctrl-C is polled while workers solve."""
 _ATTEMPTS = 2
-"""Number of workers that may die of one problem, such as for lack of memory, before it is given up."""
+"""Number of workers that may die of one problem, such as for lack of memory, before the problem is given up."""
 
 
 def solve_many(

@@ -70,7 +70,7 @@ def density_of(t: Array, polynomials: Sequence[tuple[Array, Array]], least_densi
     """Density of the next mesh from the errors on the last.
 
     The error of an interval falls with some power p of its length; it is equal everywhere (de Boor's equidistribution)
-    at a density of error^(1/p) / length. The highest coefficient of a polynomial of degree p estimates it.
+    at a density of error^(1/p) / length. The highest coefficient of a polynomial of degree p estimates the error.
 
     Args:
         t: knots [s], shape (K + 1,).

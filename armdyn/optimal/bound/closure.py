@@ -55,8 +55,8 @@ def closure(dynamics: Dynamics, goal: GoalPose) -> EnclosedFunction:
 def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
     """Equations of a few joints each: squared distances between two joints' origins [m²].
 
-    They follow from the joints between these two, and from those outside, through the world and the goal. Joints that
-    turn about either origin have no effect.
+    The distances follow from the joints between these two, and from the other joints, through the world and the goal.
+    Joints that turn about either origin have no effect.
     """
     n, chain, rng = dynamics.nv, chain_to(dynamics.robot, goal), np.random.default_rng(0)
     found = []

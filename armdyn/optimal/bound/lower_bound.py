@@ -57,10 +57,9 @@ def lower_bound(
 
     The proof uses limits of torque, torque-speed curves, limits of velocity, position, acceleration, jerk and torque
     rate, friction, via points and velocities at the ends. All other constraints only make motions slower. Only the
-    kinematic bound is available if a joint has no velocity
-    limit: nothing then bounds its Coriolis forces on other joints. With `goal_pose` the bound holds for the
-    whole set of joint positions within the limits that reach the pose, with `wrap` for all ways round: it is not one of
-    the sampled `goals` alone.
+    kinematic bound is available if a joint has no velocity limit: nothing then bounds its Coriolis forces on other
+    joints. With `goal_pose` the bound holds for the whole set of joint positions within the limits that reach the pose,
+    with `wrap` for all ways round, not only for the sampled `goals`.
 
     Far from both ends the boxes are wide, and torque limits have little effect on the bound. If the fastest ramps move
     other joints away from their goals, the bound therefore misses the time for their return: some 2 % in one of ten

@@ -1,4 +1,4 @@
-"""Lower bound on the duration to a goal pose, over all joint positions that reach it.
+"""Lower bound on the duration to a goal pose, over all joint positions that reach the pose.
 
 Velocity limits give a time before which none of them is reached (`GoalSet.enclosed`). Momentum improves on it by
 bounding the time to all goals in a box at once. A goal that velocity limits make unreachable within a time T is not

@@ -274,8 +274,8 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
         numbers = replace(numbers, most_samples=numbers.samples)
     if not can_be_slowed(problem):
         numbers = replace(numbers, off=numbers.off_in_flight)
-    rubbing = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = numbers.finer if rubbing or not jumps or not numbers.cruises else 1
+    dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    finer = numbers.finer if dry_friction or not jumps or not numbers.cruises else 1
     counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
 

@@ -1,7 +1,7 @@
 """Base class of path constraints.
 
-The program satisfies it at the points of a mesh (`rows`, `values`), the replay is checked everywhere (`check`), and an
-excess between the points tightens the constraint (`tightened`).
+The program satisfies a constraint at the points of a mesh (`rows`, `values`), the replay is checked everywhere
+(`check`), and an excess between the points tightens the constraint (`tightened`).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Rows of a nonlinear program along the path: distances, accelerations, speeds, torque rates.
 
-They come after the equations of motion, interval by interval, and leave those unchanged: a problem without such rows
+Rows follow the equations of motion, interval by interval, and leave these unchanged: a problem without such rows
 has the program of `build_nlp`.
 """
 

@@ -1,7 +1,7 @@
 """Via points: poses and regions that are passed in order, at any time and velocity.
 
-The mesh is distributed over the legs between them, whose end knots have equal bounds (`legs`), so that poses need no
-rows; the replay's misses are corrected by offsets. Where legs meet in a region, curves share a free control point.
+The mesh is distributed over the legs between via points, whose end knots have equal bounds (`legs`), so that poses need
+no rows; the replay's misses are corrected by offsets. Where legs meet in a region, curves share a free control point.
 """
 
 from dataclasses import dataclass, field, replace

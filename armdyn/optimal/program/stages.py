@@ -152,7 +152,7 @@ class _Point:
         return cls(a, jacobians, hessians, by_state, by_torque, ca.triu2symm(ca.SX(acceleration.hessians, hessians)))
 
     def weighed(self, lam: ca.SX) -> ca.SX:
-        """Gradient of λ'F by the state."""
+        """Gradient of λ'F in the state."""
         gradient: ca.SX = self.by_state.T @ lam
         return gradient
 
@@ -246,7 +246,7 @@ class _Interval:
             at = ca.vertcat(way, torque)
             curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
         bow = dh / 8 * nu - h * dh / 12 * middle.weighed(lam)
-        beside = -dh / 6 * lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
-        shared = along_T.T @ beside
+        mixed = -dh / 6 * lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
+        shared = along_T.T @ mixed
         hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
         return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

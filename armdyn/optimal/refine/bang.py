@@ -57,15 +57,15 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
     meshes = task.policy.motion_mesh
     shared = ResolvedMotions(meshes) if alone else None
 
-    def climbed(k: int) -> _Reached:
+    def refined_further(k: int) -> _Reached:
         begun = _Reached(attempts[k], shared or ResolvedMotions(meshes), left=numbers.budget * 2 / 3 ** (k + 1))
         return _up(task, few if k else many, _on(task, options.intervals, begun))
 
     optima: list[Optimum] = []
     beaten = np.inf
     task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
-    climbs = [partial(climbed, k) for k in range(len(attempts))]
-    for k, reached in enumerate(in_processes(climbs, 1 if alone else task.workers, first_here=True)):
+    jobs = [partial(refined_further, k) for k in range(len(attempts))]
+    for k, reached in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
         optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
         if shared and optima[k].certificate.ok:
@@ -107,7 +107,7 @@ class _Reached:
 
 
 def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Refine on a further mesh; on the first one a solution of the search is used as it is."""
+    """Refine on a further mesh; on the first mesh a solution of the search is used unchanged."""
     attempt, iterations = step.guess, step.iterations
     if step.mesh or attempt.intervals != mesh:
         attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())

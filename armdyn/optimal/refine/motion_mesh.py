@@ -219,23 +219,23 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     brief[1:-1] = off[1:-1] & (level[:-2] * level[2:] < 2 * task.policy.arcs.near - 1)
     alone = np.any(brief, axis=1) & (off.sum(axis=1) == 1)
     parts[alone] = 1.0
-    bows = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
+    excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
     fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - task.policy.arcs.near_speed) * limits.velocity
     steady = np.abs(np.diff(at.v, axis=0)) < task.policy.arcs.in_contact * limits.velocity
     room = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
     close = np.minimum(room[:-1], room[1:]) < task.policy.arcs.in_contact
-    bow = np.where(fast & steady, bows[0] / (numbers.bow * limits.velocity), 0.0)
-    bow = np.maximum(bow, np.where(close, bows[1] / numbers.beyond, 0.0)).max(axis=1)
+    bow = np.where(fast & steady, excesses[0] / (numbers.bow * limits.velocity), 0.0)
+    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.beyond, 0.0)).max(axis=1)
     shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
     parts = np.maximum(parts, np.maximum(np.sqrt(bow), (gap / numbers.gap) ** 0.2))
     counts = np.where(lengths > numbers.least, np.ceil(np.minimum(parts, numbers.parts)), 1).astype(int)
     more = [_in_parts(knots, counts)]
-    beside = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
+    around = task.policy.switch_mesh.shrink * np.array([-0.5, 0.5])
     for k, joint in zip(*np.nonzero(brief & (lengths > numbers.least)[:, None]), strict=True):
         share = (1 + level[k, joint] * np.sign(level[k - 1, joint])) / 2  # part of the interval before the switch
-        place = np.clip(share, numbers.margin, 1 - numbers.margin) + beside
+        place = np.clip(share, numbers.margin, 1 - numbers.margin) + around
         more.append(knots[k] + lengths[k] * place)
     found = np.unique(np.concatenate([knots, *more]))
     apart = np.append(np.diff(found) > numbers.least / 20, True)

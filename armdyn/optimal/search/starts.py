@@ -170,11 +170,11 @@ def _fitting_durations(problem: MinimumTimeProblem, paths: Sequence[Path], dq: A
     by_torque = np.max(half + np.sqrt(half**2 + np.abs(inertial) / bound), axis=(1, 2))
     by_speed = np.max(np.abs(dq) / limits.velocity, axis=(1, 2))
     least = max(problem.duration_bound(), _stopping_time(problem), 1e-6)
-    asked = [
+    required = [
         max([constraint.least_duration(problem, path) for constraint in path_constraints_of(problem)], default=least)
         for path in paths
     ]
-    return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(asked), np.full(len(paths), least)]))
+    return np.asarray(np.maximum.reduce([by_torque, by_speed, np.array(required), np.full(len(paths), least)]))
 
 
 def _stopping_time(problem: MinimumTimeProblem) -> float:

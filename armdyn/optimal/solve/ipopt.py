@@ -28,7 +28,7 @@ class Monitor(ca.Callback):
 
     @contextmanager
     def watching(self, stop: Stop) -> Iterator[None]:
-        """Context in which the iterations check a `Stop`; raises what that raised, such as a second Ctrl-C."""
+        """Context in which the iterations poll a `Stop`; re-raises its exceptions, such as a second Ctrl-C."""
         self._stop, self._raised = stop, None
         try:
             yield
@@ -57,7 +57,7 @@ class Monitor(ca.Callback):
         """Returns nonzero to stop IPOPT."""
         try:
             return [int(bool(self._stop))]
-        except BaseException as failure:  # IPOPT knows none: it ends, and CasADi says nothing on the terminal
+        except BaseException as failure:  # stops IPOPT, without CasADi's message on the terminal
             self._raised = failure
             return [1]
 
@@ -103,7 +103,7 @@ class Ipopt(Generic[P]):
                 "iteration_callback_step": _POLL if nx <= _SMALL else 1,
                 "calc_multipliers": False,
                 "calc_lam_p": False,
-                "inputs_check": settings.verbose,  # it warns of equations that fixed unknowns satisfy
+                "inputs_check": settings.verbose,  # CasADi warns of equations in fixed unknowns only
                 "error_on_fail": False,
                 "print_time": False,
                 "show_eval_warnings": settings.verbose,

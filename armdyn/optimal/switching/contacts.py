@@ -68,14 +68,14 @@ class Contact:
         s: places of the stages in the contact, from 0 to 1, shape (m,).
         torque: torque from −1 at the lower to 1 at the upper limit, shape (m,).
         multiplier: outward density of the limit's multiplier over the contact [s/rad], shape (m,).
-        blows: impulses of the multiplier at the knots, including both ends, shape (knots,).
+        impulses: impulses of the multiplier at the knots, including both ends, shape (knots,).
         numbers: tuned numbers of contacts.
     """
 
     s: Array
     torque: Array
     multiplier: Array
-    blows: Array
+    impulses: Array
     numbers: ContactPolicy
 
     @classmethod
@@ -96,15 +96,15 @@ class Contact:
         torque = (2 * whole.tau[own, :, holder] - upper - lower) / (upper - lower)
         costate, K = whole.costate[:, :, i], lengths.size
         knots = range(int(own[0]), int(own[-1]) + 2)
-        blows = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
+        impulses = [costate[k - 1, -1] - costate[k, 0] if 0 < k < K else 0.0 for k in knots]
         place = i
         if change.mode in VELOCITY:  # no impulse at the ends of a contact with a velocity limit
-            place, blows = len(structure.first) + i, [0.0] * len(knots)
+            place, impulses = len(structure.first) + i, [0.0] * len(knots)
         return cls(
             ((t - begin) / (end - begin)).ravel(),
             torque.ravel(),
             -sign * whole.state_multipliers[own, :, place].ravel() * (end - begin),
-            sign * np.array(blows),
+            sign * np.array(impulses),
             extremal.shooting.policy.contacts,
         )
 
@@ -121,7 +121,7 @@ class Contact:
     @property
     def largest(self) -> float:
         """Largest multiplier of the limit during the contact, by density or impulse."""
-        return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.blows))))
+        return max(float(np.max(np.abs(self.multiplier))), float(np.max(np.abs(self.impulses))))
 
     def unwilling(self, largest: float) -> tuple[float, float] | None:
         """First part in which the limit's multiplier has the wrong sign; None without such a part.
@@ -132,15 +132,15 @@ class Contact:
         """
         least = -self.numbers.inward * largest
         inward = self.multiplier < least
-        for k in np.flatnonzero(self.blows[1:-1] < least) + 1:  # also impulses by another joint's touch
+        for k in np.flatnonzero(self.impulses[1:-1] < least) + 1:  # also impulses by another joint's touch
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
             begin, end = self._part(stretches(np.flatnonzero(inward))[0])
             lacking = max(0.0, self.numbers.least - (end - begin)) / 2
             return max(0.0, begin - lacking), min(1.0, end + lacking)
-        if self.blows[0] < least:
+        if self.impulses[0] < least:
             return 0.0, self.numbers.end
-        return (1 - self.numbers.end, 1.0) if self.blows[-1] < least else None
+        return (1 - self.numbers.end, 1.0) if self.impulses[-1] < least else None
 
     def _part(self, run: Index) -> tuple[float, float]:
         before, after = self.s[max(run[0] - 1, 0)], self.s[min(run[-1] + 1, self.s.size - 1)]

@@ -1,1 +1,1 @@
-"""Enclosures of values over boxes: intervals, affine forms, and CasADi Functions evaluated in them."""
+"""Enclosures of values over boxes: intervals, affine forms, and CasADi Functions evaluated in both."""

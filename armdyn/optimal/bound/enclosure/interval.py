@@ -1,8 +1,9 @@
 """Arrays of intervals, rounded outward.
 
-A sum, difference or product of floats is rounded to nearest, so that the next float outward, or the one after, bounds
-it. Products of matrices and running sums use the a-priori bound instead (N. Higham, Accuracy and Stability of Numerical
-Algorithms, 2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes, u = 2⁻⁵³.
+A sum, difference or product of floats is rounded to nearest, so that the next float outward, or the one after, is a
+bound. Products of matrices and running sums use the a-priori bound instead (N. Higham, Accuracy and Stability of
+Numerical Algorithms, 2nd ed. 2002, section 3.1): n terms err by at most γ = n u/(1 − n u) of the sum of their sizes,
+u = 2⁻⁵³.
 """
 
 from __future__ import annotations

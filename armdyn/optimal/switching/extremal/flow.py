@@ -162,23 +162,23 @@ def _functions(dynamics: Dynamics) -> tuple[ca.Function, ca.Function]:
     x, tau, held = ca.SX.sym("x", 2 * n), ca.SX.sym("tau", n), ca.SX.sym("held", 3 * n)
     numbers, p = ca.SX.sym("body", dynamics.last_body.size), ca.SX.sym("p", 2 * n)
     body, free_mask = only_present(dynamics, numbers), ca.SX.sym("free_mask", n)
-    q, v, (own, lifted, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
+    q, v, (own, carried, carrying) = x[:n], x[n:], ca.vertsplit(held, n)
     free = 1 - own
     inertia = ca.diag(free) @ dynamics.crba(q, body) @ ca.diag(free) + ca.diag(own)
     factors = ca.ldl(inertia, False)  # L D Lᵀ, in the joints' own order
     by_carrier = ca.ldl_solve(carrying, *factors)
-    reach = ca.dot(lifted, by_carrier) + 1 - ca.sum1(lifted)
+    reach = ca.dot(carried, by_carrier) + 1 - ca.sum1(carried)
 
     def accelerated(torque: ca.SX) -> ca.SX:
         """Accelerations by a torque and by the reaction of the carrying joint."""
         alone = ca.ldl_solve(free * torque, *factors)
-        return alone - by_carrier * ca.dot(lifted, alone) / reach
+        return alone - by_carrier * ca.dot(carried, alone) / reach
 
     f = ca.vertcat(v, accelerated(tau - dynamics.nle(q, v, body)))
     jacobian = ca.densify(ca.jacobian(f, x))
     torque_sensitivity = ca.densify(ca.vertcat(ca.SX.zeros(n), free * accelerated(free_mask)))
     alone = ca.ldl_solve(free * p[n:], *factors)
-    switching = free * (alone - ca.ldl_solve(lifted, *factors) * ca.dot(carrying, alone) / reach)
+    switching = free * (alone - ca.ldl_solve(carried, *factors) * ca.dot(carrying, alone) / reach)
     return (
         ca.Function("rate", [x, tau, free_mask, held, numbers], [f, jacobian, torque_sensitivity], {"cse": True}),
         ca.Function("switching", [q, p, held, numbers], [ca.densify(switching)], {"cse": True}),

@@ -132,7 +132,7 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
 
 
 def _state_on(rollout: Rollout, time: float, over: _Overlooked) -> Array:
-    """The state at a time [s], with the joint on the limit that it exceeds, at rest on one of position."""
+    """The state at a time [s], with the joint on the exceeded limit; at rest on a position limit."""
     state, n = state_at(rollout, time), len(rollout.structure.first)
     if over.mode in VELOCITY:
         state[n + over.joint] = over.bound

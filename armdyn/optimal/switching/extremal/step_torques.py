@@ -47,11 +47,11 @@ class Torques:
         bang = limits.actuators.extreme(signs)
         free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
         held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
-        lifted, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
+        carried, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
         for k, carriers in enumerate(structure.carriers()):
             for joint, carrier in carriers.items():
                 own = arc == k
-                lifted[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
+                carried[own, joint], carrying[own, carrier.joint], held[own, joint] = 1.0, 1.0, False
                 upper = carrier.press is Mode.UPPER
                 bang[own, joint] = (limits.actuators.upper if upper else limits.actuators.lower)[joint]
                 bang[own, carrier.joint], free[own, carrier.joint] = 0.0, False
@@ -70,7 +70,7 @@ class Torques:
             for side in (0, 1):
                 tau[side][own, joint] = np.split(torque, 2)[side]
                 by[side][own, joint] = np.split(by_unknowns, 2)[side]
-        return cls(tau, held.astype(float), np.hstack([lifted, carrying]), free.astype(float), (by[0], by[1]))
+        return cls(tau, held.astype(float), np.hstack([carried, carrying]), free.astype(float), (by[0], by[1]))
 
     @property
     def kept(self) -> Array:
