@@ -52,14 +52,16 @@ def called(name: object) -> str:
     return _cut(text, _MOST_OF_A_NAME)
 
 
-def position_unit(slides: Iterable[object]) -> str:
-    """Unit of positions of several joints.
+def joint_unit(slides: Iterable[object], turning: str = "rad", sliding: str = "m") -> str:
+    """Unit of several joints: of their positions, or of another quantity.
 
     Args:
         slides: whether each slides; of none nothing is known.
+        turning: unit for a joint that turns.
+        sliding: for one that slides.
     """
-    units = {"m" if one else "rad" for one in slides}
-    return units.pop() if len(units) == 1 else "rad or m"
+    units = {sliding if one else turning for one in slides}
+    return units.pop() if len(units) == 1 else f"{turning} or {sliding}"
 
 
 def percent(part: float) -> str:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.reprs import MOST_LETTERS, brief, called, line_of, percent, position_unit, several_numbers
+from armdyn.reprs import MOST_LETTERS, brief, called, joint_unit, line_of, percent, several_numbers
 from problems import POSES
 
 SIMPLE = {"float", "int", "str", "bool", "Literal", "None", "NoneType", "tuple", "Form", "Status"}
@@ -151,4 +151,4 @@ def test_per_cent_are_rounded_up(part, said):
 
 @pytest.mark.parametrize(("slides", "unit"), [([0, 0], "rad"), ([True], "m"), ([1, 0], "rad or m"), ([], "rad or m")])
 def test_positions_have_the_unit_of_their_joints(slides, unit):
-    assert position_unit(slides) == unit
+    assert joint_unit(slides) == unit

@@ -18,6 +18,7 @@ from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
 from armdyn.errors import ProblemError
 from armdyn.files import as_json
+from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -214,11 +215,21 @@ def _remarks(robot: ad.Robot) -> list[str]:
     return remarks
 
 
+_UNITS = {
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+    "torque": ("N m", "N"),
+    "armature": ("kg m²", "kg"),
+    "damping": ("N m s/rad", "N s/m"),
+    "friction": ("N m", "N"),
+}
+"""Of joints that turn, and of those that slide."""
+
+
 def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
-    more = {"armature": "kg m²", "damping": "N m s/rad", "friction": "N m"}
-    more = {what: unit for what, unit in more.items() if any(joint[what] for joint in joints)}
-    heads = ["joint", ">position\n[rad or m]", ">velocity\n[rad/s]", ">torque\n[N m]"]
-    heads += [f">{what}\n[{unit}]" for what, unit in more.items()]
+    more = [what for what in ("armature", "damping", "friction") if any(joint[what] for joint in joints)]
+    names = ("position", "velocity", "torque", *more)
+    heads = ["joint", *(f">{name}\n[{joint_unit(robot.slides, *_UNITS[name])}]" for name in names)]
 
     def show(x: object) -> str:
         return "-" if x is None else f"{x:.4g}"

@@ -11,7 +11,7 @@ from armdyn.cli.options.groups import argument, flag
 from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
-from armdyn.reprs import position_unit
+from armdyn.reprs import joint_unit
 
 Facts = dict[str, object]
 
@@ -72,7 +72,7 @@ def _print_poses(robot: ad.Robot, answer: Answer) -> None:
     if not words:
         console.print(f"{escape(robot.name)} has no pose with a name: no SRDF is by its URDF")
         return
-    console.print(facts_table(f"{robot.name}: poses [{position_unit(robot.slides)}]", words))
+    console.print(facts_table(f"{robot.name}: poses [{joint_unit(robot.slides)}]", words))
     joints, first = escape(", ".join(robot.joint_names)), escape(next(iter(poses)))
     console.print(f"\nPositions are those of {joints}.\n--q-start {first}, --q-goal and --via take these names.")
 

@@ -4,7 +4,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from armdyn.cli.doctor import policy_facts, policy_table
-from cli.command import app
+from cli.command import app, run_here
 
 ROWS = [
     ("search.starts", 16, "guesses", "fewer miss the best known optimum", "RR, ten payloads"),
@@ -46,3 +46,9 @@ def test_the_policy_of_a_robot():
     assert (small["strategy.methods"], large["strategy.methods"]) == ("('arcs',)", "('curves',)")
     assert small["search.starts"] == 32
     assert run("--policy") == small  # of the arm that the installation is tried with
+
+
+def test_limits_have_the_units_of_the_joints():
+    heads = [run_here("doctor", name).stdout for name in ("rr", "cart_pole")]
+    assert "[rad]" in heads[0] and "[rad or m]" not in heads[0]
+    assert "[rad/s or m/s]" in heads[1] and "[N m or N]" in heads[1]

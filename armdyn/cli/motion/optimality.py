@@ -14,7 +14,7 @@ from armdyn.cli.options.path_constraints import RateOptions
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
-from armdyn.reprs import position_unit
+from armdyn.reprs import joint_unit
 
 MOTIONS = ("trajectory", "optimum")
 
@@ -111,7 +111,7 @@ def _words(found: ad.TimeOptimality) -> dict[str, str]:
     worst = found.worst_violation
     kept = "kept" if worst is None else f"{'kept to within 0.1 %' if found.feasible else 'BROKEN'}; worst: {worst}"
     words["limits"] = kept
-    unit = position_unit(solution.problem.robot.slides)
+    unit = joint_unit(solution.problem.robot.slides)
     words["replayed torques end"] = f"{found.replay_error:.2g} {unit} from its end{found.unstable}"
     idle = [f"{name} {100 * part:.0f} %" for name, part in zip(names, found.idle, strict=True)]
     words["on no limit"] = ", ".join(idle) + " of the time"

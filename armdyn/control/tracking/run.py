@@ -18,7 +18,7 @@ from armdyn.dynamics.driven import Driven
 from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.rendering import renderer
-from armdyn.reprs import brief, called, position_unit
+from armdyn.reprs import brief, called, joint_unit
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
 
@@ -151,7 +151,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         went_wrong=float(t[lost[0]]) if lost.size else broke,
         overshoot=overshoot(driven.q, ticks.goal),
         arrival_time=settled,
-        unit=position_unit(robot.slides),
+        unit=joint_unit(robot.slides),
     )
 
 
@@ -219,7 +219,7 @@ def _status(
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if settled is not None:
-        unit = position_unit(robot.slides)
+        unit = joint_unit(robot.slides)
         return "settled", f"all joints within {tolerance:g} {unit} of the goal from t = {settled:.6g} s on"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
     held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]

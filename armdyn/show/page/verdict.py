@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from armdyn.reprs import USELESS_GAP, percent, position_unit
+from armdyn.reprs import USELESS_GAP, joint_unit, percent
 from armdyn.show.page.facts import Facts
 
 Level = Literal["good", "fair", "bad", "none"]
@@ -87,7 +87,7 @@ def tiles_of(facts: Facts, duration: float, sliding: Sequence[bool]) -> list[Til
             tiles.append(Tile("other optima met", str(len(others)), f"the next one takes {seconds(min(others))}"))
     if "steps" in facts:
         tiles += _cycle_tiles(facts, duration)
-    way = position_unit(sliding)
+    way = joint_unit(sliding)
     for name, label, scale, unit, note in (
         ("optimal_duration", "the fastest takes", 1.0, " s", ""),
         ("arrival_time", "arrived", 1.0, " s", ""),
