@@ -33,6 +33,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
+from armdyn.optimal.refine.slowing import within_constraints
 from armdyn.optimal.refine.ways import NO_WAY, refined_ways, ways_through
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
@@ -290,6 +291,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
             break
         curve = curve.slower(1 + more * (factor - 1))
         replay = follow(task, sampled(task, curve))
+    curve, replay, looked = within_constraints(task, curve, replay, refined.spec.constraints)
     replay = replace(replay, name="minimum time")
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
+from armdyn.optimal.flat.refinement import sampled
 from armdyn.optimal.landing.limit_violations import excesses
 from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
 from armdyn.optimal.landing.rollout import dense, replay_of
-from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.task.task import Task
@@ -70,3 +72,31 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
         reports=TightenedConstraints.of(task).check(problem, motion, passing),
         via_times=tuple(passing.tolist()),
     )
+
+
+def within_constraints(
+    task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
+) -> tuple[Curve, Trajectory, ConstraintReports | None]:
+    """Check the path constraints; where Coulomb friction acts, slow the curve down until its replay keeps them.
+
+    Lines between samples miss the bend of the friction's torque, which shakes light joints beyond their jerk limits.
+    `slowed`, which slows down the replay itself, would end off the goal.
+
+    Args:
+        task: the problem.
+        curve: the motion.
+        replay: of it.
+        constraints: to be checked.
+    """
+    problem = task.problem
+    if not constraints.path_constraints:
+        return curve, replay, None
+    looked = constraints.check(problem, replay, curve.passing)
+    rubs = can_be_slowed(problem) and bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
+    for _ in range(task.policy.refinement.slowing if rubs else 0):
+        if looked.slowing == 1 or not np.isfinite(looked.slowing):
+            break
+        curve = curve.slower(looked.slowing + task.policy.path_constraints.slower)
+        replay = follow(task, sampled(task, curve))
+        looked = constraints.check(problem, replay, curve.passing)
+    return curve, replay, looked
