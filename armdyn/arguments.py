@@ -192,7 +192,7 @@ def number(
     """One number.
 
     Args:
-        value: as given: no text, no boolean.
+        value: the argument; text and booleans are refused.
         name: of the argument.
         unit: in messages.
         sign: that it must have.
@@ -216,7 +216,7 @@ def numbers(value: object, name: str, expected: str = "numbers", *, error: type[
     """Copy of an array of real numbers, without further checks.
 
     Args:
-        value: as given: no text, nothing complex, no booleans, no rows of different length.
+        value: the argument; text, complex numbers, booleans, and rows of different length are refused.
         name: of the argument.
         expected: the right values, in messages.
         error: class of the raised error.
@@ -264,7 +264,7 @@ def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError
     """The members of a list or another iterable, but no text.
 
     Args:
-        value: as given; of one without end no more is read than `MOST_MEMBERS`.
+        value: the argument; at most `MOST_MEMBERS` members are read, also of an endless iterator.
         name: of the argument.
         error: class of the raised error.
 
@@ -359,7 +359,7 @@ def _count(value: object) -> int:
 
 
 def _has_booleans(value: object) -> bool:
-    """Numpy makes numbers of booleans that stand among numbers."""
+    """Whether there are booleans, which numpy turns into numbers."""
     import numpy as np
 
     return isinstance(value, list | tuple) and any(isinstance(x, bool | np.bool_) or _has_booleans(x) for x in value)

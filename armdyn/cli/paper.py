@@ -62,7 +62,7 @@ def reproduce(
 
                 result = carry_out(out, plan, done, None if json else shown)
         except KeyboardInterrupt:
-            message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command to go on"
+            message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command again"
             answer.facts |= {"success": False, "status": "interrupted", "message": message, "out": str(out)}
             answer.code = INTERRUPTED
         else:

@@ -75,7 +75,7 @@ def abandon() -> None:
 
 @atexit.register
 def _leave() -> None:
-    """Tell builders that this process ends by itself: they may go on."""
+    """Signal to builders that this process ends normally: they may continue."""
     for _, line in _builders:
         with suppress(OSError):  # it has ended
             os.write(line, b".")

@@ -69,7 +69,7 @@ def continuation(
 
     The first is searched as `solve_minimum_time` does. Each of the others begins with its neighbour's optimum and few
     guesses of its own; then, backwards, an optimum that a later problem has found is tried on the one before, unless
-    that is proven to be about as fast as can be. The same model with other payloads, limits or poses is built and
+    that is proven to be nearly optimal. The same model with other payloads, limits or poses is built and
     compiled once.
 
     Args:
@@ -79,7 +79,7 @@ def continuation(
         done: called with the number and the solution of a problem, again where the way back finds a faster one.
 
     Returns:
-        A solution for each problem, in their order; after Ctrl-C those that there were.
+        A solution for each problem, in their order; after Ctrl-C those so far.
 
     Raises:
         ProblemError: the problems' robots differ in their joints.

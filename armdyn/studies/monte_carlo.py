@@ -217,7 +217,7 @@ def monte_carlo(
         progress: called with the progress in words.
 
     Returns:
-        The result; after Ctrl-C of the rows that there are.
+        The result; after Ctrl-C of the rows so far.
 
     Raises:
         ProblemError: an argument does not fit the robot.

@@ -140,8 +140,8 @@ def row_store(
 ) -> Iterator[RowStore]:
     """Open the rows of a study: new ones, or those of an earlier run.
 
-    With sync "full" a row that `append` has written survives a SIGKILL of this process and, on a disk that does not lie
-    about its writes, a power cut; with "normal" it survives a SIGKILL, and a power cut may take the last moments.
+    With sync "full" a row that `append` has written survives a SIGKILL of this process and, on a disk that flushes its
+    writes, a power cut; with "normal" it survives a SIGKILL, and a power cut may take the last moments.
 
     Args:
         path: of the file, whose folder is made; next to it lie SQLite's -wal and -shm, and a .lock. None: in memory.

@@ -51,7 +51,7 @@ class TimeLeft:
 
         The mean is of wall time per case, for any number of workers, waits included. Its relative
         spread is that of the cases' own times: σ √(m² / n + m) for the sum of m more after n, the first term for the
-        mean not being known, the second for chance.
+        mean's uncertainty, the second for chance.
         """
         if self._n < _FEWEST:
             return None
@@ -136,7 +136,7 @@ def run_study(
     """Run the missing cases of a study.
 
     A case whose worker dies is given to another one, three times at most; then its row says so. Ctrl-C ends the run and
-    leaves the rows that there are.
+    keeps the rows so far.
 
     Args:
         study: its task and cases.
@@ -211,7 +211,7 @@ class CaseRun:
             for one in self.executor.ended(_LISTEN):
                 result = self._settled(one)
                 if result is None:
-                    if self.stop and one.result:  # as far as this process had come with it
+                    if self.stop and one.result:  # its rows so far in this process
                         self.ended(self._row(one, one.result), one.result)
                     self.waiting.appendleft(one.k)
                     continue

@@ -35,7 +35,7 @@ def kind_of_file(name: str) -> Literal["", "robot", "problem", "study"]:
     return "robot" if keys == {"robot"} else "problem" if {"robot", "problem"} & keys else "study"
 
 
-def beside_a_file(option: str, name: str) -> ProblemError:
+def only_in_the_file(option: str, name: str) -> ProblemError:
     """The refusal of an option, without its dashes, that only a file may set where one is given."""
     return ProblemError(f"--{option}: with a file it is read from the file alone; write it into {name}")
 
@@ -113,7 +113,7 @@ class PartOptions:
 
         for given, value in (("lock", self.lock), ("arm", self.part), ("tool", self.tool)):
             if value:
-                raise beside_a_file(given, name)
+                raise only_in_the_file(given, name)
         robot = robot_from(read_toml(name).table("robot"))
         return robot if payload is None else robot.with_payload(payload)
 

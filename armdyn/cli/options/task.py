@@ -12,7 +12,7 @@ from armdyn.cli.options.path_constraints import PathConstraintOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
 from armdyn.cli.options.positions import degrees_are_on
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.options.robot import PayloadOptions, RobotArgument, beside_a_file, kind_of_file
+from armdyn.cli.options.robot import PayloadOptions, RobotArgument, kind_of_file, only_in_the_file
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
 
@@ -67,7 +67,7 @@ def refuse_with_a_file(name: str, *groups: Any) -> None:
                 refuse_with_a_file(name, value)
             elif field.default is not MISSING and value != field.default:
                 option = "arm" if field.name == "part" else field.name.replace("_", "-")
-                raise beside_a_file(option, name)
+                raise only_in_the_file(option, name)
 
 
 @dataclass(frozen=True, kw_only=True)

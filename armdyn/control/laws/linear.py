@@ -84,7 +84,7 @@ def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
 def loop_steps(plant: Steps, delay: int, gathered: Array) -> Steps:
     """Augment the steps by a loop's states: x = (e, ė, ∫e dt, torques decided and not yet applied), the next first.
 
-    All are reference less actual. u is decided at a tick, and applied `delay` ticks later.
+    All are reference less actual. u is computed at a tick, and applied `delay` ticks later.
 
     Args:
         plant: (e, ė) from tick to tick, as `plant_steps` has it.

@@ -119,7 +119,7 @@ class Lqr:
     The defaults are for least settled time, and one rule for every arm: tuned on random motions of two and three
     joints. An error on the way costs nothing by itself, and a fast motion leaves little torque against it: gains that
     are as high there as at the goal clip the torque, and a joint short of torque disturbs the others. Where speed is
-    limited rather than torque, friction that the model does not know is made up for late: a Panda is then up to 14 %
+    limited rather than torque, unmodelled friction is compensated late: a Panda is then up to 14 %
     faster than its limit, and 3 % with both shares at 1.
 
     The regulator models the delay, not the lag of a filtered velocity. A joint of little inertia would be given gains

@@ -109,7 +109,7 @@ def expect_loop(loop: object, default: Loop | None = None) -> Loop:
     """Check the argument `loop`.
 
     Args:
-        loop: as given.
+        loop: the argument.
         default: value in place of None; None: None is refused.
 
     Raises:

@@ -38,7 +38,7 @@ class SampledStability:
             None: the controller has no law for a loop without them.
         slowest_stable_rate: rate from which on the loop is stable [Hz]; None if it is stable at its own rate, unstable
             as a continuous loop, too, or unstable at every rate of the scan.
-        message: the same in a sentence.
+        message: the verdict in a sentence.
     """
 
     radius: float

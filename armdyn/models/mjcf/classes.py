@@ -84,7 +84,7 @@ class Values:
         Args:
             key: the range's attribute.
             flag: the attribute that says whether it is in force.
-            automatic: whether that goes without saying.
+            automatic: whether it is in force without the flag.
         """
         limited = self.word(flag, ("auto", "true", "false"))
         pair = self.numbers(key, 2)

@@ -26,7 +26,7 @@ class Compiler:
     Attributes:
         radians: in the unit of ranges, axisangle and euler.
         eulerseq: the axes of euler.
-        automatic: a range that is given is in force unless it is said that it is not.
+        automatic: a given range is in force unless switched off.
         inertia_from: whether inertias come from geometry: "auto", where there is no `<inertial>`, "true" or "false".
         groups: first and last group of geometry that gives inertia.
         least_mass: of a body [kg].

@@ -60,7 +60,7 @@ class VelocityTaper:
     Attributes:
         lower: position at which the lower limit's root is zero [rad].
         upper: position at which the upper limit's root is zero [rad].
-        gain: twice the deceleration that the limits ask for [rad/s²].
+        gain: twice the deceleration of the limits [rad/s²].
         offset: velocity that is taken off the root [rad/s].
     """
 

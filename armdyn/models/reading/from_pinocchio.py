@@ -321,7 +321,7 @@ def joint_limits(model: pin.Model) -> JointLimits:
     lower, upper = model.lowerPositionLimit[first], model.upperPositionLimit[first]
     effort_lower, effort_upper = -_or_infinite(-model.lowerEffortLimit), _or_infinite(model.upperEffortLimit)
     one_sided = np.isinf(effort_lower) | (effort_lower >= effort_upper)
-    # A range without width, a velocity limit of zero and torque limits of zero are a URDF's way to say nothing.
+    # A range without width, a velocity limit of zero and torque limits of zero are a URDF's marks of missing limits.
     unset = (effort_upper == 0) & (one_sided | (effort_lower == 0))
     unbounded = np.array([joint.nq == 2 for joint in list(model.joints)[1:]]) | (lower == upper)
     velocity = np.minimum(*(np.abs(_or_infinite(x)) for x in (model.lowerVelocityLimit, model.upperVelocityLimit)))

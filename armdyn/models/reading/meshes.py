@@ -145,7 +145,7 @@ def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterat
         content = io.BytesIO(read_bounded(path, most))
     except FileError as error:
         raise ValueError(f"mesh {path.name!r}: {error.why}") from None
-    scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], resolver=_beside(path))
+    scene = trimesh.load_scene(content, file_type=path.suffix.lower()[1:], resolver=_resolver(path))
     empty = True
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
@@ -160,7 +160,7 @@ def load_meshes(path: Path, scale: Array, most: int = _MAX_MESH_BYTES) -> Iterat
         raise ValueError(f"mesh {path.name!r} has no triangles")
 
 
-def _beside(path: Path) -> Any:
+def _resolver(path: Path) -> Any:
     """Resolver for the files that a mesh refers to: those in its folder, read within the same bounds."""
     from trimesh.resolvers import FilePathResolver
 

@@ -93,7 +93,7 @@ def configurations(model: pin.Model) -> Callable[[Array], Array]:
 def check_inertia(model: pin.Model, source: str) -> None:
     """Refuse a joint that moves no mass of its own: a torque would give no finite acceleration.
 
-    Looked at in one pose, bent so that no axes are in line that need not be.
+    Checked in one pose, bent so that axes are in line only by construction.
 
     Raises:
         UrdfError: some joint moves nothing, or two joints move the same body in the same way.

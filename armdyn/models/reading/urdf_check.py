@@ -200,7 +200,7 @@ def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dic
         return
     if (axis := joint.find("axis")) is not None:
         for vector in _vectors(axis, source, where):
-            if not 1e-6 < np.linalg.norm(vector) < 1e6:  # who reads it divides by it
+            if not 1e-6 < np.linalg.norm(vector) < 1e6:  # readers divide by it
                 what = "axis is zero" if not np.any(vector) else f"axis is {vector}; its length should be 1"
                 raise UrdfError(source, what, where)
     if (dynamics := joint.find("dynamics")) is not None:

@@ -31,7 +31,7 @@ def file_path(path: object, kind: str = "URDF", of_text: str = "Robot.from_urdf_
     """Check the path of a file that describes a robot.
 
     Args:
-        path: as given.
+        path: the argument.
         kind: of the file, in messages.
         of_text: the reader of a text of that kind.
 
@@ -50,8 +50,8 @@ def check_text(text: object, source: object, kind: str) -> None:
     """Check that a value can be the text of a URDF or an MJCF, before it is parsed.
 
     Args:
-        text: as given.
-        source: its name in messages, as given.
+        text: the argument.
+        source: its name in messages.
         kind: "URDF" or "MJCF".
 
     Raises:

@@ -98,8 +98,8 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "furuta_pendulum": ("pendulum",),
     "pendubot": ("elbow",),
 }
-"""The benchmarks of underactuated control, and which of their joints have no motor. A URDF's torque limit of zero, by
-which many mean none at all, could not say that. Where their numbers come from is said in their files."""
+"""The benchmarks of underactuated control, and which of their joints have no motor. A URDF's torque limit of
+zero, which often marks a missing one, could not say that. The sources of their numbers are in their files."""
 
 _CORRECTED = {"ur3": "ur3_robot.urdf"}
 """Files that the loaders 5 get wrong: their "ur3" is a UR5."""

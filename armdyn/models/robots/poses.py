@@ -162,7 +162,7 @@ def _files(robot: Arm) -> list[Path]:
         except OSError:  # there is no such folder
             continue
     own = [path for path in found if path.stem == file.stem]
-    return [*[path for path in found if path not in own][: _MOST_FILES - len(own)], *own]  # its own has the last word
+    return [*[path for path in found if path not in own][: _MOST_FILES - len(own)], *own]  # its own SRDF wins
 
 
 def _of_file(path: Path, robot: Arm) -> dict[str, Array]:

@@ -172,7 +172,7 @@ class Robot(Arm):
     def from_library(cls, name: str, payload: Payload | None = None, **keywords: Unpack[RobotKeywords]) -> Self:
         """An arm of example-robot-data, such as "panda", "ur5", "talos_arm", one of `LIBRARY_ARMS`, or a benchmark.
 
-        A robot that could walk or fly stands with its base fixed.
+        The base of a walking or flying robot is fixed.
 
         Args:
             name: the library's name for it, that of an arm inside a bigger robot, such as "baxter_left", or

@@ -165,7 +165,7 @@ class CollisionModel:
             least: see `is_free`, shape (m,).
             random: targets in the unit cube, shape (k, nv), and ends of shortcuts as parts of the path, shape (s, 2).
             lengths: between collision checks, in the largest component, and by which a tree grows at most [s].
-            checks: until there is a path, and as many for the shortcuts; of both together.
+            checks: budget of checks until a path is found, and the same for the shortcuts.
             stop: whether to give up, polled now and then.
 
         Returns:

@@ -189,7 +189,7 @@ def _effect_of_payloads(optimal: Case, loop: Case, found: Found) -> tuple[Check,
                 if case.kind != "time_energy":
                     checks.append(Check(claim, "Not computed.", None))
                 continue
-            checks.append(Check(claim, _told_effect(effect), effect.rises))
+            checks.append(Check(claim, _effect_words(effect), effect.rises))
     return tuple(checks)
 
 
@@ -197,7 +197,7 @@ _KINDS = {"time_energy": "time-energy", "pid": "PID loop"}
 _READINGS = {"tip": "payload at the tip", "mM": "m → m + M"}
 
 
-def _told_effect(effect: PayloadEffect) -> str:
+def _effect_words(effect: PayloadEffect) -> str:
     reached, n = effect.reached, len(effect.payloads)
     if not reached:
         return f"None of {n} payloads has a time."

@@ -58,7 +58,7 @@ class PaperFigure:
         """Caption: motions, durations, switching times."""
         parts = []
         for outcome, style in zip(self.outcomes, ("Solid", "Dashed", "Dotted"), strict=False):
-            parts.append(f"{style}: {_told(outcome)}.")
+            parts.append(f"{style}: {_duration_words(outcome)}.")
             if outcome.case.kind == "minimum_time":
                 parts += [
                     f"Torque {i + 1} switches at {', '.join(f'{t:.5f}' for t in times)} s."
@@ -192,7 +192,7 @@ def _fit_mechanics(panels: Sequence[Axes], figure: PaperFigure) -> None:
         panel.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
 
 
-def _told(outcome: Outcome) -> str:
+def _duration_words(outcome: Outcome) -> str:
     return f"{label(outcome.case)}, " + ("no arrival" if outcome.time is None else f"{outcome.time:.4g} s")
 
 
@@ -206,7 +206,7 @@ def _mark_published(panels: Sequence[Axes], figure: PaperFigure) -> None:
 
 
 def _put_head(drawn: Figure, figure: PaperFigure) -> None:
-    handles = run_handles([_told(outcome) for outcome in figure.outcomes])
+    handles = run_handles([_duration_words(outcome) for outcome in figure.outcomes])
     if figure.published is not None:
         text = f"published, {figure.published:g} s"
         handles.append(Line2D([], [], color=MARK, linestyle=_MARK_STYLE, linewidth=1.1, label=text))

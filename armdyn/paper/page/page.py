@@ -80,7 +80,7 @@ def write_page(
         "errata": ("Equations", errata_table()),
         "approaches": ("Two approaches", _approaches(outcomes)),
         "feasibility": ("Feasibility", grid_table(feasibility_grid())),
-        "what": ("Method", _what_was_done(payload)),
+        "what": ("Method", _methods(payload)),
     }
     template = files(__package__).joinpath("page.html").read_text("utf-8")
     parts = {
@@ -104,7 +104,7 @@ _FOOTER = (
 )
 
 
-def _what_was_done(payload: float) -> Html:
+def _methods(payload: float) -> Html:
     items = (
         "Examples 1 to 3 are solved twice. As stated: minimum time under ±3 N m, by a global search, collocation, "
         "exact switching times, and a replay through an independent integrator with Pontryagin's conditions checked. "

@@ -84,7 +84,7 @@ class NewestFirst(Generic[Request, Result]):
     def _newer(self) -> bool:
         return self._waiting is not None
 
-    def _heard(self, what: Request) -> Result:
+    def _receive(self, what: Request) -> Result:
         """Do what is requested, interruptible also where SIGINT is ignored by inheritance: a studio in the background.
 
         There the process leaves the group of the terminal, whose Ctrl-C stays ignored.
@@ -95,7 +95,7 @@ class NewestFirst(Generic[Request, Result]):
         return self._do(what)
 
     def _run(self) -> None:
-        with fork_pool(self._heard, 1) as pool:
+        with fork_pool(self._receive, 1) as pool:
             while not self._closed:
                 with self._lock:
                     what, self._waiting = self._waiting, None

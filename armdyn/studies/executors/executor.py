@@ -87,7 +87,7 @@ def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) ->
     Args:
         task: the work on each.
         cases: at least one; the first is done in any case.
-        patience: time [s] after which no case is begun any more; those left out are to be given again.
+        patience: time [s] after which no case is begun; the caller submits the remaining ones again.
     """
     began, motions = time.perf_counter(), dict[int, bytes]()
     for case in cases:
