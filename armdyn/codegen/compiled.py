@@ -48,7 +48,7 @@ void set_numbers(const double *given) {{ for (int i = 0; i < {0}; i++) numbers[i
 """
 """Table of an arm's numbers in C, and the function that fills it."""
 
-_told: set[str] = set()
+_warned: set[str] = set()
 """Warnings that this process has issued."""
 
 _EACH = 2e-4
@@ -211,6 +211,6 @@ def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = F
 
 def _warn_once(what: str, why: Exception) -> None:
     """Warn once per process."""
-    if what not in _told:
+    if what not in _warned:
         warnings.warn(f"{what}: {getattr(why, 'strerror', None) or why}", ArmdynWarning, stacklevel=3)
-        _told.add(what)
+        _warned.add(what)

@@ -131,7 +131,7 @@ class _SoFar:
     def __init__(self, plan: Plan, cases: Sequence[Case]):
         self.found: dict[Case, Outcome] = {}
         self.pictures: list[Picture] = []
-        self._plan, self._cases, self._told = plan, cases, False
+        self._plan, self._cases, self._reported = plan, cases, False
         self._figures = len(_figures(plan, cases))
 
     def take(self, result: "Outcome | Picture | DiskFullError") -> Outcome | None:
@@ -165,9 +165,9 @@ class _SoFar:
     def first(self) -> tuple[Outcome, ...]:
         """Once, when all with the figures' payload are there and drawn: those; else none."""
         shown = [case for case in self._cases if case.payload == self._plan.shown_payload]
-        if self._told or len(self.pictures) < self._figures or not self.found.keys() >= set(shown):
+        if self._reported or len(self.pictures) < self._figures or not self.found.keys() >= set(shown):
             return ()
-        self._told = True
+        self._reported = True
         return tuple(self.found[case] for case in shown)
 
 

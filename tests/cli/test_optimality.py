@@ -151,5 +151,5 @@ def test_ctrl_c_is_no_missing_optimum(motion, here, monkeypatch):
         return replace(found, solution=replace(found.solution, success=False, status=ad.Status.INTERRUPTED))
 
     monkeypatch.setattr(ad, "time_optimality", stopped, raising=False)
-    told = answer(run_here("optimality", "rr", "motion.npz", "--search", "quick", "--json"), 130)
-    assert told["status"] == "interrupted" and not any(file.endswith((".png", ".html")) for file in told["files"])
+    output = answer(run_here("optimality", "rr", "motion.npz", "--search", "quick", "--json"), 130)
+    assert output["status"] == "interrupted" and not any(file.endswith((".png", ".html")) for file in output["files"])

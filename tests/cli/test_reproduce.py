@@ -76,7 +76,7 @@ def test_interrupt_keeps_finished_cases_and_goes_on_from_there(tmp_path):
     output, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     answer = json.loads(output)
-    assert answer["status"] == "interrupted" and "go on" in answer["message"]
+    assert answer["status"] == "interrupted" and "run the same command again" in answer["message"]
     assert "Traceback" not in errors
     kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("cases/*.json")}
     assert kept

@@ -114,5 +114,5 @@ def test_ctrl_c_during_the_search_is_the_end(command, tmp_path, monkeypatch):
     monkeypatch.setattr(
         track, "ad", SimpleNamespace(**{**vars(ad), "solve_minimum_time": stopped, "Status": ad.Status})
     )
-    told = answer(run_here(command, "r", "--json", "--out", tmp_path), 130)
-    assert told["status"] == "interrupted" and not list(tmp_path.iterdir())
+    output = answer(run_here(command, "r", "--json", "--out", tmp_path), 130)
+    assert output["status"] == "interrupted" and not list(tmp_path.iterdir())

@@ -35,7 +35,7 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="gives a file or folder a
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("ARMDYN_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("armdyn.codegen.compiled._told", set())
+    monkeypatch.setattr("armdyn.codegen.compiled._warned", set())
     return tmp_path / "cache"
 
 
@@ -361,7 +361,7 @@ def test_the_builder_in_the_background_leaves_no_child(own_cache, tmp_path):
 def test_a_compiler_has_one_gibibyte(tmp_path, monkeypatch):
     takes = f"exec {sys.executable} -c 'bytearray({{}} * 2**20)'"
     for size, ends in ((1100, "exit 1"), (600, "exit 0")):
-        monkeypatch.setattr("armdyn.codegen.compiled._told", set())
+        monkeypatch.setattr("armdyn.codegen.compiled._warned", set())
         monkeypatch.setenv("CC", script(tmp_path / f"compiler{size}", takes.format(size)))
         with pytest.warns(ArmdynWarning, match=ends):
             compiled([function()], True)
