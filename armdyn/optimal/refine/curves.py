@@ -291,7 +291,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
             break
         curve = curve.slower(1 + more * (factor - 1))
         replay = follow(task, sampled(task, curve))
-    curve, replay, looked = within_constraints(task, curve, replay, refined.spec.constraints)
+    curve, replay, reports = within_constraints(task, curve, replay, refined.spec.constraints)
     replay = replace(replay, name="minimum time")
     result = refined.solved.result
     remark = ON_CURVE if refined.solved.converged else f"the curve did not converge ({result.message})"
@@ -304,7 +304,7 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
         cost=trajectory_cost(replay, problem.effort_weights()),
         intervals=curve.legs[0].basis.intervals,
         iterations=refined.iterations,
-        reports=refined.spec.constraints.check(problem, replay, curve.passing),
+        reports=reports,
         via_times=tuple(map(float, curve.passing)),
         decides=shares,
         calm=refined.calm,

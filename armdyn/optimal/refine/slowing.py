@@ -76,7 +76,7 @@ def _at_pace(task: Task, optimum: Optimum, path: Trajectory, factor: float) -> O
 
 def within_constraints(
     task: Task, curve: Curve, replay: Trajectory, constraints: TightenedConstraints
-) -> tuple[Curve, Trajectory, ConstraintReports | None]:
+) -> tuple[Curve, Trajectory, ConstraintReports]:
     """Check the path constraints; where Coulomb friction acts, slow the curve down until its replay keeps them.
 
     Lines between samples miss the bend of the friction's torque, which shakes light joints beyond their jerk limits.
@@ -89,14 +89,12 @@ def within_constraints(
         constraints: to be checked.
     """
     problem = task.problem
-    if not constraints.path_constraints:
-        return curve, replay, None
-    looked = constraints.check(problem, replay, curve.passing)
+    reports = constraints.check(problem, replay, curve.passing)
     rubs = can_be_slowed(problem) and bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     for _ in range(task.policy.refinement.slowing if rubs else 0):
-        if looked.slowing == 1 or not np.isfinite(looked.slowing):
+        if reports.slowing == 1 or not np.isfinite(reports.slowing):
             break
-        curve = curve.slower(looked.slowing + task.policy.path_constraints.slower)
+        curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
         replay = follow(task, sampled(task, curve))
-        looked = constraints.check(problem, replay, curve.passing)
-    return curve, replay, looked
+        reports = constraints.check(problem, replay, curve.passing)
+    return curve, replay, reports
