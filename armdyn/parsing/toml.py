@@ -38,13 +38,14 @@ class Table:
     Attributes:
         path: of the file.
         values: its keys and their values.
-        lines: the line of each table and key, by the names on the way to it.
+        lines: the line of each table and key, by the names on the way to it; None: the values are no longer the file's,
+            and complaints name no line.
         within: the names on the way to this table.
     """
 
     path: str
     values: Mapping[str, Any]
-    lines: Mapping[tuple[str, ...], int]
+    lines: Mapping[tuple[str, ...], int] | None
     within: tuple[str, ...] = ()
 
     def error(self, key: str, why: str) -> ProblemError:
@@ -54,9 +55,11 @@ class Table:
         """
         if why.startswith(f"{self.path}, line "):
             return ProblemError(why)
-        way = (*self.within, key)
-        line = next((self.lines[way[:n]] for n in range(len(way), 0, -1) if way[:n] in self.lines), 1)
+        way, lines = (*self.within, key), self.lines
         why = _ARGUMENT.sub(r"\1", _UNCLEAR.sub(" ", why))
+        if lines is None:
+            return ProblemError(why)
+        line = next((lines[way[:n]] for n in range(len(way), 0, -1) if way[:n] in lines), 1)
         return ProblemError(f"{self.path}, line {line}: {why}")
 
     def about(self, error: ArmdynError, words: Mapping[str, str] | None = None) -> ProblemError:

@@ -119,7 +119,7 @@ class ArmProblems:
             if name.partition(".")[0] in PROBLEM and name not in OF_ROBOT:
                 place, key = place_of(values, name, joints)
                 place[key] = list(arm.poses[value]) if name in POSES and isinstance(value, str) else value
-        return Table(arm.name, values, {})
+        return Table(arm.name, values, None)
 
     def ends(self, own: Mapping[str, Value]) -> tuple[list[float], list[float]]:
         """Joint positions [rad or m] at start and goal."""
@@ -133,11 +133,7 @@ class ArmProblems:
         Raises:
             ArmdynError: its settings do not fit the arm.
         """
-        table = self.table(settings)
-        try:
-            return problem_from(table, self.robot(settings))
-        except ProblemError as error:
-            raise ProblemError(str(error).removeprefix(f"{table.path}, line 1: ")) from None
+        return problem_from(self.table(settings), self.robot(settings))
 
     def key(self, own: Mapping[str, Value]) -> str:
         """Problems with equal keys are equal, also if they belong to another study in the same process."""
@@ -153,7 +149,7 @@ class ArmProblems:
 def _plain_robot(table: str, payload: float | None) -> Robot:
     """The robot of a table [robot] in JSON, with another mass of its payload [kg]; None: its own."""
     values = json.loads(table)
-    return robot_from(Table(str(values.get("name", "robot")), values, {}), payload)
+    return robot_from(Table(str(values.get("name", "robot")), values, None), payload)
 
 
 def with_checksum(robot: Mapping[str, Any]) -> dict[str, Any]:

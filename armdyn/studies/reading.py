@@ -1,7 +1,5 @@
 """Study files: untrusted TOML, bounded, without code and without files outside its own folder."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -168,7 +166,7 @@ def arms_of(table: Table, varied: Mapping[str, tuple[str, ...]]) -> Iterator[Stu
         of_robot = {key: value for key, value in own.values.items() if key in KEYS}
         with own.at("robot" if "robot" in own.values else name):
             given = {"name": own.text("robot", name)} if not {"urdf", "mjcf", "spec"} & of_robot.keys() else {}
-            lines = dict(own.lines)  # `robot` of a study is `name` of a robot's own table
+            lines = dict(own.lines or {})  # `robot` of a study is `name` of a robot's own table
             if (line := lines.get((*own.within, "robot"))) is not None:
                 lines[*own.within, "name"] = line
             robot = robot_from(Table(own.path, of_robot | given, lines, own.within))

@@ -78,11 +78,8 @@ class CycleTask:
         for name, value in settings.items():
             place, key = place_of(values, name, ())
             place[key] = value
-        table = Table(self.file, values, {})
-        try:
-            cycle = cycle_from(table, robot_from(table.table("robot")))
-        except ProblemError as error:
-            raise ProblemError(str(error).removeprefix(f"{self.file}, line 1: ")) from None
+        table = Table(self.file, values, None)
+        cycle = cycle_from(table, robot_from(table.table("robot")))
         solution = solve_cycle(cycle, replace(self.options, workers=1))
         most = next(iter(solution.decides), None)
         facts = {
