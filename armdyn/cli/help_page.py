@@ -1,7 +1,5 @@
 """Layout of the help: a panel for each kind of option, wide descriptions."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """The command that is running: its name, and the values of its options."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

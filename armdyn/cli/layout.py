@@ -1,7 +1,5 @@
 """Commands of the application: a line may have two of them, and help is a page of `help_page`."""
 
-from __future__ import annotations
-
 import shlex
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Option `--require`: conditions on a motion besides being usable."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

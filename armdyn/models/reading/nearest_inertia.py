@@ -1,7 +1,5 @@
 """Physical inertias nearest to unphysical ones, and a URDF's text with them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
