@@ -1,8 +1,8 @@
 """Lock around everything that CasADi and IPOPT cannot do in two threads at once.
 
 CasADi lets go of the interpreter's lock whenever it is called, so that threads do meet in it. Building expressions
-and evaluating Functions are safe there. A solver is not: it has one memory, whoever calls it, and one monitor that
-says when to stop. Whoever calls IPOPT therefore takes `one_at_a_time`, and so does code that builds objects once,
+and evaluating Functions are safe there. A solver is not: it has one memory for all callers, and one monitor that
+says when to stop. Calls of IPOPT therefore hold `one_at_a_time`, and so does code that builds objects once,
 or works in objects that their use changes. It is never held from one call of IPOPT to the next: threads take turns.
 
 A fork waits for its turn, too, so that its child finds nothing half done and no lock of IPOPT's taken.
@@ -33,7 +33,7 @@ os.register_at_fork(
 class cached_property(_cached_property[Value]):  # noqa: N801  # as Python's
     """Python's, without the lock that it has before 3.12.
 
-    That lock is one for all instances of a class: whoever forks while another thread computes leaves it taken in the
+    That lock is one for all instances of a class: a fork while another thread computes leaves it taken in the
     child for ever. Two threads that read one instance at once may both compute; the values are the same.
     """
 

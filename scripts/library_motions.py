@@ -117,7 +117,7 @@ def main() -> None:
     head = ["arm", "joints", "pair", "t_f [s]", "bound [s]", "gap", "goal [rad]", "limits", "time [s]", "verdict"]
     said = (__doc__ or "").split("\n\n")[1]
     text = [
-        "# Every arm that goes by a name\n",
+        "# Arms by name\n",
         f"Written by `scripts/library_motions.py`: the fastest motions, with `calm=0`.\n\n{said}\n",
     ]
     text += [f"{summary(rows)}\n", table(head, [row.cells() for row in rows]), ""]
