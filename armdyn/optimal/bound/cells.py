@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.instructions import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, joined, stacked
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd

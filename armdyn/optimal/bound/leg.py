@@ -10,7 +10,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import cached_property
 from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.bound.enclosure.affine import Affine
+from armdyn.optimal.bound.enclosure.instructions import Affine
 from armdyn.optimal.bound.enclosure.interval import Interval, down, joined, rounding
 from armdyn.optimal.bound.rates import least_times
 from armdyn.optimal.bound.terms import terms_over

@@ -9,8 +9,7 @@ from armdyn.arrays import Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.scene.reaching import GoalPose, moving_directions
-from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
+from armdyn.optimal.bound.enclosure.instructions import Affine, EnclosedFunction
 from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
 from armdyn.optimal.bound.leg import LegEnd

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
-from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
+from armdyn.optimal.bound.enclosure.instructions import Affine, EnclosedFunction
 from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
 Indices = NDArray[np.intp]

@@ -3,23 +3,62 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.robots.robot import Robot
+from armdyn.optimal.flat.clearance_rows import ClearanceRows, clearance_rows
+from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import Checked, between_samples, check
-from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
+from armdyn.optimal.path_constraints.clearance import KeepsClear
+from armdyn.optimal.path_constraints.constraint import ConstraintReport
+from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
+from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.trajectory import Trajectory
 
 Guess = tuple[Array, float, TorqueMargin]
 """Initial control points [rad or m], shape (basis.size, nv), duration [s], and torque margins."""
+
+
+@dataclass(eq=False)
+class Distances:
+    """Clearance constraint of a live motion.
+
+    Attributes:
+        problem: problem with the obstacles.
+        constraint: clearance constraint, with the places at which curves violated it.
+        policy: settings of the clearance rows.
+        report: report on the last checked motion.
+    """
+
+    problem: MinimumTimeProblem
+    constraint: KeepsClear
+    policy: SequentialPolicy
+    report: ConstraintReport | None = None
+
+    @classmethod
+    def of(cls, problem: MinimumTimeProblem, policy: SequentialPolicy) -> Self | None:
+        """Distances that a problem requires; None: no distances."""
+        constraint = KeepsClear.from_problem(problem)
+        return None if constraint is None else cls(problem, constraint, policy)
+
+    def rows(self, curve: Curve) -> ClearanceRows:
+        """Rows of a program near a curve."""
+        return clearance_rows(self.constraint.required_distances(self.problem), curve, self.policy)
+
+    def kept(self, motion: Trajectory) -> bool:
+        """Whether a motion provably satisfies all distances; if not, the constraint is tightened for the next step."""
+        self.report = self.constraint.check(self.problem, motion, np.empty(0))
+        self.constraint = self.constraint.tightened(self.problem, self.report)
+        return not self.report.reasons
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,8 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.live.distances import Distances
 from armdyn.optimal.live.guesses import direct, rest_of
-from armdyn.optimal.live.improving import Draft, Improved, LimitedArm, improve
+from armdyn.optimal.live.improving import Distances, Draft, Improved, LimitedArm, improve
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends, StepProgram
 from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last

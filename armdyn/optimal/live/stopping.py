@@ -8,8 +8,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.live.checking import acceleration_excess
-from armdyn.optimal.live.distances import Distances
-from armdyn.optimal.live.improving import LimitedArm
+from armdyn.optimal.live.improving import Distances, LimitedArm
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.live.program import Ends
 from armdyn.optimal.problem.status import Status

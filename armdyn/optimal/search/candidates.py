@@ -9,9 +9,8 @@ import numpy as np
 
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.search.crossover import crossover_guesses
 from armdyn.optimal.search.distinct import distinct, ranked
-from armdyn.optimal.search.multistart import Job, SearchSettings, search
+from armdyn.optimal.search.multistart import Job, SearchSettings, crossover_guesses, search
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, prepare_quickly, solve_quickly

@@ -177,6 +177,9 @@ def speed_contacts(
 ) -> tuple[list[Arc], list[SpeedContact]]:
     """Contacts with velocity limits maintained by another joint's torque, and the arcs, split at their ends.
 
+    The joint's own torque is saturated during the contact. The other torque looks like a singular arc, but is
+    determined by the velocity limit.
+
     Args:
         shooting: the shooting problem.
         arcs: arcs of a mesh refined at its switches, where a saturated torque precedes a velocity limit.

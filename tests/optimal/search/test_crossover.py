@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armdyn.optimal.program.guesses import Guesses
-from armdyn.optimal.search.crossover import crossover, crossover_guesses
-from armdyn.optimal.search.multistart import SearchSettings, search
+from armdyn.optimal.search.multistart import SearchSettings, crossover, crossover_guesses, search
 from armdyn.optimal.search.starts import SAMPLES, spline
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.policy import Policy

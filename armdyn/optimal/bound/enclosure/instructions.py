@@ -11,9 +11,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from armdyn.arrays import Array
 from armdyn.errors import BridgeError
-from armdyn.optimal.bound.enclosure.affine import Affine
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure.interval import Interval, rounding
 
 _OPERATIONS = {
     code: number
@@ -23,6 +23,48 @@ _OPERATIONS = {
     )
 }  # fmt: skip
 """Operations in an arm's inertia and gravity and their derivatives: operation codes of `_enclosure/program.hpp`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """Affine forms, one per place, over several boxes at once: first-order enclosures, with a bound of the remainder.
+
+    A form is c + Σ g_k ε_k ± r with every |ε_k| ≤ 1, ε_k the same in all forms: the overestimation is of second order
+    in the box's size, where intervals, which lose the dependence of their operands, are of first order (L. de
+    Figueiredo and J. Stolfi, Affine arithmetic: concepts and applications, Numerical Algorithms 37, 2004). Errors of
+    rounding are part of r. Their arithmetic is in `_enclosure/affine_forms.cpp`.
+
+    Attributes:
+        centre: c, shape (places, boxes).
+        slopes: g, shape (places, nv, boxes).
+        rest: r, not negative, shape (places, boxes).
+    """
+
+    centre: Array
+    slopes: Array
+    rest: Array
+
+    @property
+    def parts(self) -> tuple[Array, ...]:
+        """The arrays of the forms."""
+        return self.centre, self.slopes, self.rest
+
+    @property
+    def far(self) -> Array:
+        """Largest distance from the centre, before rounding."""
+        return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
+
+    @property
+    def interval(self) -> Interval:
+        """Interval hull."""
+        far = self.far
+        radius = far + rounding(2 + self.slopes.shape[1], far + np.abs(self.centre))
+        return Interval(self.centre - radius, self.centre + radius)
+
+    def __sub__(self, other: Affine) -> Affine:
+        centre, slopes, rest = self.centre - other.centre, self.slopes - other.slopes, self.rest + other.rest
+        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+        return Affine(centre, slopes, rest + rounding(slopes.shape[1] + 2, size))
 
 
 @dataclass(frozen=True, eq=False)
