@@ -223,7 +223,8 @@ def _failed(task: Task, refined: RefinedCurve) -> Attempt:
         message = f"a curve of {motion.duration:.4g} s is the best; its torques, or their rates, {beyond}"
     if over[j] > 0:
         name, most = problem.robot.joint_names[j], abs(hold[j]) - over[j]
-        message += f"; joint {name!r} needs {abs(hold[j]):.3g} of {most:.3g} N m or N to be held at the goal"
+        unit = "N" if problem.robot.slides[j] else "N m"
+        message += f"; joint {name!r} needs {abs(hold[j]):.3g} {unit} to hold the goal, its limit is {most:.3g} {unit}"
     status = Status.INFEASIBLE if result.status is Status.SOLVED else result.status
     worst = worst_violation(limits, motion, problem.robot.joint_names, dense=1)
     return Attempt(status, message, motion, refined.curve.legs[0].basis.intervals, refined.iterations, worst)
