@@ -81,7 +81,9 @@ def solve_curve(
     if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
         numbers = task.policy.sequential
         trust, eager = (numbers.fine_trust, None) if near is None else (numbers.again_trust, 0)
-        return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager))
+        if spec.least:
+            numbers, eager = replace(numbers.without_obstacles, trust=numbers.calm_trust), 0
+        return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager), numbers)
     rows = rows_of(task.problem, spec.constraints)
     if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles

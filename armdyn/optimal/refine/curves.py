@@ -200,7 +200,7 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
 def _calms(task: Task) -> bool:
     """Whether the options allow time for calm joints."""
     problem = task.problem
-    return task.options.calm > 0 and not (problem.pays_effort or problem.crowded or problem.regional)
+    return task.options.calm > 0 and not (problem.pays_effort or problem.regional)
 
 
 def _no_way(task: Task) -> Attempt:

@@ -357,6 +357,17 @@ ROUND = ([0, -1.2, 1.2, -1.5, -1.5, 0], [1.6, -1.2, 1.2, -1.5, -1.5, 0])
 """The straight way between these goes through NEAR."""
 
 
+@pytest.mark.slow
+def test_calm_joints_among_obstacles_keep_their_distances():
+    problem = ur5(*ROUND, obstacles=[FAR, NEAR], self_collision=True)
+    fastest, calm = (ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=share)) for share in (0.0, 1e-3))
+    assert fastest.usable and calm.usable and fastest.calm == 0
+    assert 0 < calm.calm <= 1e-3 * fastest.duration
+    assert calm.duration <= (1 + 1e-3 + SAME) * fastest.duration
+    assert calm.clearance.distance >= problem.clearance
+    assert np.sum(excess_travel(calm.trajectory)) < 0.6 * np.sum(excess_travel(fastest.trajectory))
+
+
 @pytest.mark.parametrize("options", [{"obstacles": [FAR]}, {"self_collision": True}], ids=["far", "itself"])
 def test_obstacles_off_the_free_optimum_cost_nothing(options):
     problem, messages = ur5(**options), []
