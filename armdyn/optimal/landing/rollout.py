@@ -14,8 +14,8 @@ from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 RTOL = 1e-11
-"""Relative tolerance of the integrator: far below the goal errors to be detected. With 1e-10 a step through a wrist that
-its damping stops in 70 µs is off by up to 1.7e-7 rad/s, which the error estimate does not see (xArm7)."""
+"""Relative tolerance of the integrator: far below the goal errors to be detected. With 1e-10 a step through a wrist
+that its damping stops in 70 µs is off by up to 1.7e-7 rad/s, which the error estimate does not see (xArm7)."""
 _SPARE = 300_000
 """Largest number of accelerations in halved steps: half a second; motions of well-posed dynamics need none."""
 _SPARE_WHEN_LATE = 30_000
