@@ -77,7 +77,7 @@ def test_a_small_gap_certifies_and_a_larger_one_has_a_remedy():
 
 def test_idle_joints_are_named():
     assert (
-        "joint2: the duration does not determine" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
+        "joint2: not determined by the duration" in solution_words(bounded(0.0, idle=("joint2",)), wrap=False)["idle"]
     )
 
 

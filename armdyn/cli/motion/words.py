@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from armdyn.cli.invocation import in_options
+from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
     from armdyn.optimal import Solution
@@ -69,7 +70,7 @@ def _facts(solution: Solution) -> dict[str, str]:
     words = {True: "yes: ", False: "no: ", None: ""}
     facts |= {name: f"{words[holds]}{said}" for name, holds, said in checks(solution)}
     if solution.certificate.idle and solution.moves:
-        facts["idle"] = ", ".join(solution.certificate.idle) + ": the duration does not determine their motion"
+        facts["idle"] = ", ".join(solution.certificate.idle) + ": not determined by the duration"
     if solution.what_to_do:
         facts["what you can do"] = "\n".join(map(in_options, solution.what_to_do))
     facts |= _way(solution)
@@ -101,5 +102,7 @@ def _way(solution: Solution) -> dict[str, str]:
         facts["goals tried"] = (
             ", ".join(f"{goal.duration:.4f}{'' if goal.refined else ' (coarse)'}" for goal in solution.goals[:8]) + " s"
         )
-        facts["goal"] = ", ".join(f"{x:.4f}" for x in solution.problem.x_goal[: solution.problem.robot.nv]) + " rad"
+        robot = solution.problem.robot
+        goal = ", ".join(f"{x:z.4f}" for x in solution.problem.x_goal[: robot.nv])
+        facts["goal"] = f"{goal} {joint_unit(robot.slides)}"
     return facts
