@@ -9,6 +9,7 @@ import numpy as np
 import armdyn as ad
 from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.cli.options.joints import carried_facts, carried_words
+from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.proof.certificate import Certificate
 from problems import solved
 
@@ -98,3 +99,8 @@ def test_the_tip_and_the_payloads_place():
     assert load == "payload of 2 kg at (0, 0, 0.05) m in the frame 'tool', 1 shape"
     assert [body["frame"] for body in carried_facts(robot)["carried"]] == ["panda_hand_tcp", "tool"]
     assert carried_words(ad.Robot.from_library("panda")) == {"tip": "'panda_hand_tcp'"}
+
+
+def test_the_replay_is_in_the_units_of_the_joints():
+    assert "rad or m of the goal" in replay_words(bounded(0.0).certificate, np.array([True, False]))
+    assert " m of the goal" in replay_words(bounded(0.0).certificate, np.array([True]))

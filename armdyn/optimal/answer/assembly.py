@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armdyn.arrays import Flags
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.answer.words import replay_words
 from armdyn.optimal.landing.rollout import replay_of
@@ -18,6 +19,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import Found
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.task.task import Task
+from armdyn.reprs import joint_unit
 from armdyn.trajectory import Trajectory
 
 _ALIKE = 1e-6
@@ -150,7 +152,8 @@ def _as_replayed(task: Task, optimum: Optimum) -> Optimum:
 
 def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
     """Replace a solution's certificate, and its message accordingly."""
-    before, after = (_solved(one, solution.duration) for one in (solution.certificate, certificate))
+    slides = solution.problem.robot.slides
+    before, after = (_solved(one, solution.duration, slides) for one in (solution.certificate, certificate))
     return replace(solution, certificate=certificate, message=solution.message.replace(before, after))
 
 
@@ -212,21 +215,22 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
 
 
 def _message(task: Task, status: Status, optimum: Optimum, found: Found) -> str:
-    certificate, duration = optimum.certificate, optimum.trajectory.duration
+    certificate, duration, slides = optimum.certificate, optimum.trajectory.duration, task.problem.robot.slides
     if status is Status.INFEASIBLE:
         return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
     if not any(_rank(task, optimum)) and status is not Status.INTERRUPTED:
         unheld = task.problem.unheld
         stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
         ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
-        return ended + _solved(certificate, duration) + stays
+        return ended + _solved(certificate, duration, slides) + stays
     if status is Status.REPLAY_MISSED:
-        tolerance = f"(tolerance {task.options.replay_tolerance:g} rad)"
+        unit, speed = joint_unit(slides), joint_unit(slides, "rad/s", "m/s")
+        tolerance = f"(tolerance {task.options.replay_tolerance:g} {unit})"
         if certificate.replay == "segments" or not certificate.repeats:
-            return f"{replay_words(certificate)} {tolerance}"
+            return f"{replay_words(certificate, slides)} {tolerance}"
         return (
-            f"the torques that collocation found end {certificate.goal_error:.2g} rad from the goal and "
-            f"{certificate.goal_velocity_error:.2g} rad/s from its velocity when replayed {tolerance}; "
+            f"the torques that collocation found end {certificate.goal_error:.2g} {unit} from the goal and "
+            f"{certificate.goal_velocity_error:.2g} {speed} from its velocity when replayed {tolerance}; "
             f"open-loop growth {certificate.growth:.2g}"
         )
     said = ended_by_time(task.options.time_limit) if status is Status.TIME_LIMIT else status.replace("_", " ")
@@ -241,7 +245,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: Found) -> str:
     return said
 
 
-def _solved(certificate: Certificate, duration: float) -> str:
+def _solved(certificate: Certificate, duration: float, slides: Flags) -> str:
     reasons = "; ".join(certificate.reasons)
     verdict = f"not certified: {reasons}" if reasons else "certified"
-    return f"{duration:.9g} s; {replay_words(certificate)}; {verdict}"
+    return f"{duration:.9g} s; {replay_words(certificate, slides)}; {verdict}"

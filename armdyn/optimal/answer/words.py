@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from armdyn.arrays import Flags
 from armdyn.optimal.answer.advice import advice
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import Certificate
-from armdyn.reprs import gap_words, percent
+from armdyn.reprs import gap_words, joint_unit, percent
 
 if TYPE_CHECKING:
     from armdyn.optimal.answer.solution import Solution
@@ -73,9 +74,10 @@ def checks(solution: Solution) -> list[Check]:
         kept = str(certificate.exceeded)
     preset = solution.problem.preset
     seen = None if preset is None else preset.check(solution.trajectory)
-    velocity = f"velocity within {certificate.goal_velocity_error:.1e} rad/s"
+    slides = solution.problem.robot.slides
+    velocity = f"velocity within {certificate.goal_velocity_error:.1e} {joint_unit(slides, 'rad/s', 'm/s')}"
     return [
-        ("lands", certificate.lands, f"{replay_words(certificate)}; {velocity}"),
+        ("lands", certificate.lands, f"{replay_words(certificate, slides)}; {velocity}"),
         ("keeps its limits", certificate.keeps_limits, kept),
         *((one.name, not one.reasons, "; ".join(one.reasons) or one.said) for one in solution.constraint_reports),
         *([] if seen is None else [("controller", seen.ok, str(seen))]),
@@ -132,7 +134,7 @@ def paragraph(solution: Solution) -> str:
     else:
         said = [said[0].replace("was found:", f"was found for {name}, {joints}:", 1)]
     if solution.feasible and solution.moves:
-        words = replay_words(solution.certificate)
+        words = replay_words(solution.certificate, solution.problem.robot.slides)
         said.append(f"{words[0].upper()}{words[1:]}.")
     said += [_decided(solution), _calmed(solution)]
     if solution.lower_bound is not None and solution.moves:
@@ -147,22 +149,28 @@ def paragraph(solution: Solution) -> str:
     return " ".join(filter(None, said))
 
 
-def replay_words(certificate: Certificate) -> str:
-    """Result of a motion's replay in words: open loop, or by segments and under feedback."""
+def replay_words(certificate: Certificate, slides: Flags) -> str:
+    """Result of a motion's replay in words: open loop, or by segments and under feedback.
+
+    Args:
+        certificate: of the motion.
+        slides: joints that slide instead of turning, shape (nv,).
+    """
+    within = f"ends within {certificate.goal_error:.1e} {joint_unit(slides)} of the goal"
     if certificate.replay == "curve":
-        return f"ends within {certificate.goal_error:.1e} rad of the goal, torques by inverse dynamics; not replayed"
+        return f"{within}, torques by inverse dynamics; not replayed"
     growth = "" if certificate.growth is None else f"{certificate.growth:.2g}"
     if certificate.replay == "open loop":
         grown = f" (growth {growth})" if growth else ""
         apart = "" if certificate.repeats else f"; a segment ends {certificate.segment_error:.1e} from the next sample"
-        return f"open-loop replay ends within {certificate.goal_error:.1e} rad of the goal{grown}{apart}"
-    segments = f"every segment replayed to within {certificate.segment_error:.1e} rad or rad/s"
+        return f"open-loop replay {within}{grown}{apart}"
+    segments = f"every segment replayed to within {certificate.segment_error:.1e} {joint_unit(slides)}, and per second"
     unstable = f"open loop the motion is unstable (growth {growth})"
     if certificate.correction is None or certificate.correction_share is None:
         return f"{segments}; {unstable}, and a replay under feedback leaves it"
     return (
-        f"{segments}; {unstable}, under feedback it ends within {certificate.goal_error:.1e} rad of the goal with "
-        f"corrections of at most {certificate.correction:.1e} N m "
+        f"{segments}; {unstable}, under feedback it {within} with "
+        f"corrections of at most {certificate.correction:.1e} {joint_unit(slides, 'N m', 'N')} "
         f"({certificate.correction_share:.1e} of half the torque range)"
     )
 
