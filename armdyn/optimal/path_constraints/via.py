@@ -53,14 +53,14 @@ class ViaPoints(PathConstraint):
             if isinstance(via, GoalPose):
                 error, time, which = _nearest_deviation(problem, motion, via, float(time))
                 enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
-                what = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
+                miss = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
                 distance = np.abs(motion(time).q - np.asarray(via))
                 error, which = float(np.max(distance)), problem.robot.joint_names[int(np.argmax(distance))]
-                enough, what = self.policy.near, f"{error:.2g} rad off via point {i}"
+                enough, miss = self.policy.near, f"{error:.2g} rad off via point {i}"
             errors.append(error)
             if error > enough:
-                reasons.append(f"it passes {what}")
+                reasons.append(f"it passes {miss}")
                 worst.append(Violation(f"via point {i}", which, float(time), error))
         times = ", ".join(f"{t:.4f}" for t in passing)
         words = f"at {times} s, within {max(max(errors), 0.0):.1e} rad" + (" or m" if problem.via_regions else "")

@@ -22,7 +22,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
     """Slow an optimum down by the smallest factor for which its replay satisfies all limits and constraints.
 
     Every strategy ends with this step. The optimum is returned unchanged, with its arcs, if it exceeds no limit, does
-    not land, cannot be slowed down (`can_be_slowed`), or violates what no slower motion satisfies: position limits,
+    not land, cannot be slowed down (`can_be_slowed`), or violates constraints independent of pace: position limits,
     clearances, via points.
 
     Args:

@@ -104,12 +104,12 @@ class DerivativeLimit(PartialLimit):
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check accelerations by forward dynamics, and their time derivatives, within every sample."""
-        robot, limits, (what, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
+        robot, limits, (kind, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
         t, *rates = accelerations(robot, motion)
         seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
         k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
         share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
         unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
         words = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
-        reason = f"joint {joint!r} exceeds its {what} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, words, reason, (f"{what} limit", joint, when), order=self.order)
+        reason = f"joint {joint!r} exceeds its {kind} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
+        return self.report(share, words, reason, (f"{kind} limit", joint, when), order=self.order)
