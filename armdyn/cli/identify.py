@@ -14,7 +14,7 @@ import typer
 import armdyn as ad
 from armdyn.arguments import whole
 from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
-from armdyn.cli.invocation import invocation
+from armdyn.cli.invocation import invocation, is_given
 from armdyn.cli.layout import Followed
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.path_constraints import SceneOptions
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 _FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
 _MOST_ROWS = 40
 """Rows of the table of numbers on the terminal; --json has all."""
+_OF_LOGS = ("held_out", "likely", "confidence")
+"""Options that a motion to log does not depend on."""
 _MOST_LIKELY = 100
 """Most arms in a file; fewer where the file would be too large to be read."""
 
@@ -116,6 +118,8 @@ def identify(
             if options.exciting is not None:
                 if then:
                     raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
+                if of_logs := [name for name in _OF_LOGS if is_given(name)]:
+                    raise ProblemError(f"--{of_logs[0].replace('_', '-')} is of an identification: give a LOG")
                 scene.expect_bodies()
                 sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
                 _write_motion(answer, arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))

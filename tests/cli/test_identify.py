@@ -190,6 +190,7 @@ def test_an_exciting_motion_is_clear_of_obstacles_and_accepted_by_the_preset(tmp
         (["log.csv", "--preset", "ur5"], "--preset is of a motion to log"),
         (["--exciting", "2", "--then", "mintime", "--q-goal", "1,0,0"], "--then needs an identified arm"),
         (["log.csv", "--likely", "1000"], "--likely is 1000"),
+        (["--exciting", "2", "--held-out", "0.3"], "--held-out is of an identification: give a LOG"),
     ],
 )
 def test_bad_input_is_refused(arguments, message):
