@@ -94,6 +94,14 @@ def test_a_payload_or_friction_that_makes_up_for_wrong_inertias_is_warned_of(wha
 
 
 @pytest.mark.slow
+def test_a_simulated_loop_s_own_samples_ask_for_no_other_inertias():
+    prior = robot_named("ur5")
+    motion = ad.ramp(prior, [0] * 6, [1, -1, 1, 1, 1, 1], 2.0)
+    run = ad.track(prior, motion, plant=prior.with_friction(0.5, 1), duration=3.0)
+    assert identify(prior, ad.Log.of(run.trajectory), "payload", QUICK).warnings == ()
+
+
+@pytest.mark.slow
 def test_confidence_covers_the_truth():
     prior, hits = robot_named("rrr"), []
     for seed in range(25):
