@@ -14,6 +14,7 @@ from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.graph import CycleGraph, Edge, Tour
 from armdyn.cycle.order_bound import order_bound
 from armdyn.cycle.solution import CycleLeg, CycleSolution
+from armdyn.cycle.stops import turns
 from armdyn.errors import CycleError
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.answer.solution import Solution
@@ -64,6 +65,8 @@ def solve_cycle(
         graph = CycleGraph.of(cycle)
         tour = _shortest(graph, options, stop, report)
         answer = _answer(graph, tour, stop)
+        if cycle.order == "free" and answer.usable and turns(cycle):
+            answer = _with_turns(answer, options, stop, report)
         if options.bound:
             stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().beyond * options.time_limit)
             programs = options.bound_programs or BoundPolicy().chain_programs
@@ -95,6 +98,17 @@ def _shortest(graph: CycleGraph, options: MinimumTimeOptions, stop: Stop, report
             _solve(graph, edges, bounded, options, stop, report)
             solved = graph.best({arc: np.where(graph.exact[arc], own, np.inf) for arc, own in graph.lengths.items()})
             known = min(known, solved, key=lambda one: one.length)
+
+
+def _with_turns(found: CycleSolution, options: MinimumTimeOptions, stop: Stop, report: Report) -> CycleSolution:
+    """The cycle in the order found, with whole turns of the joints at its stops where that is faster.
+
+    While the order is free, turns would make too many branches.
+    """
+    graph = CycleGraph.of(found.cycle)
+    turned = _answer(graph, _shortest(graph, options, stop, report), stop)
+    best = turned if turned.usable and turned.duration < found.duration else found
+    return replace(best, branches=found.branches + turned.branches)
 
 
 def _bound(graph: CycleGraph, edges: list[Edge], options: MinimumTimeOptions, stop: Stop) -> dict[Edge, float | None]:

@@ -58,6 +58,13 @@ def candidates(cycle: Cycle) -> tuple[tuple[Array, ...], ...]:
     return tuple(found)
 
 
+def turns(cycle: Cycle) -> bool:
+    """Whether a joint can make a whole turn within its limits, and a stop has branches."""
+    limits = limits_of(cycle)
+    wide = (limits.position_upper - limits.position_lower >= 2 * np.pi) & ~cycle.robot.slides
+    return bool(np.any(wide)) and any(isinstance(stop.target, GoalPose) for stop in cycle.stops)
+
+
 def _turned(robot: Robot, branch: Array, limits: JointLimits) -> list[Array]:
     """Joint positions with whole turns of the joints, one either way, within the limits, each of shape (nv,)."""
     turns = 2 * np.pi * ~robot.slides
