@@ -169,6 +169,15 @@ def test_bad_input():
         time_optimality(robot, trajectory_from_path(robot, t, q + 4, v, a))
 
 
+def test_a_faster_motion_within_its_limits_is_compared_with_no_optimum():
+    optimum, result = judged_one_link()
+    missed = replace(result, solution=replace(result.solution, duration=3 * optimum.duration))
+    assert missed.feasible and missed.ratio < 0.7
+    assert "faster than the fastest motion found" in str(missed)
+    assert "of the optimum" not in str(missed)
+    assert "of the optimum" in str(replace(missed, feasible=False))
+
+
 @pytest.mark.slow
 def test_without_an_optimum_there_is_no_ratio():
     _, result = judged_one_link()

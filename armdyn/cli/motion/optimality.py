@@ -123,11 +123,12 @@ _ROUNDING = 1e-9
 
 
 def _could(found: ad.TimeOptimality) -> str:
-    """Possible gain of time; a motion that is faster than the fastest found one exceeds a limit."""
+    """Possible gain of time; a motion faster than the fastest one found exceeds a limit, or the search missed it."""
     if abs(found.gap) <= _ROUNDING * found.duration:
         return "no faster: it takes as long as the fastest that was found"
     if found.gap >= 0:
         saved = 100 * (1 - found.optimal_duration / found.duration)
         return f"{1e3 * found.gap:.4g} ms faster: {saved:.3g} % less time"
-    broken = "it breaks a limit" if not found.feasible else "its limits are kept between samples only nearly, or better"
-    return f"no faster: it takes {-1e3 * found.gap:.4g} ms less than the fastest that was found: {broken}"
+    missed = "the search missed it, or limits are exceeded between samples"
+    why = missed if found.feasible else "it breaks a limit"
+    return f"no faster: it takes {-1e3 * found.gap:.4g} ms less than the fastest that was found: {why}"
