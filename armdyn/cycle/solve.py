@@ -134,9 +134,8 @@ def _solve(
 ) -> None:
     """Solve edges, in parallel where there are several, given the lower bounds of some of them [s]."""
     posed = [(edge, problem) for edge in edges if (problem := graph.problem(edge)) is not None]
-    options = replace(options, time_limit=max(stop.deadline - time.perf_counter(), 1e-3))
-    alone = report if len(posed) == 1 else None
-    jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge)) for edge, problem in posed]
+    left, alone = max(stop.deadline - time.perf_counter(), 1e-3), report if len(posed) == 1 else None
+    jobs = [partial(_solved, Task.of(problem, options, stop, alone), bounds.get(edge), left) for edge, problem in posed]
     for (edge, _), solution in zip(posed, in_processes(jobs, options.workers), strict=True):
         if solution.status is Status.INTERRUPTED and not solution.usable:
             continue  # its status is not the edge's
@@ -149,12 +148,12 @@ def _solve(
         graph.learn(edge, solution.duration if solution.usable else np.inf, exact=True)
 
 
-def _solved(task: Task, bound: float | None) -> Solution:
-    """The solution of a move; its lower bound [s] may be known."""
+def _solved(task: Task, bound: float | None, left: float) -> Solution:
+    """The solution of a move, in the time left [s]; its lower bound [s] may be known."""
     if bound is not None and task.policy.strategy.bounded:
         policy = task.policy.changed("strategy", bounded=False)
         task = replace(task, policy=policy, lower_bound=lambda: bound)
-    return solve_task(task)
+    return solve_task(task, left)
 
 
 def _answer(graph: CycleGraph, tour: Tour, stop: Stop) -> CycleSolution:

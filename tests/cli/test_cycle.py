@@ -105,8 +105,9 @@ def test_faults_are_named(tmp_path, change, arguments, code, said):
 
 def test_options_override_the_file_s(tmp_path):
     (tmp_path / "bolt.toml").write_text(BOLT)
-    facts = run_json("cycle", "bolt.toml", "--out", "out", "--time-limit", "0.001", code=3, cwd=tmp_path)
+    facts = run_json("cycle", "bolt.toml", "--out", "out", "--time-limit", "0.002", code=3, cwd=tmp_path)
     assert facts["status"] == "time_limit" and facts["duration"] is None
+    assert "the time limit of 0.002 s" in facts["message"]
     assert [Path(file).name for file in facts["files"]] == ["result.json"]
 
 
