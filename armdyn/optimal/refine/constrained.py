@@ -63,11 +63,12 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """Specification of the next mesh: number of intervals, tightened constraints, previous duration for convergence."""
+    """Specification of the next mesh: intervals, tightened constraints, duration and slowing of the mesh before."""
 
     intervals: int
     constraints: TightenedConstraints
     settled: float = np.inf
+    slowing: float = np.inf
 
 
 def settled(task: Task, attempt: Attempt) -> Optimum:
@@ -108,10 +109,11 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
         if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
             return None
         return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration)
-    constraints = mesh.constraints.tightened(problem, found.reports)
-    if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far:
-        return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing))
-    # Else the mesh's solution is no motion of the arm, which no correction repairs.
+    constraints, slowing = mesh.constraints.tightened(problem, found.reports), found.reports.slowing
+    stuck = finer is not None and 0 < numbers.stuck * (mesh.slowing - 1) <= slowing - 1 < np.inf
+    if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far and not stuck:
+        return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing), slowing=slowing)
+    # Else the mesh's solution is no motion of the arm, or too coarse: no correction repairs it.
     return None if finer is None else replace(mesh, intervals=finer, constraints=constraints.on_finer_mesh())
 
 

@@ -45,6 +45,9 @@ class PathConstraintPolicy:
     rate_spare: float = tuned(
         1e-4, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
     )
+    stuck: float = tuned(
+        0.9, "of the slowing", "required by the round before: where as much is left, the mesh is refined", "RR, jerk"
+    )
     least_part: float = tuned(0.9, "of a limit", "in a program, at least: a mesh that needs less is too coarse", "RR")
     slower: float = tuned(
         2e-3, "of the duration", "that slowing down may cost before limits are tightened", "RR, UR5, Panda"
