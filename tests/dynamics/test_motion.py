@@ -132,11 +132,11 @@ def test_implicit_steps_know_their_derivatives(name):
 
 def test_arrays_that_do_not_fit_are_refused():
     robot, wanted = swing(0.02)
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="do not match"):
         implicit(robot)(np.array([0.02]), np.zeros((1, 3)), wanted.tau[None])
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="do not match"):
         forward_dynamics(robot)(np.zeros(3), np.zeros(3), np.zeros(3))
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="do not match"):
         motion.bridge_arm(robot).replay(
             motion._explicit(), wanted.t, wanted.tau, wanted.tau, wanted.jumps, np.zeros(4), 1e-10, 0
         )

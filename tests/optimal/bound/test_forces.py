@@ -85,7 +85,7 @@ def test_the_range_is_that_of_chords_less_squares(concave, bent):
 
 def test_forms_of_other_shapes_are_refused():
     v, one = Interval.at(np.zeros((2, 2))), Interval.at(np.zeros((2, 2, 1)))
-    with pytest.raises(ValueError, match="do not fit"):
+    with pytest.raises(ValueError, match="do not match"):
         range_of(v, one, one, None, one)
 
 
