@@ -28,9 +28,9 @@ _EXPLAINED = 0.8
 """Torque residuals with all links identified, as a part of those without, below which the robot's inertias are wrong:
 at least 0.89 on simulated logs of 4 and 10 s where they are right; below 0.8 on 19 of 24 where masses and inertias are
 up to 10 % wrong."""
-_FELT = 1e-3
-"""Torque residuals of a joint, as a part of its torque limit, below which they ask for nothing: the samples of a
-simulated log without noise leave up to 3e-4, a measured one's torques several times 1e-3."""
+_SIGNIFICANT = 1e-3
+"""Torque residuals of a joint, as a part of its torque limit, below which they are no evidence of wrong inertias: the
+samples of a simulated log without noise leave up to 3e-4, measured torques several times 1e-3."""
 
 
 @brief
@@ -124,8 +124,8 @@ def _warnings(
     whole = links.fit(replace(options.fit, weights=(found.weight,)))
     ranges = robot.limits.actuators
     size = np.minimum(np.abs(ranges.lower), np.abs(ranges.upper))
-    felt = found.noise > _FELT * np.where(np.isfinite(size), size, 0.0)
-    parts = zip(robot.joint_names, whole.noise / found.noise, felt, strict=True)
+    significant = found.noise > _SIGNIFICANT * np.where(np.isfinite(size), size, 0.0)
+    parts = zip(robot.joint_names, whole.noise / found.noise, significant, strict=True)
     joints = ", ".join(f"{joint} to {100 * part:.0f} %" for joint, part, own in parts if own and part < _EXPLAINED)
     warning = f"the logs ask for other inertias of the links, with which torque residuals fall in {joints}"
     return (f"{warning}; the {equations.what} alone makes up for them: identify all links",) if joints else ()
