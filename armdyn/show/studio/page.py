@@ -311,7 +311,8 @@ class Page:
             if not held and self._changed(f"gizmo {end}", (getattr(state, end), self._held.get(end))):
                 view.place_gizmo(end)
             for slider, q in zip(self._sliders[end], getattr(state, end), strict=True):
-                self._write(slider, _fitting(q, slider.min, slider.max))
+                if abs(slider.value - q) > _STEP / 2:  # a rounded number sent back would undo the browser's next key
+                    self._write(slider, _fitting(q, slider.min, slider.max))
         if self._changed("ends", (state.start, state.goal, session.touching, id(session.solution))):
             view.show_ends(session.solution.trajectory if session.solution else None)
         if self._changed("payload", state.payload):

@@ -151,6 +151,8 @@ def test_a_motion_follows_the_keyboard(chromium, url):
     with browser(chromium) as opened:
         page = opened(url)
         set_goal(page, POSES["rr"][1])
+        page.wait_for_timeout(300)
+        assert float(fields(page, "joint1").input_value()) == pytest.approx(POSES["rr"][1][0], abs=1e-6)  # as typed
         page.get_by_role("slider").nth(1).focus()
         for _ in range(5):
             page.keyboard.press("ArrowRight")
