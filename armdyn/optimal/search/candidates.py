@@ -29,7 +29,7 @@ class Found:
         failed: without any, the failed attempts, best first.
         mesh: number of intervals of the first mesh for arc detection.
         listed: durations of the other optima on coarse meshes [s].
-        slower: durations durations of optima that were distinguished on the finer mesh, and not refined [s].
+        slower: durations of optima that were distinguished on the finer mesh, and not refined [s].
         iterations: iterations of IPOPT.
         remark: sentence for a motion that is not certified: number of different optima from the guesses, or that
             refinement was abandoned; else empty.
