@@ -15,13 +15,11 @@ from armdyn.locks import cached_property
 from armdyn.models.robots.loads import load_of
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.status import Status
+from armdyn.optimal.proof.certificate import VELOCITY_TOLERANCE
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.reprs import brief, called, gap_words, percent
 from armdyn.trajectory import Trajectory
 
-_LANDING = 1e-4
-"""Largest difference of position [rad or m] and velocity [rad/s or m/s] between a move's end and its stop: a hundred
-times the tolerance of a replay's positions, as velocities at the end of a curve are that much coarser."""
 _LAST = 1e-6
 """Rest that carries an event at the end of a cycle [s]: far below any controller's tick."""
 
@@ -50,7 +48,8 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
         at = move.q[-1]
     if len(legs) == len(cycle.moves):
         pieces += [piece for _, piece in _rests(cycle, cycle.stops[-1], at, _LAST) if piece is not None]
-    return reduce(partial(Trajectory.join, tolerance=_LANDING), pieces)
+    landing = max(VELOCITY_TOLERANCE, *(solution.certificate.landing for _, solution in legs))  # of a usable move
+    return reduce(partial(Trajectory.join, tolerance=landing), pieces)
 
 
 def _rests(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:

@@ -68,7 +68,10 @@ def write_run(
         name: motion if name == "reference" and motion.model_hash else replace(motion, model_hash=robot.model_hash)
         for name, motion in motions.items()
     }
+    scene = {"obstacles": [obstacle_entry(each) for each in obstacles]} if obstacles else {}
+    facts = {"title": title, **summary, **scene}
     files = [motion.save(folder / f"{name}.npz") for name, motion in own.items()]
+    save_results(folder, robot, facts, files)  # complete if Ctrl-C ends the drawing
     if "figure" in parts:
         progress("drawing the figure")
         from armdyn.show.plots import plot_trajectories, save_figures
@@ -80,8 +83,7 @@ def write_run(
     if "report" in parts:
         progress("writing the report")
         files.append(write_report(folder / "report.html", robot, motions, summary, title, obstacles))
-    scene = {"obstacles": [obstacle_entry(each) for each in obstacles]} if obstacles else {}
-    return save_results(folder, robot, {"title": title, **summary, **scene}, files)
+    return save_results(folder, robot, facts, files)
 
 
 def write_report(

@@ -1,6 +1,7 @@
 """Solved cycles against all branches and all orders, one by one."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise, permutations, product
 
 import numpy as np
@@ -64,6 +65,17 @@ def test_the_whole_cycle_is_one_motion_that_each_piece_s_own_arm_repeats():
             again = ad.replay_torques(arm, part)
             np.testing.assert_allclose(again.q[-1], end, atol=1e-6)
     np.testing.assert_allclose(motion.q[-1], motion.q[0], atol=1e-5)
+
+
+def test_moves_that_count_as_landed_are_joined():
+    solved = planar_solved()
+    solution = solved.legs[1].solution
+    motion = solution.trajectory
+    ends = motion.v.copy()
+    ends[-1] += 0.01  # rad/s: such a move is usable
+    late = replace(solved.legs[1], solution=replace(solution, trajectory=replace(motion, v=ends)))
+    whole = replace(solved, legs=(solved.legs[0], late, solved.legs[2])).trajectory
+    assert whole.duration == pytest.approx(solved.duration, abs=1e-9)
 
 
 def test_a_cycle_says_its_verdict():

@@ -33,3 +33,14 @@ def test_requested_files_are_written_reported_and_listed(parts, drawn, messages,
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted([*ALWAYS, *drawn])
     assert json.loads((tmp_path / "result.json").read_text())["files"] == [file.name for file in files]
     assert heard == messages
+
+
+def test_ctrl_c_while_figures_are_drawn_leaves_the_result_of_the_motion(tmp_path):
+    def interrupted(step):
+        raise KeyboardInterrupt
+
+    robot = paper_arm("r")
+    motion = quintic(robot, HANGING["r"], RAISED["r"], 0.5)
+    with pytest.raises(KeyboardInterrupt):
+        write_run(tmp_path, robot, {"trajectory": motion}, {"success": True}, "title", progress=interrupted)
+    assert json.loads((tmp_path / "result.json").read_text())["files"] == ALWAYS
