@@ -60,6 +60,8 @@ class Reproduced:
     def message(self) -> str:
         """Number of the paper's numbers that are reproduced, in a sentence."""
         found = standings(self.rows)
+        if not found:
+            return "the paper has no number for the computed cases"
         again, close, missing = (Counter(found.values())[verdict] for verdict in VERDICTS)
         return (
             f"of {len(found)} numbers in the paper's tables {again} come out again, {close} come near, and {missing} "

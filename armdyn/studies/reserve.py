@@ -10,7 +10,8 @@ from armdyn.arguments import listener, number, several
 from armdyn.control import Loop, Lqr, Run
 from armdyn.control.loop.law import Controller, expect_controller
 from armdyn.control.loop.loop import expect_loop
-from armdyn.control.tracking.track import Setup
+from armdyn.control.tracking.run import STAYS
+from armdyn.control.tracking.track import LONGER, Setup
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution, Status
@@ -145,7 +146,8 @@ def reserve_curve(
         plants: arms that move; None: `likely_plants`.
         reserves: values to try, each at least 0 and below 1.
         loop: connection of controllers and arms; None: `Loop()`.
-        duration: time for which each arm is watched [s]; see `track`.
+        duration: time for which each arm is watched [s]; if the motion and 0.1 s more take longer, its duration and a
+            second.
         options: of the searches.
         progress: called with the progress in words.
 
@@ -171,7 +173,8 @@ def reserve_curve(
     for controller in laws:
         for r, solution in solutions.items():
             progress(f"{type(controller).__name__}, reserve {r:g}")
-            setup = Setup.of(robot, solution.trajectory, controller, loop, duration=duration, tolerance=0.005)
+            watched = duration if duration >= solution.duration + STAYS else solution.duration + LONGER
+            setup = Setup.of(robot, solution.trajectory, controller, loop, duration=watched, tolerance=0.005)
             runs = tuple(setup.run(arm) for arm in arms)
             rows.append(Settling(r, controller, solution.duration, tuple(run.settled_time for run in runs), runs))
     interrupted = len(found) < len(levels) or any(one.status is Status.INTERRUPTED for one in found)

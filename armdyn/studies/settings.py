@@ -19,7 +19,8 @@ SIGNS: dict[str, Sign] = {
 UNITS = {
     "payload": "kg", "effort_limit": "N m", "velocity_limit": "rad/s", "damping": "N m s/rad", "friction": "N m",
     "acceleration_limit": "rad/s²", "jerk_limit": "rad/s³", "clearance": "m", "q_start": "rad", "q_goal": "rad",
-    "kp": "N m/rad", "ki": "N m/(rad s)", "kd": "N m s/rad", "bandwidth": "rad/s", "ramp": "s", "rate": "Hz",
+    "kp": "N m/rad or 1/s²", "ki": "N m/(rad s) or 1/s³", "kd": "N m s/rad or 1/s",  # as of the form of "pid"
+    "bandwidth": "rad/s", "ramp": "s", "rate": "Hz",
     "delay": "ticks", "position": "rad", "velocity": "s", "integral": "1/s", "cutoff": "Hz", "noise": "rad",
     "plant_payload": "kg", "plant_damping": "N m s/rad", "plant_friction": "N m",
 }  # fmt: skip

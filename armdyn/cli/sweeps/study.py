@@ -148,7 +148,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
     main = _outcomes(study)[0]
     numbers = [row for row in table if row.get(main) is not None]
     if numbers:
-        for word, pick in (("least", min), ("most", max)):
+        for word, pick in (("lowest", min), ("highest", max)):
             row = pick(numbers, key=lambda one: one[main])
             at = ", ".join(_setting_text(axis.name, row[axis.name]) for axis in study.axes)
             words[f"{word} {label(main).partition(' [')[0]}"] = f"{row[main]:.6g} s at {at} (case {row['k']})"

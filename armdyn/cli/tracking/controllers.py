@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from armdyn.control.loop.law import Controller
 
 _OPTIONS = {"lqr": "weights", "computed-torque": "bandwidth"}
-"""Options of controllers that have one of their own; the numbers of others are `gains`."""
+"""Options of controllers that have one of their own; see `option_of`."""
+
+
+def option_of(controller: str) -> str:
+    """Name of the option with the numbers of a controller."""
+    return _OPTIONS.get(controller, "gains")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +39,11 @@ class ControllerOptions:
     )
     bandwidth: str | None = option("W", "Of computed-torque: its natural frequency \\[rad/s].")
     gains: str | None = option("KP,KI,KD", "Of pid and others, the same for every joint \\[N m/rad and so on].")
+    form: str | None = option(
+        "FORM",
+        "Of pid: torque (default), computed_torque or acceleration; the units of gains are those of armdyn tune --form "
+        "FORM.",
+    )
 
     def chosen(self) -> Controller:
         """Controller that the options name.
@@ -43,12 +53,12 @@ class ControllerOptions:
         """
         from armdyn.control.laws.registry import CONTROLLERS
 
-        own = _OPTIONS.get(one_of(self.controller, tuple(CONTROLLERS), "--controller"), "gains")
+        own = option_of(one_of(self.controller, tuple(CONTROLLERS), "--controller"))
         for name in ("weights", "bandwidth", "gains"):
             if getattr(self, name) is not None and name != own:
                 of = next((kind for kind, option in _OPTIONS.items() if option == name), "pid")
                 raise ProblemError(f"--{name} is an option of --controller {of}, not of {self.controller}")
-        kind, given = CONTROLLERS[self.controller], getattr(self, own)
+        kind, given = CONTROLLERS[self.controller].with_form(self.form, "--form"), getattr(self, own)
         if given is None and kind.required:
             expected = ",".join(kind.settings).upper()
             raise ProblemError(f"--controller {self.controller} needs --{own} {expected}, such as 30,50,1 for pid")

@@ -34,7 +34,9 @@ class ReferenceOptions:
 
     reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
     ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp of this duration \\[s].")
-    duration: float = option("S", "Simulated time \\[s].", default=2.0)
+    duration: float = option(
+        "S", "Simulated time \\[s]; if the motion takes longer, its duration and a second.", default=2.0
+    )
     tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
 
     def motion(self, task: FastArmOptions, progress: Callable[[str], None]) -> ad.Trajectory | ad.Solution:

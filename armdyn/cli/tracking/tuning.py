@@ -13,7 +13,7 @@ from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
-from armdyn.cli.tracking.controllers import LoopOptions
+from armdyn.cli.tracking.controllers import LoopOptions, option_of
 from armdyn.cli.tracking.many import ArmsOptions, range_of
 from armdyn.errors import ProblemError
 from armdyn.files import as_json, attributes
@@ -125,10 +125,24 @@ def tune(
             "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
             "chosen on": str(found.training),
             "held out": "-" if found.held_out is None else str(found.held_out),
+            "to run it": _to_run(found, family),
             "controllers run": str(found.evaluations),
             "results": str(folder),
         }
         console.print(facts_table(f"{model.name}: {family.controller}, tuned", words))
+
+
+def _to_run(found: ad.Tuned, family: FamilyOptions) -> str:
+    """The chosen numbers as options of `armdyn track`; in Python where it has none for them."""
+    from armdyn.control.laws.registry import CONTROLLERS
+
+    numbers = {name: f"{value:.6g}" for name, value in found.values.items()}
+    ramp, kind = numbers.pop("ramp"), CONTROLLERS[family.controller]
+    if numbers.keys() != kind.settings.keys():
+        return repr(found.controller)
+    form = f" --form {family.form}" if kind.forms else ""
+    given = f"--{option_of(family.controller)} {','.join(numbers[name] for name in kind.settings)}"
+    return f"armdyn track … --ramp {ramp} --controller {family.controller}{form} {given}"
 
 
 def _summary(found: ad.Tuned) -> dict[str, object]:

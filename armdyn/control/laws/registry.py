@@ -1,12 +1,14 @@
 """Controllers by the names of the command line and of study files."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Self
 
-from armdyn.arguments import Sign
+from armdyn.arguments import Sign, one_of
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.laws.pid import Pid, PidGains
+from armdyn.control.laws.pid import FORMS, Pid, PidGains
 from armdyn.control.loop.law import Controller
 from armdyn.errors import ProblemError
 
@@ -19,11 +21,29 @@ class NamedController:
         settings: signs of the numbers by name, in the order of `armdyn track --gains`.
         make: the controller, of the settings as keywords.
         required: whether every setting must be given; the others have defaults.
+        forms: meanings that its output may have; `make` takes one as `form`. Empty: it has but one.
     """
 
     settings: Mapping[str, Sign]
     make: Callable[..., Controller]
     required: bool = False
+    forms: Sequence[str] = ()
+
+    def with_form(self, form: str | None, name: str) -> Self:
+        """The controller with a form of its output; None: the default.
+
+        Args:
+            form: one of `forms`.
+            name: the option's, in messages.
+
+        Raises:
+            ProblemError: it is not.
+        """
+        if form is None:
+            return self
+        if not self.forms:
+            raise ProblemError(f"{name} is an option of controller 'pid' alone")
+        return replace(self, make=partial(self.make, form=one_of(form, self.forms, name)))
 
     def of(self, values: Sequence[float], where: str) -> Controller:
         """The controller of numbers in the order of `settings`.
@@ -45,6 +65,9 @@ CONTROLLERS: dict[str, NamedController] = {
     "lqr": NamedController({"position": "positive", "velocity": "not negative", "integral": "not negative"}, Lqr),
     "computed-torque": NamedController({"bandwidth": "positive"}, ComputedTorque),
     "pid": NamedController(
-        {"kp": "any", "ki": "any", "kd": "any"}, lambda kp, ki, kd: Pid(PidGains(kp, ki, kd)), required=True
+        {"kp": "any", "ki": "any", "kd": "any"},
+        lambda kp, ki, kd, form="torque": Pid(PidGains(kp, ki, kd), form),
+        required=True,
+        forms=FORMS,
     ),
 }

@@ -28,6 +28,9 @@ Status = Literal["settled", "not_settled", "diverged", "failed"]
 _LOST = 20.0
 """Distance from the reference at which an arm counts as lost, in tolerances: 0.1 rad by default."""
 
+STAYS = 0.1
+"""Least time at the goal, until the run ends, of an arm that has settled and does not just pass [s]."""
+
 
 @brief
 @dataclass(frozen=True, eq=False)
@@ -36,9 +39,9 @@ class Run:
 
     Attributes:
         trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.
-        status: "settled": all joints came within the tolerance of the goal and stayed; "not_settled": the run is whole
-            but they did not; "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the
-            integrator was short enough.
+        status: "settled": all joints came within the tolerance of the goal and stayed until the end of the run, 0.1 s
+            or longer; "not_settled": the run is whole but they did not; "diverged": stopped 100 rad from the goal or at
+            1000 rad/s; "failed": no step of the integrator was short enough.
         message: the status in a sentence, with its numbers and the joint.
         settled_time: from when on all joints stay within the tolerance of the goal [s]; None if they do not.
         error_at_end: largest distance of a joint from the goal when the reference ends [rad or m]; inf where the run
@@ -132,13 +135,14 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     """
     t = np.arange(len(driven.q)) / ticks.rate
     errors = np.abs(driven.q - ticks.goal)
-    settled = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
+    there = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
+    settled = there if there is not None and t[-1] - there >= STAYS - 1e-9 else None
     off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
     lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
     broke = float(t[-1]) if driven.ended != "whole" else None
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
-    status, message = _status(robot, driven, settled, errors[-1], tolerance, float(t[-1]))
+    status, message = _status(robot, driven, there, errors[-1], tolerance, float(t[-1]))
     return Run(
         trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
         status=status,
@@ -204,9 +208,9 @@ def _trajectory(robot: Robot, driven: Driven, t: Array, name: str) -> Trajectory
 
 
 def _status(
-    robot: Robot, driven: Driven, settled: float | None, last: Array, tolerance: float, end: float
+    robot: Robot, driven: Driven, there: float | None, last: Array, tolerance: float, end: float
 ) -> tuple[Status, str]:
-    """Status and message."""
+    """Status and message of a run that is within the tolerance of the goal from a time on [s]; None: it is not."""
     worst = int(np.argmax(last))
     unit = "m" if robot.slides[worst] else "rad"
     where = f"{robot.joint_names[worst]} is {last[worst]:.4g} {unit} from the goal"
@@ -218,9 +222,11 @@ def _status(
         )
     if driven.ended == "failed":
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
-    if settled is not None:
-        unit = joint_unit(robot.slides)
-        return "settled", f"all joints within {tolerance:g} {unit} of the goal from t = {settled:.6g} s on"
+    if there is not None:
+        near = f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal from t = {there:.6g} s on"
+        if end - there >= STAYS - 1e-9:
+            return "settled", near
+        return "not_settled", f"not settled: {near}, but the run ends at {end:.6g} s: they must stay for {STAYS:g} s"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)
     held = [robot.joint_names[i] for i in np.flatnonzero(clipped)]
     tail = f"; the torque of {', '.join(held)} is on its limit to the end" if held else ""

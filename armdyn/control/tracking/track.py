@@ -32,7 +32,7 @@ from armdyn.trajectory.value import Hold as TorqueHold
 
 _TOLERANCE = 1e-8
 """Largest change of a tick's positions when its steps are halved [rad or m]; of velocities a thousand times that."""
-_LONGER = 1.0
+LONGER = 1.0
 """Simulated time after a reference that takes longer than the requested duration [s]."""
 MOST_ROWS = 5_000_000
 """Ticks of a run times joints: 160 MB."""
@@ -98,7 +98,7 @@ class Setup:
             )
             start = np.concatenate([pose_given(robot, q_start, "q_start"), v])
         duration = number(duration, "duration", unit="s", sign="positive")
-        duration = duration if duration >= ticks.duration else ticks.duration + _LONGER
+        duration = duration if duration >= ticks.duration else ticks.duration + LONGER
         if duration * loop.rate * robot.nv > MOST_ROWS:
             raise ProblemError(
                 f"{duration:g} s at {loop.rate:g} Hz are too many samples of {robot.nv} joints; expected at most "

@@ -29,7 +29,8 @@ def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
     counts = Counter(standings(rows).values())
     paper = element("p", element("cite", PAPER), ": every example, table and figure, published against computed.")
     if not counts:
-        return join([paper, element("p", "Nothing was computed.")])
+        words = "The paper has no number for the computed cases." if outcomes else "Nothing was computed."
+        return join([paper, element("p", words)])
     again, close, missing = (counts[verdict] for verdict in VERDICTS)
     big = [
         _count(again, "out again", "good"),

@@ -202,7 +202,7 @@ def figures_of(
     named: Named = str,
     title: str | None = None,
 ) -> dict[str, Figure]:
-    """The figures that suit a study, by their names: curve, map, pareto.
+    """The figures that suit a study, by their names: curve, map, pareto; none if no case has a number.
 
     Args:
         rows: as `study_table` gives them.
@@ -214,6 +214,8 @@ def figures_of(
     found: dict[str, Figure] = {}
     rows = [{**dict.fromkeys(outcomes), **row} for row in rows]  # of cases that came to nothing, too
     main, second = outcomes
+    if all(row[main] is None for row in rows):
+        return found
     log = [name for name, kind in settings.items() if kind == "log"]
     levels = {name: len({row[name] for row in rows}) for name in settings}
     numeric = sorted(

@@ -1,7 +1,7 @@
 """Settings that all study tasks with a controller share: the controller, its loop, and the motion that it follows."""
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -39,6 +39,7 @@ class ClosedLoopTask:
     Attributes:
         problems: problem of each case.
         controller: "pid" (settings kp, ki, kd), "computed-torque" (bandwidth) or "lqr" (position, velocity, integral).
+        form: meaning of the output of "pid": "torque", "computed_torque" or "acceleration"; None: the task's default.
         reference: "ramp" (setting ramp [s]) or "minimum-time".
         duration: time for which an arm is watched [s].
         tolerance: of a joint's distance from the goal, to be settled [rad or m].
@@ -52,17 +53,19 @@ class ClosedLoopTask:
     }  # fmt: skip
     outcomes: ClassVar[tuple[str, str]] = ("settled_time_s", "peak_error")
     neighbours: ClassVar[Neighbours] = "off"
-    own: ClassVar[tuple[str, ...]] = ("controller", "reference", "duration", "tolerance")
+    own: ClassVar[tuple[str, ...]] = ("controller", "form", "reference", "duration", "tolerance")
     """Keys of the task's table."""
 
     problems: ArmProblems
     controller: str = checked(one_of, "lqr", known=tuple(CONTROLLERS))
+    form: str | None = None
     reference: str = checked(one_of, "minimum-time", known=REFERENCES)
     duration: float = checked(number, 2.0, unit="s", sign="positive")
     tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
         check_fields(self)
+        CONTROLLERS[self.controller].with_form(self.form, "form")
 
     @classmethod
     def read(cls, table: Table, problems: ArmProblems, names: Mapping[str, Table]) -> Self:
@@ -83,6 +86,8 @@ class ClosedLoopTask:
         for name, where in names.items():
             with where.locating_errors():
                 task.check([name])
+        with table.locating_errors():
+            task.check_complete(names)
         return task
 
     def description(self) -> dict[str, object]:
@@ -92,19 +97,44 @@ class ClosedLoopTask:
     def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
         """Do one case: check its settings, and run it."""
         own = self.problems.settings(settings)
-        self.check(list(own))
+        self.check(own)
+        self.check_complete(own)
         return self.run(own)
 
     def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Work on a case with all of its settings."""
         raise NotImplementedError
 
-    def check(self, names: Sequence[str]) -> None:
-        """Refuse settings of another controller or another reference.
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Settings that the task chooses itself."""
+        return ()
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Settings that every case must have."""
+        kind = CONTROLLERS[self.controller]
+        return (*(kind.settings if kind.required else ()), *(("ramp",) if self.reference == "ramp" else ()))
+
+    def check_complete(self, names: Collection[str]) -> None:
+        """Refuse settings of which a required one is missing.
+
+        Raises:
+            ProblemError: one is.
+        """
+        if missing := [name for name in self.required if name not in names]:
+            task = f"controller {self.controller!r} with reference {self.reference!r}"
+            raise ProblemError(f"{task} needs {', '.join(missing)}, in [fixed] or [vary]")
+
+    def check(self, names: Collection[str]) -> None:
+        """Refuse settings of another controller or another reference, and those that the task chooses.
 
         Raises:
             ProblemError: there is one.
         """
+        for name in self.chosen:
+            if name in names:
+                raise ProblemError(f"{name} is chosen by task {self.name!r}: leave it out")
         for name in _WITHOUT[self.reference]:
             if name in names:
                 raise ProblemError(f"{name} says nothing of reference {self.reference!r}")
@@ -115,14 +145,8 @@ class ClosedLoopTask:
                     raise ProblemError(f"{name} is a setting of controller {other!r}, not of {self.controller!r}")
 
     def controller_of(self, own: Mapping[str, Value]) -> Controller:
-        """The controller with the gains of a case.
-
-        Raises:
-            ProblemError: a setting that the controller needs is missing.
-        """
-        kind = CONTROLLERS[self.controller]
-        if kind.required and (missing := [name for name in kind.settings if name not in own]):
-            raise ProblemError(f"controller {self.controller!r} needs {', '.join(missing)}, in [fixed] or [vary]")
+        """The controller with the gains of a case."""
+        kind = CONTROLLERS[self.controller].with_form(self.form, "form")
         return kind.make(**{name: float(own[name]) for name in kind.settings if name in own})
 
     def loop_of(self, own: Mapping[str, Value]) -> Loop:
@@ -133,14 +157,8 @@ class ClosedLoopTask:
         return Loop(**joined)
 
     def reference_of(self, own: Mapping[str, Value]) -> Trajectory | CaseResult:
-        """The motion to follow, or the result of a case that has none; each process solves a fastest one once.
-
-        Raises:
-            ProblemError: the ramp has no duration.
-        """
+        """The motion to follow, or the result of a case that has none; each process solves a fastest one once."""
         if self.reference == "ramp":
-            if "ramp" not in own:
-                raise ProblemError("reference 'ramp' needs ramp [s], in [fixed] or [vary]")
             return ramp(self.problems.robot(own), *self.problems.ends(own), float(own["ramp"]))
         key = self.problems.key({name: own[name] for name in own if name not in self.signs or name in SIGNS})
         if key not in _references:

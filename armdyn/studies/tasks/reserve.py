@@ -22,10 +22,15 @@ class ReserveTask(ClosedLoopTask):
     name: ClassVar = "reserve"
     section: ClassVar = "reserve"
     outcomes: ClassVar = ("settled_time_s", "duration_s")
-    own: ClassVar = ("controller", "duration", "reserves")
+    own: ClassVar = ("controller", "form", "duration", "reserves")
 
     duration: float = 2.5
     reserves: Sequence[float] = RESERVES
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """The reserves."""
+        return ("reserve", "velocity_reserve")
 
     def run(self, own: Mapping[str, Value]) -> CaseResult:
         """Try the reserves of a case."""

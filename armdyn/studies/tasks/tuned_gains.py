@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.studies.plants import Plants, Range
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
@@ -39,6 +40,16 @@ class TuneTask(ClosedLoopTask):
         self._search  # noqa: B018  # wrong options are refused now
 
     @property
+    def required(self) -> tuple[str, ...]:
+        """No settings."""
+        return ()
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Gains of the controller, and the ramp's duration."""
+        return (*CONTROLLERS[self.controller].settings, "ramp")
+
+    @property
     def _search(self) -> TuneOptions:
         others = {"duration": self.duration, "tolerance": self.tolerance, "workers": 1}
         return options_of(TuneOptions, self.options, "options", **others)
@@ -49,7 +60,9 @@ class TuneTask(ClosedLoopTask):
         motion = Ramps(*ends, self.ramp_range) if self.reference == "ramp" else self.reference_of(own)
         if isinstance(motion, CaseResult):
             return motion
-        family, plants = family_named(self.controller, robot, ends[1]), plants_of(self.plants, robot).corners(robot)
+        form: Any = self.form or "computed_torque"
+        family = family_named(self.controller, robot, ends[1], form=form)
+        plants = plants_of(self.plants, robot).corners(robot)
         found = tune(robot, motion, family, plants, loop=self.loop_of(own), options=self._search)
         if found.status == "interrupted":
             return CaseResult(status=INTERRUPTED)

@@ -177,3 +177,14 @@ def test_without_a_compiler_it_is_the_same(references, monkeypatch):
     # The same operations, but the compiler may order a sum otherwise; a reading may then fall into the next step.
     assert np.abs(fast.trajectory.q - slow.trajectory.q).max() < 1e-3
     assert np.abs(fast.trajectory.q - slow.trajectory.q)[:20].max() < 1e-9
+
+
+def test_who_is_near_the_goal_only_when_the_run_ends_has_not_settled():
+    robot = paper_arm("rr")
+    reference = ad.ramp(robot, [-1.57, 0.0], [0.16, 0.0], 0.5)
+    whole = ad.track(robot, reference, ad.ComputedTorque())
+    assert whole.settled and whole.settled_time < 0.48
+    short = ad.track(robot, reference, ad.ComputedTorque(), duration=whole.settled_time + 0.06)
+    assert short.status == "not_settled" and short.settled_time is None
+    assert "but the run ends at" in short.message and "they must stay for 0.1 s" in short.message
+    assert ad.track(robot, reference, ad.ComputedTorque(), duration=whole.settled_time + 0.11).settled

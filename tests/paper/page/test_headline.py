@@ -10,6 +10,7 @@ from armdyn.paper.outcomes.case import Case
 from armdyn.paper.page.comparisons import comparison
 from armdyn.paper.page.headline import evidence, headline, lead
 from armdyn.paper.page.mathematics import typeset
+from armdyn.paper.reproduce import Reproduced
 from armdyn.paper.tables.rows import all_rows
 from armdyn.paper.tables.standing import standings
 from paper.computed import outcome, outcomes
@@ -72,6 +73,8 @@ def test_the_payloads_that_can_be_held_are_said(rows):
 def test_what_comes_out_again_is_said(rows):
     assert "of 3 within 0.01 s" in words(evidence(rows, outcomes()))
     assert "come out again" not in words(evidence([], []))
+    assert "The paper has no number for the computed cases." in words(lead([], outcomes()))
+    assert Reproduced((), (), ()).message() == "the paper has no number for the computed cases"
 
 
 def test_each_table_has_its_result(rows):

@@ -1,6 +1,7 @@
 """A case's work equals the same call by itself."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,6 +71,9 @@ def test_a_controllers_run():
         robot, ad.ramp(robot, START, GOAL, 0.5), ad.Pid(ad.PidGains(**gains)), plant,
         ad.Loop(rate=500.0, delay=2),
     )  # fmt: skip
+    same = replace(task, form="torque").work({**gains, "plant_payload": 0.12, "rate": 500.0, "delay": 2.0}, b"")
+    assert same.facts == outcome.facts
+    assert replace(task, form="computed_torque").work(gains, b"").facts["peak_error"] != run.peak_error
     assert outcome.status == run.status and outcome.facts["peak_error"] == run.peak_error
     assert outcome.facts["settled_time_s"] == run.settled_time and outcome.good == run.settled
 
@@ -102,7 +106,7 @@ def test_another_studys_arm_of_the_same_name_has_a_reference_of_its_own():
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"kp": 1.0}, "controller 'pid' needs ki, kd"),
+        ({"kp": 1.0}, "controller 'pid' with reference 'ramp' needs ki, kd, ramp, in [fixed] or [vary]"),
         ({"kp": 1.0, "ki": 1.0, "kd": 1.0}, "needs ramp"),
     ],
 )
