@@ -61,6 +61,9 @@ STUDY = """task = "track"
 [arms.rr]
 q_start = [0.0, 0.0]
 q_goal = [0.1, 0.0]
+[fixed]
+ki = 1.0
+kd = 1.0
 [vary]
 kp = [1.0, 2.0]
 [track]
