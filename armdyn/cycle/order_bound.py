@@ -12,7 +12,7 @@ import numpy as np
 from armdyn.cycle.graph import Arc, CycleGraph
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.covers import covers
-from armdyn.optimal.bound.effort import Effort
+from armdyn.optimal.bound.effort import Effort, Stopped
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.task.policy.bound import BoundPolicy
@@ -29,7 +29,10 @@ def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:
     legs = _legs(graph)
     if legs is None:
         return 0.0
-    stops = _regions(graph, legs, enough, effort)
+    try:
+        stops = _regions(graph, legs, enough, effort)
+    except Stopped:
+        return 0.0
     lattices = {arc: Lattice([leg], [stops[arc[0]], stops[arc[1] + 1]]) for arc, leg in legs.items()}
     least = {arc: np.inf if (path := own.path()) is None else path.duration for arc, own in lattices.items()}
     left = set(lattices)

@@ -23,7 +23,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import Place, covers
-from armdyn.optimal.bound.effort import Effort
+from armdyn.optimal.bound.effort import Effort, Stopped
 from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
 from armdyn.optimal.bound.lattice import Lattice, Region
@@ -231,7 +231,11 @@ class _Run:
         policy = self.legs[0].policy
         if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
             longest = min(longest, self._sampled(effort)) if np.isinf(longest) else longest
-        lattice = Lattice(self.legs, covers(self.legs, self.places, longest, effort.stop), self.passages)
+        try:
+            layers = covers(self.legs, self.places, longest, effort.stop)
+            lattice = Lattice(self.legs, layers, self.passages, effort.stop)
+        except Stopped:
+            return self.least
         boxes, first = tuple(len(layer) for layer in lattice.layers), lattice.path()
         path = lattice.improve(longest * (1 - policy.near_enough), effort)
         if first is None or path is None:  # no chain is that fast

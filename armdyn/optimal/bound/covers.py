@@ -12,6 +12,7 @@ import numpy as np
 from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
+from armdyn.optimal.bound.effort import polled
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
@@ -33,7 +34,10 @@ def covers(
         legs: legs, one less than places.
         places: joint positions, shape (nv,), or goal sets of a frame's pose.
         longest: largest duration through all places [s].
-        stop: stopping condition, polled regularly; once true, boxes are not bisected further.
+        stop: stopping condition, polled regularly.
+
+    Raises:
+        Stopped: it is true.
     """
     ends = tuple(place for place in (places[0], places[-1]) if not isinstance(place, GoalPose))
     velocity = np.max([leg.velocity for leg in legs], axis=0)
@@ -54,14 +58,14 @@ def covers(
         sets.append(None if whole is None else goals)
         boxes.append(within.box[None] if whole is None else whole)
     tried = [boxes]
-    for size in legs[0].policy.cover:
+    for size in polled(legs[0].policy.cover, stop):
         finer = [
             box if goals is None else goals.enclosed(box, size, stop)
             for goals, box in zip(sets, tried[-1], strict=True)
         ]
         if not _few([len(box.lower) for box in finer], legs):
             break  # the region itself is as large as that
-        tried.append(_thinned(legs, sets, finer, longest))
+        tried.append(_thinned(legs, sets, finer, longest, stop))
     for boxes in reversed(tried):
         regions = [_regions(goals, box, stop) for goals, box in zip(sets, boxes, strict=True)]
         if _few([len(each) for each in regions], legs):
@@ -88,19 +92,23 @@ def _regions(goals: GoalSet | None, boxes: Interval, stop: StopCondition) -> lis
     if goals.continuous:
         parts = [boxes[k : k + 1] for k in range(len(boxes.lower))]
     else:
-        parts = [goals.shrunk(part, stop) for part in clusters(boxes, stop)]
-    turned = ((k, one) for k, part in enumerate(parts) if len(part.lower) for one in goals.turned(part))
+        parts = [goals.shrunk(part, stop) for part in polled(clusters(boxes, stop), stop)]
+    turned = ((k, one) for k, part in polled(enumerate(parts), stop) if len(part.lower) for one in goals.turned(part))
     return [Region(boxes, goals, (k, turns)) for k, (boxes, turns) in turned]
 
 
 def _thinned(
-    legs: Sequence[BoundLeg], sets: Sequence[GoalSet | None], boxes: list[Interval], longest: float
+    legs: Sequence[BoundLeg],
+    sets: Sequence[GoalSet | None],
+    boxes: list[Interval],
+    longest: float,
+    stop: StopCondition,
 ) -> list[Interval]:
     """Boxes that a motion may pass within a time [s]."""
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
     pairs = zip(legs, boxes[:-1], boxes[1:], strict=True)
-    times = [soonest(a[:, None], b[None], leg.velocity, turning) for leg, a, b in pairs]
+    times = [soonest(a[:, None], b[None], leg.velocity, turning) for leg, a, b in polled(pairs, stop)]
     onward, back = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
     for each in times:
         onward.append(np.min(onward[-1][:, None] + each, axis=0, initial=np.inf))

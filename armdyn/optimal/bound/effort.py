@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,24 @@ from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.parallel import in_processes
+
+Item = TypeVar("Item")
+
+
+class Stopped(Exception):  # noqa: N818  # not an error
+    """The work was stopped before there were bounds."""
+
+
+def polled(items: Iterable[Item], stop: StopCondition) -> Iterator[Item]:
+    """The items one by one.
+
+    Raises:
+        Stopped: the stopping condition is true before one.
+    """
+    for item in items:
+        if stop():
+            raise Stopped
+        yield item
 
 
 @dataclass(frozen=True, eq=False)

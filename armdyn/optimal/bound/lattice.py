@@ -16,7 +16,7 @@ import numpy as np
 
 from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.bound.effort import Edge, Effort
+from armdyn.optimal.bound.effort import Edge, Effort, polled
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_down
 from armdyn.optimal.bound.goal_set import GoalSet
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
@@ -116,11 +116,17 @@ class Lattice:
         legs: Sequence[BoundLeg],
         layers: Sequence[Sequence[Region]],
         passages: Sequence[Passage | None] | None = None,
+        stop: StopCondition = lambda: False,
     ) -> None:
+        """Bound the legs by limits of single joints.
+
+        Raises:
+            Stopped: `stop` is true before all are.
+        """
         self.legs, self.layers = tuple(legs), [list(layer) for layer in layers]
         self.passages = tuple(passages or [None] * len(self.legs))
         pairs = zip(self.legs, self.layers[:-1], self.layers[1:], strict=True)
-        self.bounds = [shortest_times(leg, *ends) for leg, *ends in pairs]
+        self.bounds = [shortest_times(leg, *ends) for leg, *ends in polled(pairs, stop)]
         self.left = [np.full(own.shape, _first(leg)) for own, leg in zip(self.bounds, self.legs, strict=True)]
         self.under_way = [np.full(own.shape, -1) for own in self.bounds]
 

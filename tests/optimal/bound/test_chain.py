@@ -1,5 +1,6 @@
 """The bound of a chain against sums of bounds, brute force over branches, and members of the stops' sets."""
 
+from functools import partial
 from itertools import pairwise, product
 
 import numpy as np
@@ -199,3 +200,20 @@ def test_bad_stops():
         chain_bound(problems, [[0, 0]])
     with pytest.raises(ProblemError, match=r"stops\[1\]"):
         chain_bound(problems, [[0, 0], [1, 1, 1]])
+
+
+def stopped_after(polls, first):
+    """Whether at least this many polls were before this one."""
+    return next(polls) >= first
+
+
+def test_a_stop_while_regions_are_divided_ends_the_proof_at_once(two_branches):
+    robot, home, stops = two_branches
+    stops = [home, *(goal for goal, _ in stops), home]
+    problems = [ad.MinimumTimeProblem(robot, q_start=home, q_goal=home + 0.5)] * 3
+    whole = chain_bound(problems, stops, upper=1.0)
+    for first in range(1, 30, 4):
+        polls = iter(range(1000))
+        found = chain_bound(problems, stops, 1.0, Effort(100, partial(stopped_after, polls, first)))
+        assert next(polls) <= first + 5  # and whatever is known then holds
+        assert found is None or found.duration <= whole.duration
