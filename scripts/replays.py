@@ -6,8 +6,8 @@ the motion's own sample. Rows are kept in FILE, and a run goes on where the last
     scripts/replays.py FILE [FIRST LAST]
 """
 
+import argparse
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +64,12 @@ def row(name: str, index: int) -> list[Any]:
     return [name, index, found.duration, proof.replay, proof.growth, claim, *map(float, measured)]
 
 
-file, first, last = Path(sys.argv[1]), *map(int, sys.argv[2:] or (0, 200))
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("file", type=Path, metavar="FILE")
+parser.add_argument("first", type=int, nargs="?", default=0, metavar="FIRST", help="number of the first answer")
+parser.add_argument("last", type=int, nargs="?", default=200, metavar="LAST", help="number after that of the last one")
+arguments = parser.parse_args()
+file, first, last = arguments.file, arguments.first, arguments.last
 rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 for index in sorted({*range(first, last)} - {one[1] for one in rows}):
     rows.append(row(list(ARMS)[index % len(ARMS)], index))
