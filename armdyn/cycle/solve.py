@@ -68,7 +68,7 @@ def solve_cycle(
         if cycle.order == "free" and answer.usable and turns(cycle):
             answer = _with_turns(answer, options, stop, report)
         if options.bound:
-            stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().beyond * options.time_limit)
+            stop.deadline = max(stop.deadline, time.perf_counter() + CyclePolicy().bound_part * options.time_limit)
             programs = options.bound_programs or BoundPolicy().chain_programs
             effort = Effort(programs, stop.__bool__, options.workers, report)
             answer = replace(answer, lower_bound=_lower_bound(graph, answer, effort))

@@ -95,7 +95,7 @@ def _slid_end(
             break
         slope = end_gradient(best.problem.robot, goal, q, best.phases)
         steepest = float(np.linalg.norm(slope))
-        by = -min(step, numbers.end_farthest) / steepest * slope
+        by = -min(step, numbers.end_largest) / steepest * slope
         moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
         other = None if moved is None else solve(best, moved)
         if moved is None or other is None:

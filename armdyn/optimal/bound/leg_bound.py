@@ -24,13 +24,13 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
     known, joint = max(known, float(np.max(alone))), int(np.argmax(alone))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
-    numbers, ahead = leg.policy, leg.policy.ahead
+    numbers, ahead = leg.policy, leg.policy.horizon
     for _ in range(numbers.grids):
         before = known
         known, joint, full = _on_grid(leg, known, joint, (1 + ahead) * known, stop)
         if stop() or not full or known < before * (1 + numbers.regrid):
             break
-        ahead = min(max(2 * (known / before - 1), numbers.least_ahead), numbers.ahead)
+        ahead = min(max(2 * (known / before - 1), numbers.least_horizon), numbers.horizon)
     return known, joint
 
 
@@ -52,10 +52,10 @@ def _on_grid(leg: BoundLeg, known: float, joint: int, longest: float, stop: Stop
                 known, joint = bound, int(np.argmax(by.way[0] * leg.away.centre))
             half, ramp = float(np.sum(cells.side)), by.ramp(leg, cells)
             full = not cut and ramp > numbers.full * half
-            if 0 < ramp * numbers.room < half and not cut:
-                cells, cut = cells.cut(leg, ramp * numbers.room), True
+            if 0 < ramp * numbers.cut_side < half and not cut:
+                cells, cut = cells.cut(leg, ramp * numbers.cut_side), True
                 continue
-            if known < before * (1 + numbers.worth):
+            if known < before * (1 + numbers.least_gain):
                 break
         if done + 1 < numbers.passes:
             cells = cells.narrowed(leg, reached(leg, cells, forces))

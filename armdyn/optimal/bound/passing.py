@@ -44,18 +44,18 @@ def passing_bound(
         longest: duration up to which motions are covered [s], an upper limit of the bound.
         stop: stopping condition, polled regularly; once true, the bound so far is returned.
     """
-    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_ahead) * known)
+    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_horizon) * known)
     phases = _phases(leg, passage, longest, stop)
     if phases is None:
         return longest, longest == begun
     known = max(known, min(sum_down([phase.least for phase in phases]), longest))
-    near = min(longest, (1 + numbers.region_ahead) * known)
+    near = min(longest, (1 + numbers.region_horizon) * known)
     for _ in range(numbers.region_grids):
         before, known = known, max(known, phased_bound(leg, phases, known, near, stop))
         if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
             break
         # The shorter the covered motions, the smaller the boxes; if the bound reaches them, try longer ones.
-        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.region_ahead) * known)
+        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.region_horizon) * known)
     return known, known < longest or known == begun
 
 
@@ -104,7 +104,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
     for _ in range(numbers.phase_grids):
         if stop() or known == 0 or known >= longest:
             break
-        before, most = known, min((1 + numbers.phase_ahead) * known, longest)
+        before, most = known, min((1 + numbers.phase_horizon) * known, longest)
         far = up(leg.velocity * most)
         box = ((leg.start if first else leg.goal).q + Interval(-far, far)).intersection(event.box)
         near = event.region.narrowed(box[None], numbers) if np.all(box.lower <= box.upper) else None
@@ -114,7 +114,7 @@ def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: flo
         passed = event.region.end(near[0])
         one = replace(leg, goal=passed) if first else replace(leg, start=passed)
         known = phased_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
-        if known < before * (1 + numbers.phase_worth):
+        if known < before * (1 + numbers.phase_least_gain):
             break
     return known
 
@@ -180,7 +180,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
 def _soonest(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
     """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
     never, reached = 0.0, most
-    for _ in range(leg.policy.soonest_rounds):
+    for _ in range(leg.policy.reach_rounds):
         middle = (never + reached) / 2
         far = up(leg.velocity * middle)
         if region.narrowed((end.q + Interval(-far, far))[None], leg.policy) is None:

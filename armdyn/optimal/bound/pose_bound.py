@@ -44,7 +44,7 @@ def pose_bound(problem: MinimumTimeProblem, leg: BoundLeg, stop: StopCondition) 
     if kinematic == 0 or not np.all(np.isfinite(leg.velocity)):
         return kinematic, joint, kinematic
     # The set's bound is at most that of any goal in it; that goal may be far from the fastest one.
-    longest = min(leg_bound(near, stop)[0], known * numbers.furthest)
+    longest = min(leg_bound(near, stop)[0], known * numbers.most_momentum)
     for _ in range(numbers.times):
         if stop() or longest < known * (1 + numbers.near_enough):
             break
@@ -64,7 +64,7 @@ def _kinematic(goals: GoalSet, near: float, stop: StopCondition) -> float:
         if boxes is None or stop():
             break
         if len(boxes.lower) > numbers.few:  # too many to bisect: only those reached soon
-            near = known + numbers.soon * (near - known)
+            near = known + numbers.early * (near - known)
         boxes = goals.before(near).enclosed(boxes, size, stop)
         known = max(known, float(np.min(goals.within.times(boxes, goals.turning), initial=near)))
     return known

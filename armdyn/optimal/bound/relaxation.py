@@ -175,7 +175,7 @@ def _changes(
     places = np.append(cells.fixed, len(cells.lengths))[:, None, None]
     rows = np.moveaxis(program.rows(np.stack([kind.given for kind in kinds], axis=1), places), 1, 0)
     left_open = np.einsum("bij,bj->bi", forces.terms.inertia.radius, cells.v.magnitude)[cells.fixed]
-    radius = leg.policy.caution * left_open / kinds[0].scale
+    radius = leg.policy.linear_weight * left_open / kinds[0].scale
     open_ = program.unknown(v.shape, -radius, radius)
     for own, kind in zip(rows, kinds, strict=True):
         program.blocks(own[:-1], v, kind.onward)

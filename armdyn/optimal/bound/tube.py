@@ -92,14 +92,14 @@ def _slices(
         if following is None:
             return None
         ahead.append(following)
-    wide = 2 * numbers.beside_line
+    wide = 2 * numbers.line_margin
     while _time(leg, (end, Interval(behind[-1] - wide, behind[-1] + wide), other)) <= longest:
         following = _slid(leg, line, -len(behind) * step, behind[-1])
         if following is None or len(behind) > numbers.most_slices:
             return None
         behind.append(following)
     first, q = len(behind) - 1, np.array([*behind[:0:-1], *ahead])
-    wide = np.max(np.abs(np.diff(q, axis=0)), axis=0) + end.radius + numbers.beside_line
+    wide = np.max(np.abs(np.diff(q, axis=0)), axis=0) + end.radius + numbers.line_margin
     return Interval(q - wide, q + wide), np.asarray(step * (np.arange(len(q)) - first)), half, first
 
 

@@ -72,13 +72,13 @@ def clearance_rows(required: RequiredDistances, guess: Curve, policy: Sequential
     longest = max(leg.basis.intervals for leg in guess.legs)
     fine = longest > policy.coarse
     most = policy.poses if fine else policy.coarse_poses
-    least = np.minimum(required.clearance + policy.spare, required.most)
+    least = np.minimum(required.clearance + policy.clearance_added, required.most)
     legs = []
     for leg, more in zip(guess.legs, required.places, strict=True):
         even = np.linspace(0, 1, -(-most * leg.basis.intervals // longest) + 2)
         passing = _passing(required.model, leg, even, least + policy.passing) if fine else even[:0]
         near = np.concatenate([more, passing])
-        around = (near[:, None] + even[1] * policy.beside * np.array([-1, 0, 1])).ravel()
+        around = (near[:, None] + even[1] * policy.neighbour_distance * np.array([-1, 0, 1])).ravel()
         # Places nearer than a hundredth of a step are redundant.
         all_ = np.unique(np.round(np.concatenate([even, around]) / (0.01 * even[1]))) * 0.01 * even[1]
         legs.append((leg.basis, all_[(all_ > 0) & (all_ < 1 - 1e-9)]))

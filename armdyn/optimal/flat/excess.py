@@ -26,7 +26,7 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         task: task with the limits, and the number of places to check.
         curve: the curve.
     """
-    problem, looks = task.problem, task.policy.curves.looks
+    problem, looks = task.problem, task.policy.curves.checks
     limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
     half, marks = limits.actuators.half_range, np.linspace(0, looks, POINTS + 1).astype(int)
     parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # each point's part of an interval
@@ -96,7 +96,7 @@ def larger_margin(task: Task, margin: TorqueMargin, over: TorqueMargin, eager: f
     times = numbers.eager if eager is None else eager
 
     def more(beyond: Array | float) -> Array:
-        return np.asarray(np.maximum(np.asarray(beyond) + numbers.spare, 0) * times)
+        return np.asarray(np.maximum(np.asarray(beyond) + numbers.margin_added, 0) * times)
 
     upper, lower, rates = more(over.upper), more(over.lower), more(over.rates)
     left = np.pad(np.maximum(upper * (margin.upper >= _MOST), lower * (margin.lower >= _MOST)), ((1, 1), (0, 0)))
@@ -153,20 +153,20 @@ class Tightening:
 
     def _idle(self, spare: Array, beyond: Array | float) -> Array:
         """Slack of a torque whose neighbours exceed their bounds: a smaller margin has no effect."""
-        idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.beside)
+        idle = (np.asarray(beyond) > self.enough) & (spare > 0) & (spare < self.task.policy.curves.active_slack)
         return np.where(idle, spare, 0.0)
 
     def _moved(self, margin: TorqueMargin, over: TorqueMargin) -> TorqueMargin:
         """Larger margins where torques exceed their limits; smaller ones where they stay below, in early rounds."""
         numbers = self.task.policy.curves
-        late = self.rounds - numbers.giving_rounds
+        late = self.rounds - numbers.decrease_rounds
         if self.spec.least or late > 0:  # the rest falls slowly
             return larger_margin(self.task, margin, over, numbers.eager * max(late, 1))
         more = larger_margin(self.task, margin, over, numbers.eager_steps)
 
         def smaller(side: Array | float, beyond: Array | float) -> Array:
-            spare = np.minimum(np.asarray(beyond) + numbers.spare, 0)
-            return np.asarray(np.maximum(side + numbers.given_back * spare, 0))
+            spare = np.minimum(np.asarray(beyond) + numbers.margin_added, 0)
+            return np.asarray(np.maximum(side + numbers.margin_decrease * spare, 0))
 
         return replace(more, upper=smaller(more.upper, over.upper), lower=smaller(more.lower, over.lower))
 

@@ -74,7 +74,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     padded = np.concatenate([-snap[:1], snap, -snap[-1:]])
     jumps = np.abs(padded[1:, 0] - padded[:-1, -1])
     worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(snap), axis=1))
-    allowed = 48 * numbers.off * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
+    allowed = 48 * numbers.velocity_error * np.where(np.isfinite(speed), speed, leg.fastest + np.finfo(float).tiny)
     needed = leg.duration * lengths * np.cbrt(np.max(worst / allowed, axis=1))
     needed = np.maximum(np.clip(needed, numbers.samples, numbers.most_samples), numbers.steps * lengths)
     return np.asarray(np.ceil(needed), dtype=int)

@@ -164,7 +164,7 @@ def travel_scales(task: Task, guess: Curve) -> Array:
     """Scales of dq/ds, s being the part of the time [rad or m], shape (nv,): small for joints that need not move."""
     most = guess.duration * finite(task.problem.limits.velocity)
     ways = np.sum([np.abs(leg.points[-1] - leg.points[0]) for leg in guess.legs], axis=0)
-    return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting))
+    return np.asarray(most * np.sqrt(ways / most + task.policy.curves.resting_speed))
 
 
 def _meeting_speeds(problem: MinimumTimeProblem, guess: Curve) -> Array:

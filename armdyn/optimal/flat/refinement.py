@@ -58,7 +58,7 @@ def refine_curve(task: Task, guess: Curve, rough: bool = False) -> RefinedCurve:
             exceed their limits slightly.
     """
     spec = CurveSpec.of(task)
-    return _refined(task, guess, spec, task.policy.curves.rough if rough else task.policy.curves.little)
+    return _refined(task, guess, spec, task.policy.curves.calm_excess if rough else task.policy.curves.small_excess)
 
 
 def _refined(task: Task, guess: Curve, spec: CurveSpec, little: float, near: Solved | None = None) -> RefinedCurve:
@@ -80,14 +80,14 @@ def refine_roughly(task: Task, guess: Curve) -> RefinedCurve | None:
         None if the steps do not converge, or torques stay too far beyond their limits between the points.
     """
     spec, curves = CurveSpec.of(task), task.policy.curves
-    tighten = Tightening(task, guess, spec, curves.little)
+    tighten = Tightening(task, guess, spec, curves.small_excess)
     solved = solve_curve(task, guess, spec, tighten=tighten, rough=True)
     if not solved.in_steps:
-        return _in_rounds(task, solved, spec, curves.little if can_be_slowed(task.problem) else 0.0)
+        return _in_rounds(task, solved, spec, curves.small_excess if can_be_slowed(task.problem) else 0.0)
     over = tighten.over_at(solved.result.x) or excesses_of(task, solved.curve)
-    if not solved.converged or worst_excess(over) > curves.hopeless:
+    if not solved.converged or worst_excess(over) > curves.most_excess:
         return None
-    curve, over = _within_limits(task, solved.curve, over, curves.hopeless)
+    curve, over = _within_limits(task, solved.curve, over, curves.most_excess)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, tighten.spec, solved.result.iterations, worst_excess(over), reports)
 
@@ -103,12 +103,12 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
         share: part of the fastest duration that may be spent [-].
     """
     numbers, duration = task.policy.curves, fastest.curve.duration
-    least = (1 + share - numbers.little) * duration
+    least = (1 + share - numbers.small_excess) * duration
     spec = replace(fastest.spec, smooth=0.0, travel=numbers.travel, steps=numbers.torque_steps, least=least)
     near = None if fastest.solved.in_steps else fastest.solved
-    found = _refined(task, fastest.curve, spec, numbers.little, near)
+    found = _refined(task, fastest.curve, spec, numbers.small_excess, near)
     given = found.curve.duration - duration
-    kept = found.solved.converged and found.excess <= numbers.little and constraints_mended(task, found.reports)
+    kept = found.solved.converged and found.excess <= numbers.small_excess and constraints_mended(task, found.reports)
     if task.stop or not kept or given > share * duration:
         return settled(task, fastest)
     return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
@@ -121,7 +121,7 @@ def settled(task: Task, rough: RefinedCurve) -> RefinedCurve:
         task: the problem and its settings.
         rough: rough curve from `refine_curve`.
     """
-    little = task.policy.curves.little
+    little = task.policy.curves.small_excess
     if rough.excess <= little:
         return rough
     if task.stop or not rough.solved.converged:
@@ -160,9 +160,9 @@ def _in_rounds(
             break
         solved, over = again, None
     curve, over = solved.curve, over or excesses_of(task, solved.curve)
-    rough = numbers.little < worst <= enough and not task.stop and solved.converged
+    rough = numbers.small_excess < worst <= enough and not task.stop and solved.converged
     if can_be_slowed(problem) and not rough:
-        curve, over = _within_limits(task, curve, over, numbers.little)
+        curve, over = _within_limits(task, curve, over, numbers.small_excess)
     reports = reports_on(task, curve, spec.constraints)
     return RefinedCurve(curve, solved, spec, iterations, worst_excess(over), reports)
 
@@ -214,7 +214,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         task: task with required distances.
         guess: initial guess.
     """
-    numbers, hopeless = task.policy.sequential, task.policy.curves.hopeless
+    numbers, hopeless = task.policy.sequential, task.policy.curves.most_excess
     constraints = TightenedConstraints.of(task)
     margins = () if task.problem.regional else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
     spec = CurveSpec(constraints, margins=margins)
@@ -273,7 +273,7 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     if not jumps:  # the feedback's corrections change fast between close samples
         numbers = replace(numbers, most_samples=numbers.samples)
     if not can_be_slowed(problem):
-        numbers = replace(numbers, off=numbers.off_in_flight)
+        numbers = replace(numbers, velocity_error=numbers.velocity_error_in_flight)
     dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
     finer = numbers.finer if dry_friction or not jumps or not numbers.cruises else 1
     counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]

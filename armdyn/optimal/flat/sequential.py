@@ -96,7 +96,8 @@ class Sequential:
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
             missed = (
-                at.penalties[2] > policy.distance * policy.distance_left and policy.other < policy.dearest * self._whole
+                at.penalties[2] > policy.distance * policy.distance_left
+                and policy.other < policy.most_other * self._whole
             )
             if taken is None and missed:  # a slow arm gains more by violated rows than their price
                 policy = self.policy = replace(policy, other=10 * policy.other)
@@ -117,12 +118,12 @@ class Sequential:
             bounds = settings.tighten(at.x, at.torques.tau) if settings.tighten is not None and near else None
             if bounds is not None:
                 at = self._bounded(at, bounds)
-                merit, eager, last = self._merit(at), 0, max(last, k + policy.steps_again)
+                merit, eager, last = self._merit(at), 0, max(last, k + policy.tightened_steps)
                 trust = settings.trust if taken is None else trust
             elif ended and (taken is None or self._kept(at)):
                 status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
-            elif k >= eager and self._duration(at) > policy.hopeless * settings.beaten:
+            elif k >= eager and self._duration(at) > policy.dropped * settings.beaten:
                 status, word = Status.ITERATION_LIMIT, "another path is faster"
                 break
         else:

@@ -90,7 +90,7 @@ class LimitedArm:
 
     def keeps(self, seen: Checked, distances: Distances | None) -> bool:
         """Whether a curve satisfies all limits and distances."""
-        kept = seen.kept(self.program.policy.least_spare, LIMIT_TOLERANCE)
+        kept = seen.kept(self.program.policy.least_reserve, LIMIT_TOLERANCE)
         kept = kept and between_samples(seen, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
         return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
 
@@ -164,9 +164,9 @@ def improve(
         unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
         here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
         seen = arm.seen(here.points, here.duration)
-        over += seen.torque > -policy.least_spare and not unmet
-        price = policy.dearer * pace.price if unmet else pace.price
-        pace = Pace(min(reach, policy.calmer ** max(over - policy.lively, 0)), price)
+        over += seen.torque > -policy.least_reserve and not unmet
+        price = policy.price_growth * pace.price if unmet else pace.price
+        pace = Pace(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
         settled = abs(longer) <= policy.enough * here.duration
         if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
             best = Improved(here.duration, seen, margins, settled and pace.reach >= policy.stuck)
@@ -174,7 +174,7 @@ def improve(
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
             best = _slowed(arm, here, seen, margins, distances)
-        margins = _tightened(program, margins, here, seen, settled or over > policy.falling)
+        margins = _tightened(program, margins, here, seen, settled or over > policy.decrease_steps)
         took = max(took, time.perf_counter() - began)
     return best, Draft(here.points, here.duration, margins, k)
 
@@ -238,10 +238,12 @@ def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen:
         seen: the curve at its samples.
         near: whether the curve hardly changes, so that no margin is reduced.
     """
-    policy, kept = program.policy, 1.0 if near else program.policy.forget
+    policy, kept = program.policy, 1.0 if near else program.policy.margin_kept
 
     def next_(margin: Array | float, beyond: Array, own: Array) -> Array:
-        target = np.where(beyond + policy.spare > 0, policy.strict * (beyond - own) + policy.spare, 0.0)
+        target = np.where(
+            beyond + policy.torque_reserve > 0, policy.strict * (beyond - own) + policy.torque_reserve, 0.0
+        )
         return np.minimum(np.maximum(target, kept * margin), policy.most_margin)
 
     over, under = program.violations(here, TorqueMargin())

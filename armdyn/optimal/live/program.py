@@ -115,7 +115,7 @@ class StepProgram:
         inner = slice(nv, -nv)  # the first and the last velocity are given
         self._rows = [replace(rows, linear=rows.linear[inner], duration=rows.duration[inner])]
         if np.any(np.isfinite(acceleration)):
-            self._rows.append(self._rates(2, acceleration * (1 - policy.acceleration_spare)))
+            self._rows.append(self._rates(2, acceleration * (1 - policy.acceleration_reserve)))
         self._bounds = [np.where(np.isinf(limit), np.inf, 1.0) for limit in (limits.velocity, acceleration)]
         second = mesh.basis.values(mesh.places, 2)
         squares = policy.smooth * (second.T * mesh.weights) @ second

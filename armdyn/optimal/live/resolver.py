@@ -177,7 +177,7 @@ class Resolver:
             program = known.program
         else:
             numbers = Policy.of(problem).live
-            mesh = Places(Basis(graded(numbers.intervals, numbers.shortest)), numbers.looks)
+            mesh = Places(Basis(graded(numbers.intervals, numbers.shortest)), numbers.checks)
             program = StepProgram(mesh, problem.limits, acceleration, numbers)
             self._draft = None
         if known is None or known.program is not program or known.robot is not self.robot:

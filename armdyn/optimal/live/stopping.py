@@ -67,7 +67,7 @@ class LastMotion:
         """
         t = self.passed(q, v)
         at, end = self.motion(t), float(self.motion.t[-1])
-        is_off = np.max(np.abs(at.q - q)) > policy.beside_position or np.max(np.abs(at.v - v)) > policy.beside_velocity
+        is_off = np.max(np.abs(at.q - q)) > policy.same_position or np.max(np.abs(at.v - v)) > policy.same_velocity
         if is_off or end - t < _LEAST:
             return None
         left = self.motion.slice(t, end)

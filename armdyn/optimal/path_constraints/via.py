@@ -52,7 +52,7 @@ class ViaPoints(PathConstraint):
         for i, (via, time) in enumerate(zip(problem.via, passing, strict=True)):
             if isinstance(via, GoalPose):
                 error, time, which = _nearest_deviation(problem, motion, via, float(time))
-                enough, unit = self.policy.beside_region, "rad" if which.startswith("r") else "m"
+                enough, unit = self.policy.region_excess, "rad" if which.startswith("r") else "m"
                 miss = f"{error:.2g} {unit} outside the region of via[{i}], in {which}"
             else:
                 distance = np.abs(motion(time).q - np.asarray(via))
@@ -72,7 +72,7 @@ class ViaPoints(PathConstraint):
         parts = list(self.parts or np.ones(len(problem.via)))
         for i, region in problem.via_regions.items():
             given = region.deviations[(region.deviations > 0) & np.isfinite(region.deviations)]
-            if report.missed[i] > self.policy.beside_region and given.size:
+            if report.missed[i] > self.policy.region_excess and given.size:
                 parts[i] = max(parts[i] - 2 * float(report.missed[i]) / float(np.min(given)), 0.0)
         return replace(self, parts=tuple(parts))
 

@@ -189,7 +189,7 @@ class _StationarityProgram:
         stretches = self._stretches()
         G, n, E = len(stretches.carried), self.width.size, len(stretches.distance)
         changes, cost, bounds = self._changes(stretches)
-        furthest, own = self.numbers.furthest / self.motion.t[-1], 2 * n * (G + 1)
+        furthest, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
         states = np.full((2 * n * G, 2), (-furthest, furthest))
         spare = stretches.distance + furthest * np.abs(stretches.source).sum(axis=1)
         matrix = [changes, _adjoint(stretches), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
@@ -212,7 +212,7 @@ class _StationarityProgram:
         ends, length = [0], 0.0
         for k in range(K):
             length += h[k]
-            if length >= self.numbers.stretch or k == K - 1:
+            if length >= self.numbers.least_spacing or k == K - 1:
                 ends.append(k + 1)
                 length = 0.0
         flows, places, sources, distances = [], [], [], []

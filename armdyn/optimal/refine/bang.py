@@ -72,7 +72,7 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
             shared.best = min(shared.best, optima[k].cost)
         if optima[k].usable(options.replay_tolerance):
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
-            sure = duration + numbers.sure * abs(duration - cost) if optima[k].certificate.ok else np.inf
+            sure = duration + numbers.error_factor * abs(duration - cost) if optima[k].certificate.ok else np.inf
             beaten = min(beaten, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
         slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
@@ -153,7 +153,7 @@ def _enough(task: Task, step: _Reached) -> bool:
     certificate, numbers = step.best.certificate, task.policy.refinement
     extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)
-    if landed and step.left <= numbers.glance:  # hopeless
+    if landed and step.left <= numbers.coarse_budget:  # hopeless
         return True
     return certificate.ok or (landed and not task.options.arcs) or (numbers.extremal_is_enough and extremal)
 

@@ -79,7 +79,7 @@ def settled(task: Task, attempt: Attempt) -> Optimum:
         attempt: a usable solution as the initial guess.
     """
     numbers, iterations = task.policy.path_constraints, 0
-    again = replace(task.fine(), barrier=task.policy.program.again_barrier)
+    again = replace(task.fine(), barrier=task.policy.program.tightened_barrier)
     mesh: _Mesh | None = _Mesh(task.options.intervals, TightenedConstraints.of(task))
     best: Optimum | None = None
     for k in range(numbers.rounds):

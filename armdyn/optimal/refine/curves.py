@@ -64,11 +64,15 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         return [], Found((), failed=(_no_way(task),))
     failed = () if planned else (_no_way(task),)
     found.sort(
-        key=lambda one: (one.excess > numbers.hopeless, not constraints_mended(task, one.reports), one.curve.duration)
+        key=lambda one: (
+            one.excess > numbers.most_excess,
+            not constraints_mended(task, one.reports),
+            one.curve.duration,
+        )
     )
-    if found[0].excess > numbers.hopeless and can_be_slowed(task.problem) and not task.stop:
+    if found[0].excess > numbers.most_excess and can_be_slowed(task.problem) and not task.stop:
         found[0] = slowed_until_kept(task, found[0])
-    if found[0].excess > numbers.hopeless:
+    if found[0].excess > numbers.most_excess:
         failed = failed or (_failed(task, found[0]),)
         return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
@@ -89,7 +93,7 @@ def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
         task: the problem.
         found: refined curves of the guesses, best first.
     """
-    most = task.policy.curves.hopeless
+    most = task.policy.curves.most_excess
     durations = [one.curve.duration for one in found if one.excess <= most and not one.reports.reasons]
     if len(found) < 2 or not durations or _enough(task, found[0]):
         return ""
@@ -137,7 +141,7 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
 
 def _trouble(task: Task, refined: RefinedCurve) -> bool:
     """Whether another guess may lead to a better curve: this one did not converge, or was slowed down."""
-    slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.hopeless
+    slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.most_excess
     return not refined.solved.converged or refined.excess > most or slowed > most
 
 
@@ -282,13 +286,13 @@ def _landed(task: Task, refined: RefinedCurve) -> Optimum:
     task.progress(f"replaying a motion of {curve.duration:.6f} s")
     if can_be_slowed(problem):  # velocities have a reserve for the replay's error
         fastest = max(float(np.max(leg.fastest / problem.limits.velocity)) for leg in curve.legs)
-        curve = curve.slower(max((1 + task.policy.curves.off) * fastest, 1.0))
+        curve = curve.slower(max((1 + task.policy.curves.velocity_error) * fastest, 1.0))
     # `follow` integrates as `replay_torques` does, sample by sample; `proof.repeat` uses another integrator.
     replay = follow(task, sampled(task, curve))
     # Where friction jumps, or the arm is unstable, `refine.slowing` would end off the goal.
-    for more in (1.0, task.policy.curves.slower_again) if can_be_slowed(problem) else ():
+    for more in (1.0, task.policy.curves.slowing_factor) if can_be_slowed(problem) else ():
         factor = least_factor(problem.robot, problem.limits, replay, LIMIT_TOLERANCE)
-        if not 1 < factor < 1 + task.policy.curves.hopeless:
+        if not 1 < factor < 1 + task.policy.curves.most_excess:
             break
         curve = curve.slower(1 + more * (factor - 1))
         replay = follow(task, sampled(task, curve))

@@ -59,9 +59,9 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, budget: Budget
     """
     problem, policy, n, aim = task.problem, task.policy, task.problem.robot.nv, Aim()
     samples, least = 1, np.inf
-    for _ in range(policy.refinement.aims):
+    for _ in range(policy.refinement.corrections):
         phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
-        astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.stray
+        astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.hamiltonian_tolerance
         if astray and not budget and (more := finer(extremal, budget)) is not None:
             extremal = more
             continue
@@ -87,7 +87,7 @@ def _finer(task: Task, phases: Phases) -> tuple[Phases, Trajectory, str]:
     numbers = task.policy.refinement
     finest = max(numbers.most_intervals, numbers.most_per_arc * len(phases.arcs))
     while (size := doubled(phases.arc_of.size, finest)) and not task.stop:
-        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.stray:
+        if np.max(np.abs(pontryagin(task.problem, phases)[0])) <= numbers.hamiltonian_tolerance:
             break
         tried = solve_phases(task, phases.arcs, phases.torques, size, near=True, density=phases.density)
         if isinstance(tried, Unresolved):
@@ -101,7 +101,7 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
     """Offset the goal by the collocation's error until the replay reaches it."""
     problem, numbers, n = task.problem, task.policy.refinement, task.problem.robot.nv
     best, aim = phases, Aim()
-    for _ in range(numbers.aims):
+    for _ in range(numbers.corrections):
         if np.max(np.abs(problem.goal_error_of(replay)[:n])) <= numbers.landed or task.stop:
             break
         aim = aim.corrected(problem, replay)

@@ -47,7 +47,7 @@ class ResolvedMotions:
     @property
     def spent(self) -> bool:
         """Whether the budget is spent, but for divided meshes."""
-        return self.left < self._numbers.spare
+        return self.left < self._numbers.reserve
 
     def spend(self, steps: float) -> None:
         """Subtract integrator steps of structures from the budget."""
@@ -55,7 +55,7 @@ class ResolvedMotions:
 
     def beats(self, mesh: Attempt) -> bool:
         """Whether the best certified motion is so much faster than a mesh's motion that the mesh is skipped."""
-        return mesh.trajectory.duration > (1 + self._numbers.beaten) * self.best
+        return mesh.trajectory.duration > (1 + self._numbers.abandoned) * self.best
 
     def usable_by(self, duration: float, tolerance: float) -> bool:
         """Whether a motion of at most this duration is usable; tolerance: of its goal error [rad or m]."""
@@ -69,7 +69,7 @@ class ResolvedMotions:
     def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
         """Recorded result of the same solution on the first mesh; None: not recorded."""
         for known, optimum in self._known:
-            if len(distinct([known, first], same.resolved, same.apart)) == 1:
+            if len(distinct([known, first], same.resolved, same.distance)) == 1:
                 return (optimum,)
         return None
 
@@ -124,7 +124,7 @@ class _Meshes:
 
         def finer(one: Attempt) -> Array:
             knots = _finer(within, one, numbers)
-            return knots if self.worth(knots, numbers.spare) else one.mesh
+            return knots if self.worth(knots, numbers.reserve) else one.mesh
 
         if has_stagewise(self.task):
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
@@ -140,7 +140,7 @@ class _Meshes:
         """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
-        worth = np.any(rough) and knots.size <= numbers.most_again and self.worth(knots)
+        worth = np.any(rough) and knots.size <= numbers.most_further_knots and self.worth(knots)
         return self.again(attempt, knots, margins) if worth else None
 
     def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
@@ -164,14 +164,14 @@ class _Meshes:
             barrier=numbers.sharp_barrier,
             push=numbers.push,
             convex=numbers.convex,
-            acceptable=Acceptable(numbers.close, numbers.close, numbers.still, numbers.patience),
+            acceptable=Acceptable(numbers.close, numbers.close, numbers.least_decrease, numbers.patience),
         )
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
         numbers, self.tie = self.task.policy.motion_mesh, tie
         found = self._once(task, guess, knots, settings, tie)
-        if found.usable or self.task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.spare):
+        if found.usable or self.task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.reserve):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
         return self._solved(task, near, knots, settings, tie + 1)
@@ -179,7 +179,7 @@ class _Meshes:
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """Result of one solve on a mesh."""
         numbers, size = self.task.policy.motion_mesh, knots.size - 1
-        granted = max(numbers.fewest, int(max(self.resolved.left, numbers.rest) // size))
+        granted = max(numbers.fewest, int(max(self.resolved.left, numbers.last_solve) // size))
         most = min(settings.max_iterations, granted)
         found = solve_on_knots(task, guess, knots, replace(settings, max_iterations=most), numbers.ties[tie])
         self.resolved.left -= found.iterations * size
@@ -204,7 +204,7 @@ class _Meshes:
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     """The attempt's knots and further ones; with a larger collocation error if these would be too many."""
     more = _divided(task, attempt, numbers)
-    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.rough))
+    return more if more.size <= numbers.most else _divided(task, attempt, replace(numbers, gap=numbers.coarse_gap))
 
 
 def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -224,8 +224,8 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     steady = np.abs(np.diff(at.v, axis=0)) < task.policy.arcs.in_contact * limits.velocity
     room = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
     close = np.minimum(room[:-1], room[1:]) < task.policy.arcs.in_contact
-    bow = np.where(fast & steady, excesses[0] / (numbers.bow * limits.velocity), 0.0)
-    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.beyond, 0.0)).max(axis=1)
+    bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
+    bow = np.maximum(bow, np.where(close, excesses[1] / numbers.position_excess, 0.0)).max(axis=1)
     shooting = task.policy.shooting
     missed, *_ = gaps(task.problem.robot, Shooting.of(task.problem, attempt, shooting.near), shooting.steps)
     gap = np.nan_to_num(np.max(np.abs(missed), axis=1))  # error of fifth order; NaN where a motion diverges
@@ -298,14 +298,14 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
     task, best, numbers = meshes.task, _judged(meshes.task, mesh, remark), meshes.task.policy.motion_mesh
     if best is None:
         return None
-    for k in range(numbers.again):
+    for k in range(numbers.further_meshes):
         velocity, position = _excess(task, best.optimum)
         margins = _Margins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.rough, margins)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
-        stalled = found.saving > max(numbers.falls * best.saving, SAVING_TOLERANCE)
+        stalled = found.saving > max(numbers.saving_ratio * best.saving, SAVING_TOLERANCE)
         mesh, best = divided, found
         if stalled and best.optimum.within_limits:
             break
@@ -373,7 +373,7 @@ def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCosta
     """Intervals to divide of a nearly certified motion: those with most of the saving, or beyond a limit."""
     numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
     beyond = excesses(task.problem.limits, replay)
-    if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly:
+    if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly_certified:
         return rough
     if costates.saving > SAVING_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]

@@ -65,14 +65,14 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     fast = _at_speed(task, attempt.trajectory)  # structures rarely settle there; the mesh's motion converges sooner
     begun = budget.left
     numbers = task.policy.refinement
-    found = _by_switching(task, attempt, budget, numbers.sharp_at_speed if fast else numbers.sharp)
+    found = _by_switching(task, attempt, budget, numbers.switch_budget_at_speed if fast else numbers.switch_budget)
     extremals = _landed(task, found, attempt, budget)
     if not (found.settled or found.idle or fast):
         found = found.again(budget)
         extremals += _landed(task, found, attempt, budget)
     yield extremals
     # Else a finer mesh may still show a structure.
-    last = budget.left <= numbers.glance or 2 * attempt.intervals > task.options.max_intervals
+    last = budget.left <= numbers.coarse_budget or 2 * attempt.intervals > task.options.max_intervals
     if fast:
         resolved.spend(begun - budget.left)
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
@@ -211,7 +211,7 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: in
     found = _Resolved(shooting, [], list(_structures(task, shooting, attempt)), [], attempt)
     for structure in found.first:
         if not (found.settled or budget):
-            found = found.with_tried(structure, budget, numbers.glance)
+            found = found.with_tried(structure, budget, numbers.coarse_budget)
     if sharp_budget and not (found.settled or budget):
         mesh = at_switches(task, attempt)
         sharp = [] if mesh is attempt else list(_structures(task, shooting, mesh))

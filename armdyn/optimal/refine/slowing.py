@@ -39,7 +39,7 @@ def slowed(task: Task, optimum: Optimum) -> Optimum:
         whole *= factor
         found = _at_pace(task, optimum, path, whole)
         factor = least_slowing(task, found)
-        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.astray)
+        lost = found.certificate.goal_error > max(GOAL_TOLERANCE, optimum.certificate.goal_error + numbers.path_error)
         if factor == 1 and not lost:
             return found
         if lost or not np.isfinite(factor) or task.stop:

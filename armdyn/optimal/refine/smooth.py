@@ -203,7 +203,7 @@ class _Settling:
         known, own = [cost(problem, phases) for phases in self._resolved], cost(problem, found)
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
-            worse = own > numbers.doubted * promise / numbers.optimism
+            worse = own > numbers.likely_artefact * promise / numbers.optimism
             doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.unlikely)
             self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
 
@@ -260,7 +260,7 @@ def _distinct(task: Task, attempts: Sequence[Attempt]) -> list[Trajectory]:
     paid.sort(key=lambda one: one[0])
     alike = within(same)
     groups = grouped(
-        (one for one in paid if one[0] <= task.policy.smooth.worth * paid[0][0]),
+        (one for one in paid if one[0] <= task.policy.smooth.dropped * paid[0][0]),
         lambda first, one: (
             alike(first[0], one[0]) and abs(one[1].duration / first[1].duration - 1) <= task.policy.same.coarse_duration
         ),

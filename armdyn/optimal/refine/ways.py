@@ -116,7 +116,7 @@ def _seconds(way: Way, speed: Array) -> float:
 def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     """Velocity limits [rad/s or m/s], shape (nv,); `SearchPolicy.brisk` for a joint without a limit."""
     limits = problem.limits.velocity
-    return np.where(np.isfinite(limits), limits, policy.brisk)
+    return np.where(np.isfinite(limits), limits, policy.assumed_speed)
 
 
 def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
@@ -151,7 +151,7 @@ def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
     yield from (_guess(task, way) for way in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
-    most = numbers.ways_in_regions if task.problem.regional else numbers.ways
+    most = numbers.paths_in_regions if task.problem.regional else numbers.paths
     yield from (_guess(task, way) for way in others[: most - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])

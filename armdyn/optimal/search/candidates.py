@@ -51,7 +51,7 @@ def find(task: Task) -> Found:
         task: the problem and its settings.
     """
     options, numbers = task.options, task.policy.search
-    same = task.policy.same.coarse, task.policy.same.apart
+    same = task.policy.same.coarse, task.policy.same.distance
     count = numbers.guesses(options)
     # Guesses of the options are solved on the fine mesh directly.
     on_mesh = partial(solve_quickly, intervals=options.intervals, settings=task.fine())
@@ -74,8 +74,8 @@ def find(task: Task) -> Found:
     if finer := _too_coarse(task, found, refined):
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
         # Meshes err for heavy arms, whose optima are near the straight path.
-        near = replace(task, policy=task.policy.changed("search", spread=1.0, turn=0.0))
-        several = min(count, max(count // share, numbers.again_at_least))
+        near = replace(task, policy=task.policy.changed("search", spread=1.0, uniform_spread=0.0))
+        several = min(count, max(count // share, numbers.least_repeated))
         prepare_quickly(task, mesh, task.fine())
         with near.with_options(intervals=mesh).pooled(has_stagewise(near)) as near:
             again = _searched(near, several, SearchSettings(meshes, task.coarse()), known=refined.attempts)
@@ -96,7 +96,7 @@ def _searched(
 
     Many guesses are split into several lineages of the default size: a single one forgets all but its best optima.
     """
-    changes = round(task.policy.search.changes * count)
+    changes = round(task.policy.search.mutated * count)
     attempts = search(task, count - changes, search_settings, extra_jobs)
     if not changes or len(attempts) < len(extra_jobs) + count - changes:  # early end, or time is up
         return attempts
@@ -124,13 +124,13 @@ def _refined(task: Task, found: Sequence[Attempt]) -> Found:
 
     task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
-    iterations, looked = 0, most * task.policy.search.looked_at
+    iterations, looked = 0, most * task.policy.search.fine_solves
     jobs = [partial(_finer, attempt, options.intervals, settings) for attempt in found]
     for k, (attempt, fine) in enumerate(zip(found, task.results(jobs), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
         # Coarse durations may be spurious; those on the mesh are the ones to beat.
-        candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.apart)
-        worth = task.policy.search.worth * candidates[0].trajectory.duration if candidates else np.inf
+        candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.distance)
+        worth = task.policy.search.only_listed * candidates[0].trajectory.duration if candidates else np.inf
         later = found[k + 1 :]
         if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):
             break
@@ -150,10 +150,10 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: Found) -> tuple[i
         The mesh for arc detection, the search's meshes, and the number of guesses.
     """
     numbers, mesh = task.policy.search, task.options.intervals
-    if not numbers.again or task.stop:
+    if not numbers.repeats or task.stop:
         return None
     slower = refined.attempts[0].trajectory.duration / found[0].trajectory.duration
-    astray = slower > numbers.doubted and all(_astray(task, attempt) for attempt in refined.attempts)
+    astray = slower > numbers.too_coarse_confirmed and all(_astray(task, attempt) for attempt in refined.attempts)
     if not (astray or slower > numbers.too_coarse):
         return None
     task.progress(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
@@ -166,7 +166,7 @@ def _astray(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion = task.problem, attempt.trajectory
     missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])
-    return not np.max(missed) <= task.policy.search.astray * np.max(np.ptp(motion.q, axis=0))
+    return not np.max(missed) <= task.policy.search.replay_miss * np.max(np.ptp(motion.q, axis=0))
 
 
 def _without_search(task: Task, failed: list[Attempt]) -> list[Attempt]:

@@ -84,7 +84,7 @@ def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
         for i, q in enumerate(goals, start=1):
             one = _Screened(problem.variant(q_goal=q, goal_pose=None, wrap=False))
             least = min((other.duration for other in sampled), default=np.inf)
-            if not (stop or one.branch.unheld or one.branch.duration_bound() > numbers.hopeless * least):
+            if not (stop or one.branch.unheld or one.branch.duration_bound() > numbers.too_slow * least):
                 task.progress(f"goal {i} of {len(goals)}")
                 one = _tried(task.about(one.branch))
             sampled.append(one)

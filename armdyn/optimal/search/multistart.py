@@ -56,13 +56,13 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         extra_jobs: other solves, which come first.
     """
     numbers = task.policy.search
-    ways = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.turn), numbers)
+    ways = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.uniform_spread), numbers)
     for intervals in search_settings.meshes:  # before the fork, so that every worker has them
         for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)
 
     attempts, solved = list[Attempt](), list[float]()
-    guesses = splines(task.problem, ways, numbers.haste)
+    guesses = splines(task.problem, ways, numbers.guess_duration)
     jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.of(k) for k in range(count)])]
     for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
@@ -74,7 +74,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         best = f", best {solved[0]:.4f} s" if solved else ""
         task.progress(f"search: guess {own} of {count}{best}")
         # An optimum's duration depends on the mesh: it counts once per mesh, which is conservative.
-        due = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.asks) == 0
+        due = numbers.ends_early and task.options.search != "thorough" and own % max(1, count // numbers.end_tests) == 0
         optima = len(grouped(solved, within(task.policy.same.coarse))) if due else 0
         if task.stop or (due and enough(len(solved), optima)):
             break
@@ -83,7 +83,7 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
 
 def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
     """The jobs' attempts in their order: several at once per worker, as one costs hardly more than its transfer."""
-    size = 1 if task.workers == 1 else task.policy.search.bunch
+    size = 1 if task.workers == 1 else task.policy.search.batch
     bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
     for attempts in task.results([partial(_done, bunch) for bunch in bunches]):
         yield from attempts
@@ -129,7 +129,7 @@ def crossover_guesses(
     """
     numbers, same, children = task.policy.search, task.policy.same, list[Attempt]()
     while len(children) < count and not task.stop:
-        best = distinct([*attempts, *children], same.coarse, same.apart)[: numbers.parents]
+        best = distinct([*attempts, *children], same.coarse, same.distance)[: numbers.parents]
         if not best:
             break
         parents = Guesses.sampled([attempt.trajectory for attempt in best], SAMPLES)
@@ -160,23 +160,25 @@ def crossover(
         policy: sizes of the changes.
     """
     many = len(parents.t)
-    chosen, other = random.exponential(policy.favoured, 2).astype(int) % many
+    chosen, other = random.exponential(policy.selection_scale, 2).astype(int) % many
     duration = parents.durations[chosen]
     q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
     bend = np.zeros(q.shape[1])
     if number % 3 == 0:
         way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
-        bend = policy.bend * random.normal(size=bend.size) * np.maximum(way, policy.bow)
+        bend = policy.midpoint_spread * random.normal(size=bend.size) * np.maximum(way, policy.least_spread)
     elif number % 3 == 1 and many > 1 and bend.size > 1:
         mate = other if other != chosen else (chosen + 1) % many
         taken = random.permutation(bend.size) < random.integers(1, bend.size)
         q[:, taken], tau[:, taken] = parents.q[mate][:, taken], parents.tau[mate][:, taken]
         v[:, taken] = parents.v[mate][:, taken] * parents.durations[mate] / duration
     else:
-        bend[random.integers(bend.size)] = policy.led * random.uniform(-1, 1)
+        bend[random.integers(bend.size)] = policy.joint_offset * random.uniform(-1, 1)
     s = np.linspace(0, 1, len(q))
     bow = 4 * s * (1 - s)
     q += (bow**3)[:, None] * bend
     v += (12 * bow**2 * (1 - 2 * s))[:, None] * bend / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
-    return Guesses(s[None] * (policy.slack * duration), q[None], v[None] / policy.slack, tau[None])
+    return Guesses(
+        s[None] * (policy.mutation_duration * duration), q[None], v[None] / policy.mutation_duration, tau[None]
+    )

@@ -54,7 +54,7 @@ def slid_chain(
         limits: limits of positions and velocities.
         numbers: settings of the descent.
     """
-    at, speed, longest = list(positions), _finite(limits.velocity), numbers.farthest
+    at, speed, longest = list(positions), _finite(limits.velocity), numbers.largest_step
     for _ in range(numbers.slides):
         step = _step(robot, goals, at, limits, longest, numbers.others)
         moved = None if step is None else _moved(robot, goals, at, step, limits)
@@ -62,7 +62,7 @@ def slid_chain(
             at = moved
         else:
             longest /= 4
-        if longest < numbers.shortest:
+        if longest < numbers.least_step:
             break
     return at
 

@@ -45,7 +45,7 @@ def via_guesses(
         For each guess the via poses [rad or m], each of shape (nv,).
     """
     random, policy = np.random.default_rng(seed), policy or Policy.of(problem).search
-    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), policy.bow)
+    reach = np.maximum(np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start)), policy.least_spread)
     middle = (np.asarray(problem.q_goal) + np.asarray(problem.q_start)) / 2
     lower, upper = problem.limits.position_lower, problem.limits.position_upper
     (spread, turn), size = wide, (count - 1, reach.size)
@@ -59,7 +59,7 @@ def via_guesses(
         else [[via] for via in vias]
     )
     if not problem.via:
-        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.unlike)
+        to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.swing_up_distance)
         ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight = list(problem.poses[1:-1])
     return [straight, *ways]

@@ -29,7 +29,7 @@ def phases_of(extremal: Extremal) -> Phases:
     """
     numbers = extremal.shooting.policy.arcs
     problem, whole = extremal.shooting.problem, SampledExtremal.of(extremal)
-    arcs = extremal.structure.arcs(extremal.shooting.policy.rollout.met)
+    arcs = extremal.structure.arcs(extremal.shooting.policy.rollout.touch)
     n, (K, nodes), lengths = problem.robot.nv, whole.tau.shape[:2], np.diff(whole.t)
     ends, middle = np.cumsum([arc.duration for arc in arcs]), (whole.t[:-1] + whole.t[1:]) / 2
     arc_of = np.minimum(np.searchsorted(ends, middle), len(arcs) - 1)

@@ -78,7 +78,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
         while structure.size + 1 > shooting.most_arcs and (more := shooting.finer()) is not None:
             shooting = more
         found, given_up = _tried(shooting, structure, bool(others.left))
-        enough = numbers.drift if isinstance(found, Extremal) else numbers.astray
+        enough = numbers.drift if isinstance(found, Extremal) else numbers.drift_unsolved
         drifts = found.linear is not None and found.linear.drift > enough and not budget
         finer = shooting.finer(found.linear.rollout) if found.linear is not None and drifts else None
         if found.linear is not None and finer is not None:

@@ -127,7 +127,7 @@ def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
         for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
         if structure.changes[k].mode in VELOCITY
     }
-    short = extremal.shooting.policy.rollout.met * structure.duration
+    short = extremal.shooting.policy.rollout.touch * structure.duration
     gone = []
     for segment in structure.segments():
         begin, end = structure.span(segment)

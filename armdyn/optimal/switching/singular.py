@@ -51,7 +51,7 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
     for k, change in enumerate(structure.changes):
         if change.control and len(change.control.smooth) < numbers.many and idle_fall(extremal, k) > least:
             leaping = leaping_within(structure, change.joint, *structure.span(Segment(k, structure.end_of(k))))
-            changes[k] = replace(change, control=change.control.longer(numbers.more, leaping))
+            changes[k] = replace(change, control=change.control.longer(numbers.added, leaping))
     return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
 
 
@@ -101,7 +101,7 @@ def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode
     structure, joint = extremal.structure, extremal.structure.changes[k].joint
     numbers = extremal.shooting.policy.singular
     now, stop = structure.span(Segment(k, structure.end_of(k)))
-    few = min(len(structure.controls[k].smooth), numbers.many - numbers.more)
+    few = min(len(structure.controls[k].smooth), numbers.many - numbers.added)
     shortest, out = numbers.short * (stop - now), list[tuple[float, Change]]()
     for begin, end, mode in [*bang_arcs, (stop, stop, Mode.FREE)]:
         if begin - now > shortest:
@@ -154,7 +154,7 @@ def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int
     first, last = (tau[own] for tau in rollout.torques.tau)
     leaping = leaping_within(extremal.structure, joint, *ends)
     near = control_near(rollout.shooting, joint, first + part * (last - first), leaping, few)
-    return near.longer(numbers.more, leaping)
+    return near.longer(numbers.added, leaping)
 
 
 def control_near(

@@ -123,4 +123,4 @@ def test_samples_are_as_dense_as_gravity_requires():
     motion = follow(job, sampled(job, curve))
     between = ticked(robot, motion, np.min(np.diff(motion.t)) / 4)
     missed = between.v - curve.legs[0].at(between.t / curve.duration)[1]
-    assert np.max(np.abs(missed) / nlp_data.limits.velocity) < job.policy.curves.off
+    assert np.max(np.abs(missed) / nlp_data.limits.velocity) < job.policy.curves.velocity_error

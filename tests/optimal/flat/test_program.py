@@ -111,7 +111,7 @@ def _calm(guess, leg, robot, half, job):
     limit = job.problem.limits.velocity
     speed = np.where(np.isinf(limit), 1.0, limit)
     ways = sum(np.abs(one.points[-1] - one.points[0]) for one in guess.legs)
-    scale = speed * np.sqrt(ways / (guess.duration * speed) + job.policy.curves.resting)
+    scale = speed * np.sqrt(ways / (guess.duration * speed) + job.policy.curves.resting_speed)
     moving = weights @ np.sum((leg.at(s)[1] / scale) ** 2, axis=1) * leg.duration**2 / guess.duration**2
     steps = np.sum(np.diff(leg.torques(robot, s) / half, axis=0) ** 2)
     return TRAVEL * moving * leg.duration / guess.duration / robot.nv / 2 + STEPS * steps / robot.nv / 2

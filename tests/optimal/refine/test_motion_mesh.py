@@ -33,7 +33,7 @@ def optimum_of(task, resolved=None):
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh():
-    once = {"rounds": 2, "again": 0, "kept": ()}
+    once = {"rounds": 2, "further_meshes": 0, "kept": ()}
     coarse, divided, fine = (optimum_of(task_of(**one)) for one in (once, {"rounds": 2}, {}))
     assert 1e-6 < coarse.certificate.limit_violation < 1e-4 and not coarse.certificate.ok
     assert divided.certificate.ok
@@ -43,7 +43,7 @@ def test_a_motion_that_exceeds_a_limit_a_little_is_certified_on_a_divided_mesh()
 
 @pytest.mark.slow
 def test_a_motion_that_exceeds_a_limit_on_a_mesh_that_is_not_divided_keeps_further_within():
-    once = {"rounds": 2, "again": 0}
+    once = {"rounds": 2, "further_meshes": 0}
     coarse, within = (optimum_of(task_of(**once, **more)) for more in ({"kept": ()}, {}))
     assert coarse.certificate.on_goal and not coarse.within_limits
     assert within.certificate.usable and within.intervals == coarse.intervals
@@ -88,7 +88,7 @@ def test_a_mesh_that_a_certified_motion_beats_by_far_is_given_up():
 def test_structures_take_work_off_the_meshes():
     numbers = task_of().policy.motion_mesh
     resolved = ResolvedMotions(numbers)
-    resolved.spend((numbers.work - numbers.spare) / numbers.step + 1)
+    resolved.spend((numbers.work - numbers.reserve) / numbers.step + 1)
     assert resolved.spent
 
 
@@ -147,7 +147,7 @@ def test_a_mesh_without_position_limits_stays_without(margin):
 
 
 def test_intervals_are_divided_on_both_sides_of_a_switch():
-    task = task_of(rounds=1, gap=1.0, bow=1.0, beyond=1.0)  # of switches alone
+    task = task_of(rounds=1, gap=1.0, velocity_excess=1.0, position_excess=1.0)  # of switches alone
     first, *_ = _Meshes(task, ResolvedMotions(task.policy.motion_mesh)).finer(find(task).attempts[0])
     middles = (first.mesh[:-1] + first.mesh[1:]) / 2
     torques = first.trajectory(first.trajectory.duration * middles).tau / FAST.limits.actuators.scale

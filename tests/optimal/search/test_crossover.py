@@ -98,7 +98,16 @@ def test_a_later_lineage_has_other_changes_of_the_same():
     assert len({a.trajectory.duration for a in both}) == 4
 
 
-@pytest.mark.parametrize(("field", "number"), [("bend", 0), ("bow", 0), ("led", 2), ("slack", 0), ("favoured", 0)])
+@pytest.mark.parametrize(
+    ("field", "number"),
+    [
+        ("midpoint_spread", 0),
+        ("least_spread", 0),
+        ("joint_offset", 2),
+        ("mutation_duration", 0),
+        ("selection_scale", 0),
+    ],
+)
 def test_the_policys_numbers_make_the_changes(field, number):
     """A number of the policy that is changed is a change of some guess: nothing reads the class."""
     still = PROBLEM.variant(q_goal=PROBLEM.q_start + np.array([1e-3, 0, 0]))

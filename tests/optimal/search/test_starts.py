@@ -111,7 +111,7 @@ def test_the_policys_numbers_make_the_guesses():
     problem = paper_problem("rr", position_limit=(-np.inf, np.inf))
     problem = problem.variant(q_goal=problem.q_start + np.array([1e-3, 0.0]))
     policy = Policy.of(problem).search
-    wider = replace(policy, bow=2 * policy.bow)
+    wider = replace(policy, least_spread=2 * policy.least_spread)
     one, other = (np.array(via_guesses(problem, 0, 5, policy=numbers)[1:]) for numbers in (policy, wider))
     middle = (np.asarray(problem.q_start) + np.asarray(problem.q_goal)) / 2
     np.testing.assert_allclose(other - middle, 2 * (one - middle), rtol=1e-12, atol=1e-12)

@@ -46,7 +46,7 @@ def test_numbers_that_depend_on_the_kind_of_problem(kind):
     policy = Policy.of(problem(kind))
     program, search, curves = policy.program, policy.search, policy.curves
     found = (
-        search.starts, program.condensed, program.flat, program.linear, search.again,
+        search.starts, program.condensed, program.flat, program.linear, search.repeats,
         policy.strategy.curves_alone, curves.starts, search.neighbour_starts,
     )  # fmt: skip
     assert found == TABLE[kind]
@@ -78,7 +78,7 @@ def test_where_velocity_limits_shape_the_motion_curves_come_first():
 )
 def test_optima_are_changed_where_there_are_hundreds(kind, changed):
     numbers = Policy.of(problem(kind)).search
-    assert numbers.changes == changed
+    assert numbers.mutated == changed
 
 
 @pytest.mark.parametrize(
@@ -86,8 +86,8 @@ def test_optima_are_changed_where_there_are_hundreds(kind, changed):
 )
 def test_where_there_are_many_optima_guesses_are_far_and_hasty_and_all_are_solved(kind, far):
     numbers = Policy.of(problem(kind)).search
-    assert numbers.turn == far
-    assert (numbers.turn > 0) == (numbers.haste < 1) == (not numbers.ends_early)
+    assert numbers.uniform_spread == far
+    assert (numbers.uniform_spread > 0) == (numbers.guess_duration < 1) == (not numbers.ends_early)
 
 
 def test_every_number_says_its_unit_its_reason_and_its_cases():

@@ -114,7 +114,7 @@ SOLVES = {
     "friction": lambda: noted(between("r", rubbing("r"))),
     "time and energy, every guess an optimum": lambda: noted(
         between("r", effort_weight=1.0),
-        [("smooth", {"refined": 1000, "worth": 100.0}), ("same", {"coarse_cost": 0.0})],
+        [("smooth", {"refined": 1000, "dropped": 100.0}), ("same", {"coarse_cost": 0.0})],
         starts=2,
     ),
     "time and energy": lambda: noted(paper_problem("rr", 1.0, effort_weight=1.0), starts=2),
@@ -142,7 +142,7 @@ SOLVES = {
     "arcs that are not resolved": lambda: noted(between("rr", **INSIDE), [("switching", {"rounds": 0})], starts=2),
     "meshes that do not converge, and one that is divided": lambda: noted(
         between("rr", velocity_limit=20.0),
-        [ARCS, ("switching", {"rounds": 0}), ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly": 1.0})],
+        [ARCS, ("switching", {"rounds": 0}), ("motion_mesh", {"iterations": 1, "rounds": 2, "nearly_certified": 1.0})],
         starts=1,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
@@ -327,9 +327,9 @@ CHANGED = {
             "condensed": False,
             "fine_barrier": 1e-5,
         },
-        "rollout": {"together": 1},
+        "rollout": {"per_interval": 1},
         "adjoint": {"precise": 1e-12},
-        "search": {"haste": 0.5, "starts": 3, "meshes": (30, 50)},
+        "search": {"guess_duration": 0.5, "starts": 3, "meshes": (30, 50)},
     },
     "friction": {
         "arcs": {"in_layers": 0.05, "layer_reach": 0.3, "layer_samples": 2000},
@@ -340,14 +340,21 @@ CHANGED = {
         "bound": {"growth": 2.0, "passes": 1, "shortest": 1e-3},
     },
     "three joints": {
-        "descent": {"difference": 1e-6, "flat": 1e-5, "radius": 3e-3, "states": 0.01, "swing": 0.03},
-        "same": {"apart": 3.0, "coarse": 0.02},
-        "search": {"bow": 0.2, "bend": 0.03, "slack": 0.12, "turn": 0.8, "worth": 0.12, "too_coarse": 0.1},
+        "descent": {"difference": 1e-6, "flat": 1e-5, "radius": 3e-3, "states": 0.01, "state_step": 0.03},
+        "same": {"distance": 3.0, "coarse": 0.02},
+        "search": {
+            "least_spread": 0.2,
+            "midpoint_spread": 0.03,
+            "mutation_duration": 0.12,
+            "uniform_spread": 0.8,
+            "only_listed": 0.12,
+            "too_coarse": 0.1,
+        },
     },
     "a contact": {
         "arcs": {"in_contact": 0.05, "on_interval": 4},
-        "descent": {"near": 1e-4, "stride": 0.01},
-        "refinement": {"glance": 4000, "stray": 1e-7},
+        "descent": {"near": 1e-4, "time_step": 0.01},
+        "refinement": {"coarse_budget": 4000, "hamiltonian_tolerance": 1e-7},
     },
 }
 """Numbers by their groups that change the result of a solve of `SOLVES`, or its way."""

@@ -92,7 +92,7 @@ class FrameRegion(PartialLimit):
             if k - 1 in problem.via_regions:
                 continue
             over = np.abs(deviations_of(problem.robot, self.region, problem.poses[k])) - self.region.deviations
-            if np.max(over) > self.policy.beside_region:
+            if np.max(over) > self.policy.region_excess:
                 name = "start" if k == 0 else "goal" if k == legs else f"via[{k - 1}]"
                 raise ProblemError(
                     f"the {name} is {np.max(over):.3g} {'m' if np.argmax(over) < 3 else 'rad'} outside of FrameRegion "
@@ -131,7 +131,7 @@ class FrameRegion(PartialLimit):
         """Lower the tolerances by the replay's excess and a margin."""
         if not report.reasons:
             return self
-        part = (1 - self.policy.region_spare) * self.part / max(float(report.share or 1), 1.0)
+        part = (1 - self.policy.region_tightening) * self.part / max(float(report.share or 1), 1.0)
         return replace(self, part=max(part, self.policy.least_region))
 
 

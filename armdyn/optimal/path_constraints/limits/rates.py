@@ -66,7 +66,7 @@ class PartialLimit(PathConstraint):
 
     def tightened(self, problem: MinimumTimeProblem, report: ConstraintReport) -> Self:
         """Lower the limit by the replay's excess; raise it again if the replay stays below."""
-        spare = self.policy.rate_spare if report.reasons else 0.0
+        spare = self.policy.rate_tightening if report.reasons else 0.0
         part = (1 - spare) * self.part / max(float(report.share or 1), 1e-6)
         fitting = float(np.clip(part, self.policy.least_part, 1))
         return replace(self, part=fitting) if report.reasons or fitting > self.part else self

@@ -147,7 +147,7 @@ def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> Linearize
         beyond = beyond_position(linear.rollout)
         structure = with_limits(linear.rollout) if beyond <= numbers.far_beyond else None
         touching = landed(shooting, structure) if structure else None
-        dear = numbers.dear if beyond > overlooked else numbers.slow
+        dear = numbers.touch_cost if beyond > overlooked else numbers.arc_cost
         if touching is None or touching.rollout.structure.duration > (1 + dear) * linear.rollout.structure.duration:
             return linear
         linear = touching
@@ -165,7 +165,7 @@ def in_one_piece(extremal: Extremal, offset: Array | float = 0.0) -> Extremal:
         The extremal; unchanged if no motion without gaps is near.
     """
     shooting = replace(extremal.rollout.shooting, offset=offset)
-    linear = landed(shooting, extremal.structure, shooting.policy.descent.again, in_one=True)
+    linear = landed(shooting, extremal.structure, shooting.policy.descent.near_rounds, in_one=True)
     return extremal if linear is None else Extremal(linear)
 
 
@@ -184,7 +184,7 @@ def finer(extremal: Extremal, budget: Budget) -> Extremal | None:
 def _stepped(shooting: ShootingProblem, linear: LinearizedRollout, by: Array) -> LinearizedRollout | None:
     """The motion after a step along the tangents."""
     structure, joined = moved_by(linear, by, 1.0)
-    return landed(shooting, structure, shooting.policy.descent.again, joined, tied=True)
+    return landed(shooting, structure, shooting.policy.descent.near_rounds, joined, tied=True)
 
 
 def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> LinearizedRollout:
@@ -201,4 +201,4 @@ def _without_vanished(shooting: ShootingProblem, linear: LinearizedRollout) -> L
     ]
     left = structure.without(short) if short else structure
     left = left.without_changes(left.idle_touches)
-    return linear if left.size == structure.size else landed(shooting, left, numbers.again) or linear
+    return linear if left.size == structure.size else landed(shooting, left, numbers.near_rounds) or linear

@@ -45,13 +45,13 @@ def landed(
             return None
         if linear.infeasible <= numbers.closed:
             return linear
-        if shooting.budget.left < -numbers.overdrawn:
+        if shooting.budget.left < -numbers.budget_excess:
             return None
         by, whole = _correction(linear, tied)
         most = float(np.max(np.abs(by[: structure.size + 1]))) / structure.duration
         if k == rounds or most > numbers.far:
             return None
-        part = min(1.0, whole, numbers.stride / max(most, 1e-300))
+        part = min(1.0, whole, numbers.time_step / max(most, 1e-300))
         structure, moved = moved_by(linear, part * by, part)
         joined = np.ones(structure.size, bool) if in_one else moved
     return None
@@ -88,7 +88,7 @@ def _correction(linear: LinearizedRollout, tied: bool) -> tuple[Array, float]:
         held.append(min(short, key=lambda k: after[k] - least[k]))
     shares = [(now[k] - least[k]) / (now[k] - after[k]) for k in short if planes.lengths[k]]
     states = (linear.reach[:-1] @ by + linear.gap[:-1]) / unit
-    shares.append(numbers.swing / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
+    shares.append(numbers.state_step / max(float(np.max(np.abs(states), initial=0.0)), 1e-300))
     return by, float(max(0.0, min([1.0, *shares])))
 
 

@@ -73,7 +73,7 @@ class LinearizedRollout:
             lengths_of(self.rollout.structure),
             self.rollout.slack,
         )
-        orders = structure.orders(self.rollout.shooting.policy.descent.aside * structure.duration)
+        orders = structure.orders(self.rollout.shooting.policy.descent.meeting_distance * structure.duration)
         apart = np.zeros((len(orders), structure.width))
         for row, (k, after) in zip(apart, orders, strict=True):
             row[k], row[after] = -1.0, 1.0

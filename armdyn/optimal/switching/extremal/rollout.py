@@ -65,7 +65,7 @@ class ShootingProblem:
     @classmethod
     def of(cls, task: Task, flow: Flow, motion: Trajectory) -> Self:
         """Make a task's shooting problem near a motion."""
-        unit = task.problem.limits.actuators.width / (task.policy.rollout.sway * motion.duration)
+        unit = task.problem.limits.actuators.width / (task.policy.rollout.time_scale * motion.duration)
         own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit, Budget(task.stop))
         return replace(own, layers=own._layers_of(motion))
 

@@ -21,19 +21,19 @@ class BoundPolicy:
     longest: float = tuned(1 / 20, "of a side", "last cells: torques that reverse anywhere in them cost little")
     passes: int = tuned(8, "passes", "of nested boxes on one grid, at most; usually it is four")
     grids: int = tuned(16, "grids", "at most; usually it is one")
-    worth: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
+    least_gain: float = tuned(2e-5, "of the bound", "a pass that gains less is the last")
     regrid: float = tuned(1e-3, "of the bound", "gained where ramps meet in the middle: longer cells may gain more")
     full: float = tuned(0.9, "of a side", "longer ramps fill it")
-    room: float = tuned(1.5, "times a ramp", "length to which a side is cut")
-    ahead: float = tuned(
+    cut_side: float = tuned(1.5, "times a ramp", "length to which a side is cut")
+    horizon: float = tuned(
         0.5,
         "of the bound so far",
         "slower motions are left out on the first grid; the smaller, the smaller the middle boxes",
     )
-    least_ahead: float = tuned(
+    least_horizon: float = tuned(
         0.01, "of the bound so far", "the same on later grids, at least; else twice the last gain"
     )
-    caution: float = tuned(
+    linear_weight: float = tuned(
         2.5,
         "times the inertia's width",
         "for terms linear in q, absent from the program; of 1 to 8 it raises bounds of long ramps most",
@@ -68,10 +68,12 @@ class BoundPolicy:
     )
     most_pairs: int = tuned(6_000_000, "pairs", "of boxes of two stops that are checked by velocity limits", POSES)
     few: int = tuned(500, "boxes", "beyond this number only boxes that are reached soon are bisected", POSES)
-    soon: float = tuned(0.3, "of the time from the bound to a known goal", "counts as soon", POSES)
+    early: float = tuned(0.3, "of the time from the bound to a known goal", "counts as soon", POSES)
     times: int = tuned(2, "times", "durations that are tried for a set of goals", POSES)
     regions: int = tuned(4, "bounds", "by momentum per duration: 0.05 to 0.5 s each for six or seven joints", POSES)
-    furthest: float = tuned(1.2, "times the velocity limits' bound", "largest bound by momentum that is tried", POSES)
+    most_momentum: float = tuned(
+        1.2, "times the velocity limits' bound", "largest bound by momentum that is tried", POSES
+    )
     near_enough: float = tuned(2e-3, "of the bound", "between bound and disproven time: not bisected further", POSES)
     isolated: float = tuned(1e-6, "rad or m", "half width of a box that counts as a point", POSES)
     most_boxes: int = tuned(
@@ -84,21 +86,21 @@ class BoundPolicy:
     region_sizes: tuple[float, ...] = tuned(
         (0.5, 0.3, 0.2), "m or rad", "of boxes that enclose a region that is passed, in turn: some hundreds", POSES
     )
-    soonest_rounds: int = tuned(8, "rounds", "of bisection for the time before which a region is out of reach", POSES)
+    reach_rounds: int = tuned(8, "rounds", "of bisection for the time before which a region is out of reach", POSES)
     phase_cells: int = tuned(32, "cells", "of a phase between regions", POSES)
     region_grids: int = tuned(4, "grids", "of a motion that passes regions, at most", POSES)
-    region_ahead: float = tuned(
+    region_horizon: float = tuned(
         0.03, "of the bound so far", "slower motions are left out: bound 0.06 % higher than with 0.1", LINES
     )
     slice: float = tuned(0.005, "m", "of a line, about, per box of joint positions", POSES)
-    beside_line: float = tuned(0.05, "rad or m", "by which such boxes are widened before they are narrowed", POSES)
+    line_margin: float = tuned(0.05, "rad or m", "by which such boxes are widened before they are narrowed", POSES)
     most_slices: int = tuned(60, "slices", "of a line behind its end, at most", POSES)
-    passing_ahead: float = tuned(0.25, "of the bound so far", "as `ahead`, where lines are enclosed", POSES)
+    passing_horizon: float = tuned(0.25, "of the bound so far", "as `horizon`, where lines are enclosed", POSES)
     phase_grids: int = tuned(12, "grids", "of a phase by itself, at most", POSES)
-    phase_ahead: float = tuned(
-        0.1, "of a phase's bound so far", "as `ahead`, for one phase: a bound 0.4 % higher than with 0.2", LINES
+    phase_horizon: float = tuned(
+        0.1, "of a phase's bound so far", "as `horizon`, for one phase: a bound 0.4 % higher than with 0.2", LINES
     )
-    phase_worth: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", LINES)
+    phase_least_gain: float = tuned(0.01, "of a phase's bound", "a grid that gains less is its last", LINES)
     phase_growth: float = tuned(1.25, "-", "from cell to cell behind a region that is passed", POSES)
 
     @property

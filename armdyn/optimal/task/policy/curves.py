@@ -54,7 +54,7 @@ class CurvePolicy:
         "resting joints travel a tenth less, torques vary a tenth more",
         RESTING,
     )
-    resting: float = tuned(
+    resting_speed: float = tuned(
         1e-3,
         "of a velocity limit",
         "mean speed below which joints with less far to go are weighted more; at 0.02 resting joints travel "
@@ -65,36 +65,38 @@ class CurvePolicy:
         1e-5, "of a limit", "reserve of velocity limits where a motion in flight at an end cannot be slowed down", "UR5"
     )
     steep_in_flight: float = tuned(1e-3, "of a limit", "reserve of rates of torques likewise", "UR5")
-    looks: int = tuned(24, "places", "of an interval at which torques are checked")
+    checks: int = tuned(24, "places", "of an interval at which torques are checked")
     eager: float = tuned(1.5, "-", "times a torque's excess between points is the margin of the nearest point")
     eager_steps: float = tuned(1.2, "-", "the same between steps, as torques are soon checked again", MARGINS)
-    given_back: float = tuned(
+    margin_decrease: float = tuned(
         0.3,
         "-",
         "multiplies the slack of a torque between points, by which a margin is reduced between steps",
         MARGINS,
     )
-    giving_rounds: int = tuned(
+    decrease_rounds: int = tuned(
         4, "rounds", "in which margins may fall; with 3 xArm7 1 is 0.16 % slower, with 6 bravo7 1 fails", MARGINS
     )
-    spare: float = tuned(1e-5, "of half the range", "added to each margin, or the excess only halves")
-    little: float = tuned(5e-5, "of half the range", "excess of which slowing down removes half")
-    rough: float = tuned(3e-3, "of half the range", "excess that is accepted where time is then spent on calm joints")
-    beside: float = tuned(
+    margin_added: float = tuned(1e-5, "of half the range", "added to each margin, or the excess only halves")
+    small_excess: float = tuned(5e-5, "of half the range", "excess of which slowing down removes half")
+    calm_excess: float = tuned(
+        3e-3, "of half the range", "excess that is accepted where time is then spent on calm joints"
+    )
+    active_slack: float = tuned(
         0.03,
         "of half the range",
         "slack of a point whose torque counts as on its bound if torques next to it exceed theirs",
         "Baxter 1",
     )
     rounds: int = tuned(8, "rounds", "of tightening limits that are exceeded between the points")
-    off: float = tuned(
+    velocity_error: float = tuned(
         1e-5,
         "of a velocity limit",
         "estimated error of the replay's velocities, for the choice of samples, and a reserve of the limits: "
         "with 2e-6 there are 1.35 (UR5) to 1.6 (Kinova) times as many samples",
         "Panda, UR5, xArm7, Kinova, TIAGo Pro, pairs 0 to 3 of docs/arms.md",
     )
-    off_in_flight: float = tuned(
+    velocity_error_in_flight: float = tuned(
         5e-7,
         "of a velocity limit",
         "the same where a motion cannot be slowed down; with 1e-5 replays exceed limits by up to 3e-5, with 2e-6 by up "
@@ -111,10 +113,10 @@ class CurvePolicy:
         "where torques may not jump, and where velocity limits do not shape the motion",
         "xArm6",
     )
-    slower_again: float = tuned(
+    slowing_factor: float = tuned(
         2.0, "-", "multiplies the slowing that the limits require: the next replay's error is elsewhere", "xArm6"
     )
-    hopeless: float = tuned(1e-2, "of a limit", "excess that is more than the replay's error")
+    most_excess: float = tuned(1e-2, "of a limit", "excess that is more than the replay's error")
     least_share: float = tuned(1e-4, "of the time", "a smaller share is zero up to IPOPT's barrier")
     idle: float = tuned(1e-2, "of the time", "a joint whose limits are active for less is mostly undetermined")
     bandwidth: float = tuned(160.0, "over the duration", "of the feedback that keeps the replay on its curve")

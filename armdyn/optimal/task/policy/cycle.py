@@ -29,4 +29,6 @@ class CyclePolicy:
         "by which other tours may still be shorter when a quick search ends: bounds ignore straight segments and "
         "obstacles, so that most tours would have to be solved",
     )
-    beyond: float = tuned(0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up")
+    bound_part: float = tuned(
+        0.1, "of the time limit", "for the bound of the whole cycle, where the search has used it up"
+    )

@@ -29,11 +29,11 @@ class PathConstraintPolicy:
 
     rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: a further round gains too little", "RR, Panda")
-    beside_region: float = tuned(1e-6, "m or rad", "largest deviation outside a region: the tolerance of all limits")
+    region_excess: float = tuned(1e-6, "m or rad", "largest deviation outside a region: the tolerance of all limits")
     region_part: float = tuned(
         0.97, "of a tolerance", "in the first program; the rest: deviations between knots", "Panda, UR5"
     )
-    region_spare: float = tuned(
+    region_tightening: float = tuned(
         5e-3, "of a tolerance", "further tightening where a frame leaves its region", "Panda, UR5"
     )
     least_region: float = tuned(0.5, "of a tolerance", "in a program, at least", "Panda, UR5")
@@ -42,7 +42,7 @@ class PathConstraintPolicy:
     rate_tolerance: float = tuned(
         1e-6, "of a limit", "largest excess of acceleration, jerk and frame speed", "by definition"
     )
-    rate_spare: float = tuned(
+    rate_tightening: float = tuned(
         1e-4, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
     )
     stuck: float = tuned(
@@ -73,10 +73,10 @@ class ShootingPolicy:
         "twice to eight times as large where a joint is idle between contacts",
         "random arms (RRR)",
     )
-    stretch: float = tuned(
+    least_spacing: float = tuned(
         2.5e-4, "of the duration", "least distance of the linear program's times for the costates", "random arms (RRR)"
     )
-    furthest: float = tuned(
+    state_bound: float = tuned(
         3.0, "-", "bound of changes of states in that program, relative to their ways and largest speeds"
     )
     converged: float = tuned(

@@ -18,7 +18,7 @@ class LivePolicy:
 
     intervals: int = tuned(24, "intervals", "of the curve; 28 take a quarter more time for 0.01 % of the duration")
     shortest: float = tuned(5e-3, "of the duration", "first and last interval; 1e-2 is 0.1 % slower")
-    looks: int = tuned(24, "places", "of an interval at which limits are checked; a multiple of 4")
+    checks: int = tuned(24, "places", "of an interval at which limits are checked; a multiple of 4")
     smooth: float = tuned(1e-6, "s", "weight of squared accelerations over velocity limits; costs 0.02 %")
     torque: float = tuned(
         0.3,
@@ -26,7 +26,7 @@ class LivePolicy:
         "price of a torque beyond its limit by half its range; 0.02: short motions take 40 steps",
     )
     unmet: float = tuned(0.1, "of half the range", "predicted excess of torques above which their price rises")
-    dearer: float = tuned(2.0, "-", "factor of that rise", MANY)
+    price_growth: float = tuned(2.0, "-", "factor of that rise", MANY)
     rate: float = tuned(
         3.0,
         "1",
@@ -36,11 +36,11 @@ class LivePolicy:
     )
     distance: float = tuned(10.0, "s/m", "price of a distance below the clearance at a pose")
     trust: float = tuned(0.3, "rad or m", "radius of the first step")
-    lively: int = tuned(
+    excess_steps: int = tuned(
         2, "steps", "beyond torque limits, after which the greatest step shrinks: excesses fall with its square"
     )
-    calmer: float = tuned(0.5, "-", "factor of the greatest step then, at every such step")
-    falling: int = tuned(
+    step_factor: float = tuned(0.5, "-", "factor of the greatest step then, at every such step")
+    decrease_steps: int = tuned(
         4, "steps", "of this kind, after which no margin is reduced: some margins and curves alternate for ever", MANY
     )
     stuck: float = tuned(0.03, "of the greatest step", "a shorter step only serves to satisfy limits")
@@ -57,20 +57,20 @@ class LivePolicy:
     steps: int = tuned(20, "steps", "at most; the median is 3")
     enough: float = tuned(5e-4, "of the duration", "largest change by the last step of a motion that is returned")
     accuracy: float = tuned(1e-4, "-", "of a quadratic program: finer than the torque's reserve")
-    spare: float = tuned(1.5e-3, "of half the range", "least reserve of torque: the error of one step")
-    least_spare: float = tuned(
+    torque_reserve: float = tuned(1.5e-3, "of half the range", "least reserve of torque: the error of one step")
+    least_reserve: float = tuned(
         4e-4,
         "of half the range",
         "reserve of torque in a motion that is returned: cubics between its samples take up to 1e-4",
     )
-    acceleration_spare: float = tuned(
+    acceleration_reserve: float = tuned(
         5e-4, "of the limit", "reserve of acceleration of a curve: cubics between its samples take up to 3e-4"
     )
     strict: float = tuned(1.1, "-", "multiplies a torque's excess between points, for the margin there")
-    forget: float = tuned(0.45, "of a margin", "kept where no limit is exceeded, while the curve still changes")
+    margin_kept: float = tuned(0.45, "of a margin", "kept where no limit is exceeded, while the curve still changes")
     most_margin: float = tuned(0.9, "of half the range", "largest margin of a torque limit")
-    beside_position: float = tuned(1e-5, "rad or m", "within this of the last motion the arm counts as on it")
-    beside_velocity: float = tuned(1e-3, "rad/s or m/s", "likewise")
+    same_position: float = tuned(1e-5, "rad or m", "within this of the last motion the arm counts as on it")
+    same_velocity: float = tuned(1e-3, "rad/s or m/s", "likewise")
     hand_over: float = tuned(2e-3, "s", "before the deadline, plus a step's time: no further step is begun")
     slack: float = tuned(5e-4, "of the duration", "by which a motion from rest is slowed more than its samples require")
     too_slow: float = tuned(2.0, "of the duration", "slowing from which a motion from rest is not returned")

@@ -25,18 +25,20 @@ class RefinementPolicy:
         "of all optima's arcs together: two thirds of the rest go to each in turn; spent in about 3 s of one core",
         "RR, RRR and random arms (poses within ±π)",
     )
-    glance: int = tuned(
+    coarse_budget: int = tuned(
         8_000, "integrator steps", "from a mesh of equal intervals: most need 4000", "RR, RRR, random pairs"
     )
-    sharp: int = tuned(18_000, "integrator steps", "from a mesh refined at its switches", "RR, RRR, random pairs")
-    sharp_at_speed: int = by_kind(
+    switch_budget: int = tuned(
+        18_000, "integrator steps", "from a mesh refined at its switches", "RR, RRR, random pairs"
+    )
+    switch_budget_at_speed: int = by_kind(
         "integrator steps",
         "for motions that reach velocity limits; 0: their mesh is not refined at the switches, the motion is "
         "resolved at once. With three joints 0 of 17 structures converged there, with two 3 of 14",
         "random arms",
     )
     landed_of: int = tuned(4, "motions", "of one optimum that are corrected at the goal, until one lands", "RRR")
-    sure: float = tuned(
+    error_factor: float = tuned(
         5.0, "-", "times the error of the certified one's mesh, that an optimum may be slower", "RRR, ten payloads"
     )
     slower: float = tuned(1.02, "of a certified duration", "largest such excess", "RRR, ten payloads")
@@ -45,11 +47,13 @@ class RefinementPolicy:
     blur: int = tuned(
         20, "-", "a torque off its limits for less than this part of a fine mesh is switching", "RRR 1 kg"
     )
-    aims: int = tuned(8, "rounds", "of terminal corrections of arcs")
+    corrections: int = tuned(8, "rounds", "of terminal corrections of arcs")
     landed: float = tuned(1e-8, "rad or m", "goal error at which a replay has landed: the certificate's / 100")
-    stray: float = tuned(5e-7, "-", "|H| that needs no improvement: a hundredth of the certificate's tolerance")
+    hamiltonian_tolerance: float = tuned(
+        5e-7, "-", "|H| that needs no improvement: a hundredth of the certificate's tolerance"
+    )
     slowing: int = tuned(6, "rounds", "of slowing a motion down to all limits; most take one or two", LARGE)
-    astray: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
+    path_error: float = tuned(1e-7, "rad or m", "distance from the path's end: a tenth of the goal's tolerance", LARGE)
     most_samples: int = tuned(2000, "samples", "of a replay for the check of segments: six times the usual most")
     slow_samples: int = tuned(1000, "samples", "of a motion that is slowed down or checked", "RR")
 
@@ -121,7 +125,7 @@ class MotionMeshPolicy:
         "acceptable error of a motion on the last mesh: its certificate decides",
         "random arms (RRR)",
     )
-    still: float = tuned(
+    least_decrease: float = tuned(
         3e-8,
         "of the duration",
         "least decrease of the barrier function, or the last mesh counts as solved",
@@ -130,10 +134,10 @@ class MotionMeshPolicy:
     patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
     parts: int = tuned(4, "parts", "of a divided interval, at most")
     jump: float = tuned(0.03, "of half a torque's range", "between intervals that are to be divided")
-    bow: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
-    beyond: float = tuned(1e-6, "rad or m", "the same of a position limit: the certificate's")
+    velocity_excess: float = tuned(2e-5, "of a velocity limit", "excess within an interval of constant torque")
+    position_excess: float = tuned(1e-6, "rad or m", "the same of a position limit: the certificate's")
     gap: float = tuned(1e-9, "of a joint's way or speed", "error of collocation in an interval: its gradient's is 1e-5")
-    rough: float = tuned(1e-8, "of a joint's way or speed", "the same where there would be too many knots")
+    coarse_gap: float = tuned(1e-8, "of a joint's way or speed", "the same where there would be too many knots")
     least: float = tuned(4e-6, "of the duration", "a shorter interval is not divided")
     inside: float = tuned(5e-6, "of a velocity limit", "reserve: excess between an interval's middle and its ends")
     kept: tuple[float, ...] = tuned(
@@ -159,26 +163,30 @@ class MotionMeshPolicy:
     step: float = tuned(
         6.0, "intervals", "times iterations that cost as much as an integrator step", "random arms (RRR)"
     )
-    beaten: float = tuned(
+    abandoned: float = tuned(
         5e-4,
         "of a certified duration",
         "excess at which a mesh is abandoned: the second is accurate to 2e-4",
         "random arms (RRR)",
     )
-    spare: int = tuned(200_000, "intervals", "times iterations in reserve for divided meshes", "random arms (RRR)")
-    rest: int = tuned(
+    reserve: int = tuned(200_000, "intervals", "times iterations in reserve for divided meshes", "random arms (RRR)")
+    last_solve: int = tuned(
         80_000, "intervals", "times iterations of one more solve when the budget is spent", "random arms (RRR)"
     )
     fewest: int = tuned(60, "iterations", "that must be left, or a mesh is not begun", "random arms (RRR)")
-    again: int = tuned(4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)")
-    falls: float = tuned(
+    further_meshes: int = tuned(
+        4, "meshes", "divided where the motion is not yet certified, at most", "random arms (RRR)"
+    )
+    saving_ratio: float = tuned(
         0.9,
         "of the saving before",
         "largest saving after such a mesh, or no further mesh is divided",
         "random arms (RRR)",
     )
-    most_again: int = tuned(5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)")
-    nearly: float = tuned(
+    most_further_knots: int = tuned(
+        5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)"
+    )
+    nearly_certified: float = tuned(
         1e-3, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
     )
     margin: float = tuned(0.07, "of an interval", "a switch nearer to its end is moved away")
@@ -248,7 +256,7 @@ class AdjointPolicy:
         "changes the costates' error by 4e-7 at most, less than a hundredth of its tolerance",
         "R, RR, RRR, three random RRR",
     )
-    still: float = tuned(1e-9, "of the fastest joint", "least speed of a joint in scales")
+    least_speed: float = tuned(1e-9, "of the fastest joint", "least speed of a joint in scales")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,8 +286,8 @@ class SmoothPolicy:
         "|H| beyond which a first solution is most likely an artefact, and is refined last",
         "RR, RRR, 500 g and 1 kg: good ones began with 1.1 at the most, artefacts with 1 to 60",
     )
-    worth: float = tuned(1.5, "of the least J", "larger coarse optima are dropped; some of the best are artefacts")
-    doubted: float = tuned(
+    dropped: float = tuned(1.5, "of the least J", "larger coarse optima are dropped; some of the best are artefacts")
+    likely_artefact: float = tuned(
         1.5,
         "of a coarse J",
         "refined J beyond which the coarse optimum is most likely an artefact, and is refined last",

@@ -45,7 +45,9 @@ class ProgramPolicy:
         "its mu_init there, small to stay near the guess: with 1e-3 one in forty is lost that 1e-4 keeps",
         "RRR, random",
     )
-    again_barrier: float = tuned(1e-5, "scaled", "the same on the same mesh with slightly tighter limits", UNRECORDED)
+    tightened_barrier: float = tuned(
+        1e-5, "scaled", "the same on the same mesh with slightly tighter limits", UNRECORDED
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,21 +82,21 @@ class SearchPolicy:
         "of a search from a neighbour's optimum; half with effort in the cost; beyond three joints the straight",
     )
     side_by_side: bool = by_kind("-", "in processes: up to two joints a fork takes as long as the solve")
-    again: bool = by_kind("-", "the search is repeated on a finer mesh that contradicts it")
+    repeats: bool = by_kind("-", "the search is repeated on a finer mesh that contradicts it")
     refined: int = tuned(4, "optima", "that are solved on a finer mesh")
-    looked_at: int = tuned(
+    fine_solves: int = tuned(
         6, "times as many", "coarse optima are solved on the finer mesh: many are spurious", "RRR, random"
     )
-    again_at_least: int = tuned(50, "guesses", "of a repeated search on finer meshes, at least")
-    worth: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
+    least_repeated: int = tuned(50, "guesses", "of a repeated search on finer meshes, at least")
+    only_listed: float = tuned(1.2, "of the best duration", "coarse solutions slower than that are only listed")
     too_coarse: float = tuned(
         1.05, "of the coarse duration", "duration of the best on the finer mesh from which the search is repeated"
     )
-    doubted: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
-    astray: float = tuned(
+    too_coarse_confirmed: float = tuned(1.01, "of the coarse duration", "the same, if replays confirm it")
+    replay_miss: float = tuned(
         0.2, "of a joint's way", "they confirm it if those of all its optima miss the goal by this", "RRR 500 g, 1 kg"
     )
-    bow: float = tuned(
+    least_spread: float = tuned(
         2.0, "rad", "least spread of random poses: fast motions fold far off the straight path", "RR, RRR, Luus"
     )
     swing_ups: tuple[int, ...] = tuned(
@@ -103,9 +105,9 @@ class SearchPolicy:
         "durations, in turn, of guesses in which joints without a motor swing up",
         "cart-pole, acrobot, pendubot, Furuta pendulum, their own and weaker motors",
     )
-    unlike: float = tuned(0.3, "of the way, rad or m", "least difference of such guesses", "the same")
+    swing_up_distance: float = tuned(0.3, "of the way, rad or m", "least difference of such guesses", "the same")
     spread: float = by_kind("times the way", "standard deviation of random poses")
-    turn: float = by_kind(
+    uniform_spread: float = by_kind(
         "rad",
         "uniform spread of random poses instead; 0: none. Of 160 random RR arms 32 guesses "
         "within 4 rad, hasty, miss 1 %, near ones 2 %, 16 near ones that end early 3 %. With three joints, within a "
@@ -113,13 +115,13 @@ class SearchPolicy:
         "in two; heavy arms, whose search is repeated, move less",
         "RRR, random: the twelve hardest of a hundred pairs",
     )
-    haste: float = by_kind(
+    guess_duration: float = by_kind(
         "-",
         "of the duration at which a guess's torques fit: from 0.4 three joints take a tenth fewer iterations, to more "
         "optima",
         "RRR, random",
     )
-    changes: float = by_kind(
+    mutated: float = by_kind(
         "of the guesses",
         "are mutations of optima of the others; where hundreds of random guesses find an optimum once, one "
         "mutation in ten does",
@@ -127,20 +129,24 @@ class SearchPolicy:
     )
     round: int = tuned(32, "guesses", "mutated at once: each round forks anew", "RRR, random")
     parents: int = tuned(6, "optima", "that are mutated", "RRR, random")
-    favoured: float = tuned(3.0, "optima", "of the best, about, that are chosen most often", "RRR, random")
-    bend: float = tuned(
+    selection_scale: float = tuned(3.0, "optima", "of the best, about, that are chosen most often", "RRR, random")
+    midpoint_spread: float = tuned(
         0.3, "times the way", "standard deviation of the offset of all joints at half time", "RRR, random"
     )
-    led: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint", "RRR, random")
-    slack: float = tuned(1.2, "of an optimum's duration", "initial duration of its mutations", "RRR, random")
-    bunch: int = tuned(
+    joint_offset: float = tuned(6.0, "rad or m", "largest offset of a mutation of one joint", "RRR, random")
+    mutation_duration: float = tuned(
+        1.2, "of an optimum's duration", "initial duration of its mutations", "RRR, random"
+    )
+    batch: int = tuned(
         4,
         "guesses",
         "that a worker receives at once: one costs hardly more than its transfer; with more some workers are idle",
         "RRR, random: iterations of eight pairs dealt to 2, 4, 8 and 16 workers",
     )
-    asks: int = tuned(24, "times", "that a search tests its early end, which takes time, too")
-    brisk: float = tuned(10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED)
+    end_tests: int = tuned(24, "times", "that a search tests its early end, which takes time, too")
+    assumed_speed: float = tuned(
+        10.0, "rad/s", "replaces a missing velocity limit where paths are compared", UNRECORDED
+    )
 
     def guesses(self, options: MinimumTimeOptions, normal: int | None = None) -> int:
         """Number of guesses that the options request.
@@ -165,21 +171,21 @@ class GoalPolicy:
     cases: ClassVar = "RRR"
 
     solved: int = tuned(2, "goals", "solved in full, the best by one coarse solve each", "UR5: eight branches")
-    hopeless: float = tuned(
+    too_slow: float = tuned(
         1.05, "of the best coarse duration", "goals with larger bounds by velocity limits are not tried", "UR5"
     )
     tried: float = tuned(1 / 3, "of the time limit", "for coarse solves of all goals, at most", UNRECORDED)
     slid: int = tuned(4, "goals", "kept of those optimised by velocity limits", "UR5, Panda: positions")
     slides: int = tuned(25, "linear programs", "for each goal, at most", "UR5, Panda: positions")
-    farthest: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
-    shortest: float = tuned(1e-3, "rad or m", "last step: far below the resolution of coarse solves", "UR5, Panda")
+    largest_step: float = tuned(0.5, "rad or m", "step of any joint, at first and at most", "UR5, Panda: positions")
+    least_step: float = tuned(1e-3, "rad or m", "last step: far below the resolution of coarse solves", "UR5, Panda")
     others: float = tuned(
         1e-3, "-", "weight of all joints' times against the slowest's: the other joints stay near", "UR5, Panda"
     )
     distinct: float = tuned(0.05, "rad or m", "goals of which no joint differs by more are one", "UR5, Panda")
     end_solves: int = tuned(8, "solves", "of an end that descends along its pose: RRR needs two to six")
     end_first: float = tuned(0.02, "rad or m", "first step of such an end")
-    end_farthest: float = tuned(0.3, "rad or m", "largest step: the switching structure must stay the same")
+    end_largest: float = tuned(0.3, "rad or m", "largest step: the switching structure must stay the same")
     end_least: float = tuned(1e-5, "rad or m", "step below which no solve is worth it: it saves about its square")
     bound: float = tuned(0.1, "of the time limit", "for the bound of all goals, at least", UNRECORDED)
 
@@ -191,7 +197,7 @@ class SamePolicy:
     cases: ClassVar = PLANAR
 
     coarse: float = tuned(2e-3, "-", "on coarse meshes")
-    apart: float = tuned(
+    distance: float = tuned(
         0.3,
         "rad or m",
         "distance of two optima of the same duration, on the same mesh or different ones",

@@ -26,12 +26,16 @@ class SequentialPolicy:
     within: float = tuned(0.1, "m", "pairs farther apart are out of a step's reach", TRAINED)
     pairs: int = tuned(16, "pairs", "the nearest, at every pose", TRAINED)
     passing: float = tuned(0.02, "m", "pairs that pass nearer are also constrained where they are nearest", TRAINED)
-    beside: float = tuned(1 / 3, "steps between poses", "distance of further such poses before and after", TRAINED)
-    spare: float = tuned(5e-4, "m", "added to the clearance at the poses, so that it holds between them", TRAINED)
-    ways: int = tuned(3, "paths", "compared on the coarse mesh, the shortest first", TRAINED)
-    ways_in_regions: int = tuned(2, "paths", "between regions: three differed by 0.2 %", "Panda, bins and wall")
+    neighbour_distance: float = tuned(
+        1 / 3, "steps between poses", "distance of further such poses before and after", TRAINED
+    )
+    clearance_added: float = tuned(
+        5e-4, "m", "added to the clearance at the poses, so that it holds between them", TRAINED
+    )
+    paths: int = tuned(3, "paths", "compared on the coarse mesh, the shortest first", TRAINED)
+    paths_in_regions: int = tuned(2, "paths", "between regions: three differed by 0.2 %", "Panda, bins and wall")
     near_bound: float = tuned(1.02, "of the time at the velocity limits", "a faster path needs no other", TRAINED)
-    hopeless: float = tuned(1.05, "of the fastest path", "a slower path after the eager steps is dropped", TRAINED)
+    dropped: float = tuned(1.05, "of the fastest path", "a slower path after the eager steps is dropped", TRAINED)
     steps: int = tuned(30, "steps", "at most", TRAINED)
     patience: int = tuned(30, "steps", "at most, if the predicted gain is not near the end", TRAINED)
     near: float = tuned(3e-4, "of the merit", "predicted gain of a step that counts as near the end", SLOW)
@@ -57,7 +61,7 @@ class SequentialPolicy:
     predicted: float = tuned(
         1e-4, "of the merit", "error of a prediction, or gain of a step, below which the iteration ends", TRAINED
     )
-    steps_again: int = tuned(4, "steps", "at least after torques' bounds were tightened", FREE)
+    tightened_steps: int = tuned(4, "steps", "at least after torques' bounds were tightened", FREE)
     tightened: float = tuned(0.02, "of the merit", "error of a prediction beyond which torques are not judged", FREE)
     free_torque_left: float = tuned(1e-4, "of half the range", "summed excess without obstacles", FREE)
     eager: int = tuned(4, "steps", "accepted without a test: 6 instead of 29 steps in all", TRAINED)
@@ -69,7 +73,7 @@ class SequentialPolicy:
         "Panda and UR5, ten random pairs each, and ten of scripts/calm.py (seed 5)",
     )
     fine_trust: float = tuned(0.1, "rad or m", "first radius if the curve has moved little", TRAINED)
-    again_trust: float = tuned(0.02, "rad or m", "first radius if the constraints have changed little", TRAINED)
+    warm_trust: float = tuned(0.02, "rad or m", "first radius if the constraints have changed little", TRAINED)
     least_trust: float = tuned(1e-4, "rad or m", "radius below which no step is tried", TRAINED)
     slower: float = tuned(0.5, "of a duration", "largest increase in a step", TRAINED)
     faster: float = tuned(0.25, "of a duration", "largest decrease in a step", TRAINED)
@@ -81,7 +85,7 @@ class SequentialPolicy:
     torque: float = tuned(0.1, "s", "price of a torque beyond its limit by half its range; 2 stalls", TRAINED)
     distance: float = tuned(10.0, "s/m", "price of a distance below the clearance at a pose", TRAINED)
     other: float = tuned(0.1, "s", "price of another row beyond its limit by its scale", TRAINED)
-    dearest: float = tuned(
+    most_other: float = tuned(
         10.0,
         "of the duration",
         "the same, times ten if a sequence ends with violated rows",

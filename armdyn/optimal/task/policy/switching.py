@@ -19,20 +19,20 @@ class RolloutPolicy:
     )
     per_arc: int = tuned(3, "steps", "of an arc, in the mean: with fewer, excesses between them are missed")
     finest: int = tuned(4, "times the fewest steps", "of a rollout, at most")
-    sway: float = tuned(
+    time_scale: float = tuned(
         0.2, "of the duration", "shift of a bang arc that weighs as much as the whole range of a free torque"
     )
     beyond: float = tuned(
         1e-6, "rad or m, or of a velocity limit", "largest excess of a limit that is accepted", PLANAR
     )
-    met: float = tuned(1e-7, "of the duration", "a shorter arc on a velocity limit is a touch", UNRECORDED)
-    together: int = tuned(
+    touch: float = tuned(1e-7, "of the duration", "a shorter arc on a velocity limit is a touch", UNRECORDED)
+    per_interval: int = tuned(
         3, "steps", "of an interval of the certificate at constant torques; one where a torque is free", PLANAR
     )
 
     def groups(self, steps: int) -> int:
         """Number of the certificate's intervals in an arc of constant torques with a given number of steps."""
-        return max(1, round(steps / self.together))
+        return max(1, round(steps / self.per_interval))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,17 +42,17 @@ class DescentPolicy:
     cases: ClassVar = PAIRS
 
     rounds: int = tuned(30, "rounds", "of Newton's method from a mesh's states: a heavy arm with singular arcs")
-    again: int = tuned(4, "rounds", "of Newton's method from a motion next to the structure")
+    near_rounds: int = tuned(4, "rounds", "of Newton's method from a motion next to the structure")
     closed: float = tuned(1e-9, "of a radian and of the largest speed", "gaps at the integrator's error", PLANAR)
     far: float = tuned(0.5, "of the duration", "correction of a time beyond which no solution is near")
-    stride: float = tuned(0.1, "of the duration", "largest correction of a time in one round")
+    time_step: float = tuned(0.1, "of the duration", "largest correction of a time in one round")
     states: float = tuned(0.1, "-", "weight of a state's correction relative to a time's")
-    swing: float = tuned(0.3, "of a radian and of the largest speed", "largest correction of a state in one round")
+    state_step: float = tuned(0.3, "of a radian and of the largest speed", "largest correction of a state in one round")
     kept: float = tuned(0.2, "of a segment", "least part that one correction leaves")
     cubic: float = tuned(
         1.5e-4, "integrator steps", "cost of a correction, divided by the cube of its unknowns", "random arms (RRR)"
     )
-    overdrawn: float = tuned(
+    budget_excess: float = tuned(
         20_000, "integrator steps", "beyond the budget, at which Newton's method ends, too", "random arms (RRR)"
     )
     steps: int = tuned(20, "steps", "along tangents: those that reached an extremal took 13 at most")
@@ -67,13 +67,15 @@ class DescentPolicy:
     short: float = tuned(
         1e-2, "of the duration", "shorter segments may vanish in one step; longer ones shrink by a tenth first"
     )
-    aside: float = tuned(0.1, "of the duration", "switches farther apart do not meet within a step")
+    meeting_distance: float = tuned(0.1, "of the duration", "switches farther apart do not meet within a step")
     vanished: float = tuned(1e-8, "of the duration", "a shorter segment is removed")
     halves: int = tuned(12, "halvings", "of a step that exceeds a position limit")
     near: float = tuned(1e-3, "rad or m", "excess of a position limit at which a touch is inserted")
     far_beyond: float = tuned(0.3, "rad or m", "the same at most, of the first motion that lands")
-    dear: float = tuned(0.05, "of the duration", "largest cost of touches of position limits")
-    slow: float = tuned(0.5, "of the duration", "largest cost of arcs on velocity limits, which were exceeded for long")
+    touch_cost: float = tuned(0.05, "of the duration", "largest cost of touches of position limits")
+    arc_cost: float = tuned(
+        0.5, "of the duration", "largest cost of arcs on velocity limits, which were exceeded for long"
+    )
     touches: int = tuned(3, "times", "that touches are inserted: one may cause another")
 
 
@@ -103,7 +105,7 @@ class SingularPolicy:
     apart: float = tuned(0.05, "of the duration", "stretches of one joint at less distance are merged")
     few: int = tuned(3, "coefficients", "of a singular control that are fitted to the torque before")
     many: int = tuned(15, "coefficients", "of a singular control, at most", PAIRS + "; random arms (RR, seed 1)")
-    more: int = tuned(2, "coefficients", "that are added at a time, while the switching function is not zero")
+    added: int = tuned(2, "coefficients", "that are added at a time, while the switching function is not zero")
     inside: float = tuned(0.95, "of the way to a limit", "largest initial value of a singular control")
     on_limit: float = tuned(0.9, "of the way to a limit", "from which a torque of a mesh counts as on the limit")
     reached: float = tuned(1e-4, "of a torque's range", "distance at which a free torque has reached its limit")
@@ -128,7 +130,7 @@ class SwitchingPolicy:
     )
     worse: float = tuned(0.05, "of the worst decrease of H", "stretches below are left to later rounds")
     drift: float = tuned(1e-5, "-", "change of H along an arc at which steps are too long: a tenth of certified")
-    astray: float = tuned(1e-3, "-", "the same if no extremal was found, perhaps because of long steps")
+    drift_unsolved: float = tuned(1e-3, "-", "the same if no extremal was found, perhaps because of long steps")
     shorter: float = tuned(1e-11, "of the duration", "least gain of a corrected contact")
     trial: float = tuned(1 / 3, "of the budget left", "for a structure while others wait; good ones take a tenth")
     patience: int = tuned(3, "rounds", "in a row without an improvement")
