@@ -33,7 +33,7 @@ _SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
 _CLEAR_LINE = b"\r\x1b[2K"  # of a spinner
 
 
-_PATIENCE = 0.5
+_GRACE = 0.5
 """Time after which a command that is still working reports its step [s]."""
 
 
@@ -42,7 +42,7 @@ class _State:
     """A command is running: an interrupt raises `KeyboardInterrupt` in it."""
     pressed = False
     """Ctrl-C was pressed, and `KeyboardInterrupt` raised."""
-    heard = False
+    interrupted = False
     """Ctrl-C was pressed while a command was running, perhaps within a solve, which ends without an exception."""
     answered = False
     """The command has reported its end, or is about to."""
@@ -115,7 +115,7 @@ def answer() -> None:
 
 def pressed() -> bool:
     """Whether Ctrl-C was pressed: exceptions since then may be its consequence."""
-    return _State.pressed or _State.heard
+    return _State.pressed or _State.interrupted
 
 
 def leave() -> NoReturn:
@@ -138,8 +138,8 @@ def _watch(signals: int) -> None:
     presses = 0
     while presses < 2:
         presses += os.read(signals, 1) == bytes([_signal.SIGINT])
-        _State.heard = presses > 0
-        time.sleep(_PATIENCE)
+        _State.interrupted = presses > 0
+        time.sleep(_GRACE)
         if presses == 1 and _State.working:
             line = f"armdyn: interrupted; still finishing {_State.doing or 'its work'} (Ctrl-C again ends it at once)\n"
             os.write(2, (_CLEAR_LINE if os.isatty(2) else b"") + line.encode("ascii", "backslashreplace"))

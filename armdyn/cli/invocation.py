@@ -105,7 +105,7 @@ def invocation() -> dict[str, object]:
     """The running command as JSON; empty: no command is running.
 
     Returns:
-        "asked": {"command": a line for a shell with all that is not by default, "options": all by name}.
+        "request": {"command": a line for a shell with all that is not by default, "options": all by name}.
     """
     now = _RUNNING.get()
     if now is _NONE:
@@ -114,7 +114,7 @@ def invocation() -> dict[str, object]:
     first = sorted(given, key=lambda one: one[0] != "")  # arguments; the order stays otherwise
     words = ["armdyn", now.command, *(word for flag, value in first for word in _typed(flag, value))]
     return {
-        "asked": {"command": shlex.join(words), "options": {name: plain(now.values[name]) for name in now.parameters}}
+        "request": {"command": shlex.join(words), "options": {name: plain(now.values[name]) for name in now.parameters}}
     }
 
 

@@ -145,20 +145,20 @@ def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
         return None
 
 
-def _print_address(as_json: bool, folder: Path, host: str, wanted: int, again: bool, port: int) -> None:
+def _print_address(as_json: bool, folder: Path, host: str, requested: int, restored: bool, port: int) -> None:
     """Say where the page is."""
     from armdyn.show.studio.origins import is_loopback
     from armdyn.show.studio.session import STATE_FILE
 
     url = f"http://{f'[{host}]' if ':' in host else host}:{port}"
     if as_json:
-        facts = {"url": url, "host": host, "port": port, "folder": str(folder), "restored": again}
+        facts = {"url": url, "host": host, "port": port, "folder": str(folder), "restored": restored}
         write_json({"success": True, "status": "serving", **facts})
         sys.stdout.flush()
     words = {"page": f"{url}  (Ctrl-C ends it)", "files": str(folder)}
-    if port != wanted:
-        words["port"] = f"{wanted} is taken"
-    if again:
+    if port != requested:
+        words["port"] = f"{requested} is taken"
+    if restored:
         words["state"] = f"of the last session, from {folder / STATE_FILE}; --fresh begins anew"
     if not is_loopback(host):
         words["open to others"] = f"everyone who reaches {host} can use this page, and have files written into {folder}"

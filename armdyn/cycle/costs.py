@@ -22,7 +22,7 @@ from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.task.options import MinimumTimeOptions
 
-MORE = 0.1
+RAISED = 0.1
 """Fraction by which limits are raised: 10 %."""
 
 
@@ -77,10 +77,10 @@ def cycle_costs(
         raise ProblemError("costs are of a usable solution of a cycle")
     quick = MinimumTimeOptions(search="quick")
     report, chosen = listener(progress), quick if options is None else expect(options, MinimumTimeOptions, "options")
-    return (*_rests(solution), *_limits(solution), *_solved(solution, chosen, report))
+    return (*_dwells(solution), *_limits(solution), *_solved(solution, chosen, report))
 
 
-def _rests(solution: CycleSolution) -> Iterator[CycleCost]:
+def _dwells(solution: CycleSolution) -> Iterator[CycleCost]:
     cycle = solution.cycle
     for k, step in enumerate(cycle.steps, start=1):
         if not isinstance(step, Move) and step.dwell:
@@ -90,7 +90,7 @@ def _rests(solution: CycleSolution) -> Iterator[CycleCost]:
 def _limits(solution: CycleSolution) -> Iterator[CycleCost]:
     for what, part in solution.decides:
         if what != "rests":
-            yield CycleCost(0, "", f"10 % more of {what}", MORE * part * solution.duration, about=True)
+            yield CycleCost(0, "", f"10 % more of {what}", RAISED * part * solution.duration, about=True)
 
 
 def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callable[[str], None]) -> Iterator[CycleCost]:
@@ -101,7 +101,7 @@ def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callab
             for condition, move in _simpler(one.leg.move):
                 report(f"step {one.leg.step} ({one.leg.name}) without its {condition}")
                 duration = _duration(cycle, replace(one.leg, move=move), one, options)
-                yield CycleCost(one.leg.step, one.leg.name, f"its {condition}", _less(one.duration, duration))
+                yield CycleCost(one.leg.step, one.leg.name, f"its {condition}", _saving(one.duration, duration))
         for stop, (first, second) in zip(cycle.stops[1:], pairwise(legs), strict=False):
             if not stop.rests:
                 report(f"steps {first.leg.step} and {second.leg.step} without the stop between them")
@@ -117,14 +117,14 @@ def _solved(solution: CycleSolution, options: MinimumTimeOptions, report: Callab
                 for one in legs
             ]
             total = None if None in found else sum(time for time in found if time is not None) + cycle.dwell
-            yield CycleCost(0, "", "planning every move for the heaviest payload", _less(solution.duration, total))
+            yield CycleCost(0, "", "planning every move for the heaviest payload", _saving(solution.duration, total))
 
 
 class _Interrupted(Exception):  # noqa: N818  # it ends a loop
     """Ctrl-C ended a solve."""
 
 
-def _less(duration: float, without: float | None) -> float | None:
+def _saving(duration: float, without: float | None) -> float | None:
     return None if without is None else duration - without
 
 
@@ -164,7 +164,7 @@ def _without_stop(cycle: Cycle, first: CycleLeg, second: CycleLeg, options: Mini
     if before.approach is None and after.retreat is None and before.speed == after.speed:
         move = replace(after, via=(*before.via, via, *after.via), retreat=before.retreat)
         duration = _solve(cycle, replace(second.leg, move=move), ends, options)
-    saved = _less(first.duration + second.duration, duration)
+    saved = _saving(first.duration + second.duration, duration)
     return CycleCost(first.leg.step, first.leg.name, "the stop at its end", saved)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.order import EXACT, best_order, order_of_many, shortest, through
-from armdyn.cycle.posing import check_ways, problem_of
+from armdyn.cycle.posing import check_paths, problem_of
 from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
@@ -73,7 +73,7 @@ class CycleGraph:
             CycleError: a stop or a way point cannot be reached, or the arm cannot rest at a stop.
         """
         positions = candidates(cycle)
-        check_ways(cycle, positions)
+        check_paths(cycle, positions)
         if any(redundant(cycle, positions)):
             positions = with_slid(cycle, positions, cls.between(cycle, positions)._promising())
         return cls.between(cycle, positions)

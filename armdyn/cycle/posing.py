@@ -60,7 +60,7 @@ def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> Minimum
         )
 
 
-def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
+def check_paths(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
     """Refuse moves to where the arm is, way points and straight segments out of reach, and blends without room.
 
     A blend leaves no room where it holds an end of its move. Of a move to where the arm is only detours would be left:
@@ -76,12 +76,12 @@ def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
         CycleError: one is refused between all branches that were tried, with the step's number and name.
     """
     for k, leg in enumerate(cycle.moves if cycle.order == "given" else ()):
-        if _stays(leg, cycle.stops[k + 1].target, positions[k]):
+        if _is_there_already(leg, cycle.stops[k + 1].target, positions[k]):
             raise CycleError(leg.step, leg.name, "the arm is there already: leave the step out, or give it a way point")
         refused = None
         for ends in islice(product(positions[k], positions[k + 1]), CyclePolicy().alike):
             try:
-                _check_way(cycle, leg, ends)
+                _check_path(cycle, leg, ends)
                 break
             except ProblemError as error:
                 refused = error
@@ -91,7 +91,7 @@ def check_ways(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
             raise CycleError(leg.step, leg.name, str(refused))
 
 
-def _stays(leg: Leg, target: Array | GoalPose, begins: Sequence[Array]) -> bool:
+def _is_there_already(leg: Leg, target: Array | GoalPose, begins: Sequence[Array]) -> bool:
     """Whether a move without way points and straight segments ends wherever it may begin."""
     move = leg.move
     if move.via or move.retreat or move.approach:
@@ -107,7 +107,7 @@ def _exact(target: object) -> bool:
     return not isinstance(target, GoalPose) or target.exact
 
 
-def _check_way(cycle: Cycle, leg: Leg, ends: tuple[Array, Array]) -> None:
+def _check_path(cycle: Cycle, leg: Leg, ends: tuple[Array, Array]) -> None:
     """Refuse a way point or a straight segment that a move cannot pass between joint positions."""
     move, robot, limits = leg.move, leg.robot, limits_of(cycle)
     via = [one if isinstance(one, GoalPose) else pose_given(robot, one, "via") for one in move.via]

@@ -41,18 +41,18 @@ def joined(cycle: Cycle, legs: Sequence[tuple[Leg, Solution]]) -> Trajectory:
     pieces, event = list[Trajectory](), ""
     at = legs[0][1].problem.poses[0]
     for stop, (leg, solution) in zip(cycle.stops, legs, strict=False):
-        *rests, (event, _) = _rests(cycle, stop, at)
+        *rests, (event, _) = _dwells(cycle, stop, at)
         pieces += [piece for _, piece in rests if piece is not None]
         move, arm = solution.trajectory, leg.robot
         pieces.append(move.as_piece(name=leg.name, load=load_of(arm), event=event))
         at = move.q[-1]
     if len(legs) == len(cycle.moves):
-        pieces += [piece for _, piece in _rests(cycle, cycle.stops[-1], at, _LAST) if piece is not None]
+        pieces += [piece for _, piece in _dwells(cycle, cycle.stops[-1], at, _LAST) if piece is not None]
     landing = max(VELOCITY_TOLERANCE, *(solution.certificate.landing for _, solution in legs))  # of a usable move
     return reduce(partial(Trajectory.join, tolerance=landing), pieces)
 
 
-def _rests(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
+def _dwells(cycle: Cycle, stop: RestPlace, q: Array, least: float = 0.0) -> Iterator[tuple[str, Trajectory | None]]:
     """Rests at a stop, each with its event and at least `least` seconds long; last the event without a rest, or ""."""
     event = ""
     for k in stop.rests:

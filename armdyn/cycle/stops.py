@@ -11,7 +11,7 @@ from armdyn.errors import CycleError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose, free_directions, poses_reaching
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.problem.checks import unheld_joints
+from armdyn.optimal.problem.checks import holding_deficits
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
 from armdyn.optimal.search.sliding import slid_chain
 from armdyn.optimal.task.policy.cycle import CyclePolicy
@@ -118,7 +118,7 @@ def _held(cycle: Cycle, stop: RestPlace, positions: tuple[Array, ...], limits: J
         falls = None
         for step in range(stop.step, stop.rests[-1] + 1 if stop.rests else stop.step + 1):
             arm = cycle.arms[min(step, len(cycle.steps))]
-            weak = unheld_joints(arm, limits, q, kept.effort, "pose")
+            weak = holding_deficits(arm, limits, q, kept.effort, "pose")
             weak = [one for one in weak if one.motor and one.beyond and one.joint not in idle]
             if weak and falls is None:
                 falls = step, arm, weak[0]

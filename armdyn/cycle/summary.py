@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from armdyn.cycle.costs import MORE, CycleCost
+from armdyn.cycle.costs import RAISED, CycleCost
 from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.steps import Grasp, Move, Release
@@ -131,9 +131,9 @@ def _remedy(leg: CycleLeg | None, duration: float, costs: Sequence[CycleCost]) -
     """The change that saves most of a step's time, in plain words; empty: none is known."""
     choices = [(cost.saved, f"no {cost.condition.removeprefix('its ')}") for cost in costs if cost.saved and leg]
     if leg is None:
-        choices.append((MORE * duration, f"{percent(MORE)} shorter"))
+        choices.append((RAISED * duration, f"{percent(RAISED)} shorter"))
     else:
-        choices += [(MORE * one.part * duration, f"{percent(MORE)} more of it") for one in leg.solution.decides[:1]]
+        choices += [(RAISED * one.part * duration, f"{percent(RAISED)} more of it") for one in leg.solution.decides[:1]]
     saved, words = max(choices, default=(0.0, ""))
     return f"{words} saves {1e3 * saved:.3g} ms" if saved >= _NOTHING else ""
 

@@ -169,7 +169,7 @@ class _Search:
         """Coefficients of a random motion, which starts clear of obstacles."""
         coefficients = rng.uniform(self.lower, self.upper, (self.spline[0].shape[1], self.robot.nv))
         for _ in range(_STARTS):
-            if self._apart(coefficients[:1]):
+            if self._keeps_clearance(coefficients[:1]):
                 break
             coefficients[0] = rng.uniform(self.lower, self.upper)
         return coefficients
@@ -195,11 +195,11 @@ class _Search:
     def _accepted(self, coefficients: Array) -> bool:
         motion, limits, margin = self.motion(coefficients), self.robot.limits, self.options.margin
         beyond = (motion.tau > margin * limits.effort_upper) | (motion.tau < margin * limits.effort_lower)
-        if np.any(beyond[:, ~limits.passive]) or not self._apart(motion.q[::_SPARSE]):
+        if np.any(beyond[:, ~limits.passive]) or not self._keeps_clearance(motion.q[::_SPARSE]):
             return False
         return self.options.preset is None or self.options.preset.check(motion).ok
 
-    def _apart(self, poses: Array) -> bool:
+    def _keeps_clearance(self, poses: Array) -> bool:
         """Whether the clearance is kept in poses, shape (m, nv)."""
         least = self.options.clearance
         return self.collision is None or not np.any(self.collision.distances(poses, least) < least)

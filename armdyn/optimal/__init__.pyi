@@ -20,5 +20,5 @@ from armdyn.optimal.problem.status import Violation as Violation
 from armdyn.optimal.problem_files import read_problem as read_problem
 from armdyn.optimal.proof.certificate import Certificate as Certificate
 from armdyn.optimal.proof.sensitivity import Sensitivities as Sensitivities
-from armdyn.optimal.refine.ways import plan_path as plan_path
+from armdyn.optimal.refine.planned_paths import plan_path as plan_path
 from armdyn.optimal.task.options import MinimumTimeOptions as MinimumTimeOptions

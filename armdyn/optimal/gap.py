@@ -213,7 +213,7 @@ def time_optimality(
         jerk_limit=jerk_limit,
     )  # fmt: skip
     check = check_motion(robot, trajectory, problem.limits)
-    idle, intervals = _idleness(problem.limits, trajectory)
+    idle, intervals = _idle_times(problem.limits, trajectory)
     options = MinimumTimeOptions() if options is None else expect(options, MinimumTimeOptions, "options")
     return TimeOptimality(
         **vars(check),
@@ -271,7 +271,7 @@ def _check_joints(robot: Robot, trajectory: Trajectory) -> None:
         )
 
 
-def _idleness(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:
+def _idle_times(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[tuple[tuple[float, float], ...], ...]]:
     """Per joint the idle part of the time, shape (nv,), and the idle intervals [s]."""
     edges = np.union1d(motion.t, np.linspace(motion.t[0], motion.t[-1], _CELLS + 1))
     edges = edges[np.append(True, np.diff(edges) > _JUMP * motion.duration)]

@@ -22,13 +22,13 @@ from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.refine.smooth import time_energy
-from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.policy import Method
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import concurrently, one_blas_thread
 
-METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], Found]]] = {
+METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "arcs": minimum_time,
     "time-energy": time_energy,
     "mesh": constrained,
@@ -90,9 +90,9 @@ def solve_task(task: Task, seconds: float | None = None) -> Solution:
         return assembled(task, optima, found, elapsed, bound) if optima else failed(task, found, elapsed)
 
 
-def refined(task: Task) -> tuple[list[Optimum], Found]:
+def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by the methods of the policy's strategy, refined and replayed, and the statistics of their search."""
-    strategy, optima, found = task.policy.strategy, list[Optimum](), Found(())
+    strategy, optima, found = task.policy.strategy, list[Optimum](), SearchResult(())
     for method in strategy.methods:
         if optima and _certified(task, optima[-1]):
             break
@@ -112,7 +112,7 @@ def refined(task: Task) -> tuple[list[Optimum], Found]:
     return optima, found
 
 
-def _by(method: Method, task: Task) -> tuple[list[Optimum], Found]:
+def _by(method: Method, task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by one method; only curves avoid obstacles, the other methods ignore them, and clearances are checked."""
     free = without_obstacles(task) if method != "curves" else None
     if free is None:

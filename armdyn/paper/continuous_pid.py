@@ -158,7 +158,7 @@ def simulate(
         peak_error=float(np.abs(goal[:, None] - q).max()),
         peak_velocity=float((np.abs(v.T) / robot.limits.velocity).max()),
         saturated=0.0,
-        went_wrong=None if followed.stopped is None else followed.solution.t_max,
+        failed_time=None if followed.stopped is None else followed.solution.t_max,
         overshoot=approach.overshoot(),
         arrival_time=approach.time(arrival) if stays or arrival.rule == "first_crossing" else None,
         arrival_rule=arrival.rule,

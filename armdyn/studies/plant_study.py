@@ -28,7 +28,7 @@ from armdyn.trajectory import Trajectory
 FORMAT = "armdyn-monte-carlo-3"
 _MOST = float(np.finfo(float).max)
 """Stands for infinity, which JSON does not have."""
-_NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong")
+_NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class PlantRow:
         peak_error: [rad or m].
         peak_velocity: [-].
         saturated: [-].
-        went_wrong: [s].
+        failed_time: [s].
         overshoot: [rad or m], shape (nv,).
     """
 
@@ -79,7 +79,7 @@ class PlantRow:
     peak_error: float | None
     peak_velocity: float | None
     saturated: float | None
-    went_wrong: float | None
+    failed_time: float | None
     overshoot: tuple[float, ...]
 
     @classmethod

@@ -84,13 +84,13 @@ def condition_costs(
     costs = []
     with suppress(KeyboardInterrupt):
         for condition, share in _shares(solution).items():
-            freed = problem.variant(preset=problem.preset.without(condition))
-            if share < REACHED or (reason := _as_strict(problem, freed)):
+            relaxed = problem.variant(preset=problem.preset.without(condition))
+            if share < REACHED or (reason := _as_strict(problem, relaxed)):
                 reason = "the motion stays below its limit" if share < REACHED else reason
                 costs.append(ConditionCost(condition, share, reason=reason))
                 continue
             report(f"without the {condition.replace('_', ' ')} limit")
-            found = solve_minimum_time(freed, chosen)
+            found = solve_minimum_time(relaxed, chosen)
             if found.status is Status.INTERRUPTED:
                 break
             gained = max(0.0, solution.duration - found.duration) if found.usable else None
@@ -98,12 +98,12 @@ def condition_costs(
     return tuple(costs)
 
 
-def _as_strict(problem: MinimumTimeProblem, freed: MinimumTimeProblem) -> str:
+def _as_strict(problem: MinimumTimeProblem, relaxed: MinimumTimeProblem) -> str:
     """Reason why a problem without a condition is the same one; empty if it differs."""
-    same = all(np.array_equal(own, freed.limits.rows[name]) for name, own in problem.limits.rows.items())
+    same = all(np.array_equal(own, relaxed.limits.rows[name]) for name, own in problem.limits.rows.items())
     for name in ("acceleration_limit", "jerk_limit"):
-        same &= np.array_equal(getattr(problem, name), getattr(freed, name))
-    same &= problem.path_constraint_names == freed.path_constraint_names
+        same &= np.array_equal(getattr(problem, name), getattr(relaxed, name))
+    same &= problem.path_constraint_names == relaxed.path_constraint_names
     return "the robot's own limit is as strict" if same else ""
 
 

@@ -27,10 +27,10 @@ _ID = 0x61726D73
 """SQLite's application_id of the file: "arms"."""
 _SHOWN = 4
 """Differences between two studies that a message shows, at most."""
-_PATIENCE = 5.0
+_LOCK_TIMEOUT = 5.0
 """Time [s] for the workers of a killed study to end: they hold its lock for a moment."""
 _TABLES = (
-    "CREATE TABLE study (asked TEXT NOT NULL, armdyn TEXT NOT NULL)",
+    "CREATE TABLE study (request TEXT NOT NULL, armdyn TEXT NOT NULL)",
     "CREATE TABLE rows (k INTEGER PRIMARY KEY, status TEXT NOT NULL, good INTEGER NOT NULL, message TEXT NOT NULL, "
     "settings TEXT NOT NULL, facts TEXT NOT NULL, seconds REAL NOT NULL, attempts INTEGER NOT NULL, "
     "worker TEXT NOT NULL, begun_from INTEGER)",
@@ -217,7 +217,7 @@ def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str,
     here = json.loads(json.dumps(description, allow_nan=False))
     if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
         _check_kind(connection, path)
-        there = json.loads(connection.execute("SELECT asked FROM study").fetchone()[0])
+        there = json.loads(connection.execute("SELECT request FROM study").fetchone()[0])
         different = list(differences(there, here))
         if not different:
             return
@@ -257,7 +257,7 @@ def _locked(path: Path) -> Iterator[None]:
     except OSError as error:
         raise FileError(path, f"cannot be written ({error.strerror}); give the path of a file that can") from None
     with lock:
-        until = time.monotonic() + _PATIENCE
+        until = time.monotonic() + _LOCK_TIMEOUT
         while True:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -64,7 +64,7 @@ def test_files_are_the_motion_with_its_payloads_its_formats_and_the_table(solved
         ("1", "to the bolt", ""), ("2", "grasp bolt", "bolt, 0.1 kg"), ("3", "to the hole", "bolt, 0.1 kg")
     ]  # fmt: skip
     result = json.loads((folder / "out" / "result.json").read_text())
-    assert result["steps"] == facts["steps"] and result["asked"]["command"].startswith("armdyn cycle bolt.toml")
+    assert result["steps"] == facts["steps"] and result["request"]["command"].startswith("armdyn cycle bolt.toml")
 
 
 def test_the_table_is_for_people(solved):

@@ -59,7 +59,7 @@ def test_from_disk_comes_the_report_that_the_run_has_written(tracked, tmp_path):
 
 
 def test_its_command_can_be_typed_again(tracked):
-    request = json.loads((tracked / "result.json").read_text())["asked"]
+    request = json.loads((tracked / "result.json").read_text())["request"]
     assert request["command"].startswith("armdyn track rr --payload 0.1 --ramp 0.5 --controller computed-torque")
     assert request["options"]["rate"] == 1000.0
     assert "armdyn track rr --payload 0.1" in (tracked / "report.html").read_text()
@@ -212,7 +212,7 @@ def test_no_folder_of_this_machine_is_in_the_page(tracked, tmp_path):
     page = (tracked / "report.html").read_text()
     assert str(tracked.parent) not in page and f"--out {tracked.name}" in page
     output = json.loads((tracked / "result.json").read_text())
-    assert str(tracked.parent) in output["asked"]["command"]  # where it can be typed again
+    assert str(tracked.parent) in output["request"]["command"]  # where it can be typed again
 
 
 def test_obstacles_are_in_the_result(tracked, tmp_path):
@@ -231,16 +231,18 @@ def test_a_robot_is_not_read_because_a_result_names_it(name, tracked, tmp_path, 
     monkeypatch.setattr(ad.Robot, "from_urdf", None)  # reading a file would fail
     monkeypatch.setattr(ad.Robot, "from_mjcf", None)
     monkeypatch.setattr(ad.Robot, "from_description", None)
-    folder = changed(tracked, tmp_path / "run", asked__options__robot=name, model__source="arm.urdf")
+    folder = changed(tracked, tmp_path / "run", request__options__robot=name, model__source="arm.urdf")
     output = report(folder)
     assert output["success"] and len(output["warnings"]) == 1
 
 
 def test_obstacles_from_strangers_are_shapes_and_no_files(tracked, tmp_path):
     (tmp_path / "box.json").write_text("[]")
-    folder = changed(tracked, tmp_path / "a", asked__options__obstacle=[str(tmp_path / "box.json"), "sphere:0.1@1,0,0"])
+    folder = changed(
+        tracked, tmp_path / "a", request__options__obstacle=[str(tmp_path / "box.json"), "sphere:0.1@1,0,0"]
+    )
     assert report(folder)["success"]
-    folder = changed(tracked, tmp_path / "b", asked__options__obstacle=["sphere:x@y"])
+    folder = changed(tracked, tmp_path / "b", request__options__obstacle=["sphere:x@y"])
     assert report(folder)["success"]
 
 

@@ -172,7 +172,7 @@ BALL = ad.Sphere((0.3, 0, -0.1), 0.06, name="ball")
 
 @pytest.mark.slow
 def test_a_crowded_problem_without_a_way_says_so_though_a_motion_that_touches_was_found(monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.refine.ways.plan_paths", lambda *_, **__: iter(()))
+    monkeypatch.setattr("armdyn.optimal.refine.planned_paths.plan_paths", lambda *_, **__: iter(()))
     solution = ad.solve_minimum_time(paper_problem("rr", obstacles=[BALL]))
     assert solution.status is ad.Status.INFEASIBLE and not solution.success
     said = "no collision-free path was found in 200000 collision checks, the planner's budget; without obstacles "

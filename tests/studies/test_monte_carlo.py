@@ -170,7 +170,7 @@ def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path, mo
             assert other.poll() is None and time.monotonic() < until
             time.sleep(0.005)
         with monkeypatch.context() as at_once:
-            at_once.setattr("armdyn.studies.rows._PATIENCE", 0.0)
+            at_once.setattr("armdyn.studies.rows._LOCK_TIMEOUT", 0.0)
             with pytest.raises(ResultError, match="another process is at this study"):
                 study(file=file)
     finally:

@@ -130,7 +130,7 @@ def test_another_study_is_refused_with_the_differences(tmp_path):
 
 
 def test_one_at_a_time(tmp_path, monkeypatch):
-    monkeypatch.setattr("armdyn.studies.rows._PATIENCE", 0.1)
+    monkeypatch.setattr("armdyn.studies.rows._LOCK_TIMEOUT", 0.1)
     study = squares(2)
     with (
         row_store(tmp_path / "s.sqlite", study.description),

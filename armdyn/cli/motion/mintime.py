@@ -209,7 +209,7 @@ def mintime(
         folder = results.folder("mintime", task.robot.robot)
         with working(f"minimum time of {arm.name}") as progress:
             solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
-            found = _Found(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
+            found = _Result(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
             summary, obstacles = cut_short(found.summary), solution.problem.obstacles
             motions = {"trajectory": solution.trajectory}
             written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
@@ -224,7 +224,7 @@ def mintime(
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Result:
     """A solution, the curve its reserve was chosen by, and its controller's verdict."""
 
     solution: ad.Solution
@@ -291,7 +291,7 @@ def _reserve_choice(curve: ReserveCurve | None) -> dict[str, str]:
         return {"for tracking": "no reserve has a usable motion"}
     count = len(curve.plants)
     lines = ["      motion    mean   worst  settled [s]"]
-    lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settled(row)}" for row in curve.rows]
+    lines += [f"{row.reserve:<5g} {row.duration:.4f}  {_settling_text(row)}" for row in curve.rows]
     last = f"the last of {count} arms settles after {best.worst:.3f} s"
     text = f"reserve {best.reserve:g}: {last if best.count == count else f'{best.count} of {count} arms settle'}"
     return {"for tracking": text, "by reserve": "\n".join(lines)}
@@ -307,7 +307,7 @@ def _write_reserves(curve: ReserveCurve | None, folder: Path, title: str) -> lis
     return [save_figure(plot_reserves([row.facts() for row in curve.rows], title), folder / "reserve.png")]
 
 
-def _settled(row: Settling) -> str:
+def _settling_text(row: Settling) -> str:
     if math.isfinite(row.worst):
         return f"{row.mean:6.3f}  {row.worst:6.3f}"
     return f"{row.count} of {len(row.settled)} settle"

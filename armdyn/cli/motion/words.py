@@ -73,7 +73,7 @@ def _facts(solution: Solution) -> dict[str, str]:
         facts["idle"] = ", ".join(solution.certificate.idle) + ": not determined by the duration"
     if solution.what_to_do:
         facts["what you can do"] = "\n".join(map(in_options, solution.what_to_do))
-    facts |= _way(solution)
+    facts |= _path_words(solution)
     if solution.local_optima:
         others = ", ".join(f"{x:.4f}" for x in solution.local_optima[:5])
         facts["other optima"] = f"{others}{' …' if len(solution.local_optima) > 5 else ''} s"
@@ -90,7 +90,7 @@ def _facts(solution: Solution) -> dict[str, str]:
     return facts
 
 
-def _way(solution: Solution) -> dict[str, str]:
+def _path_words(solution: Solution) -> dict[str, str]:
     """The nearest obstacle, the via points and the goals."""
     facts = {}
     if solution.clearance is not None:

@@ -123,7 +123,9 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
                 limits=subject.limits,
                 title=title,
                 unresolved=unresolved,
-                captions=[f"{row.name}, {'not at the goal' if row.there is None else _there(row)}" for row in rows],
+                captions=[
+                    f"{row.name}, {'not at the goal' if row.there is None else _duration_there(row)}" for row in rows
+                ],
             )
             files = [page, *save_figures(figure, folder / "figure", ("pdf", "svg"))]
         answer.done("written", {"robot": subject.name, "motions": [asdict(row) for row in rows]}, files)
@@ -145,7 +147,7 @@ def _table(title: str, rows: Sequence[Compared]) -> Table:
     cells = [
         (
             row.name,
-            _there(row),
+            _duration_there(row),
             "-" if k == 0 or row.later is None else f"{100 * row.later:+.1f} %",
             f"{row.work:.4g} J",
             *("-" if part is None else f"{100 * part:.3g} %" for part in (row.speed, row.torque)),
@@ -158,5 +160,5 @@ def _table(title: str, rows: Sequence[Compared]) -> Table:
     return table(title, heads, cells, caption=caption)
 
 
-def _there(row: Compared) -> str:
+def _duration_there(row: Compared) -> str:
     return "-" if row.there is None else f"{row.there:.4f} s"

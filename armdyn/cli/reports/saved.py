@@ -16,7 +16,7 @@ from armdyn.trajectory import Trajectory
 from armdyn.trajectory.npz import is_own
 from armdyn.trajectory.planned import SUFFIXES, read_planned
 
-_BESIDE = ("reference.npz", "optimum.npz")
+_REFERENCE_FILES = ("reference.npz", "optimum.npz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ def read_saved(path: Path) -> Saved:
             motion, "no such file: give the folder of one motion, as mintime, cycle, pid and track write it"
         )
     facts = Facts(load_result(_inside(result)))
-    other = next((folder / name for name in _BESIDE if (folder / name).is_file()), None)
+    other = next((folder / name for name in _REFERENCE_FILES if (folder / name).is_file()), None)
     followed = None if other is None else Trajectory.load(_inside(other))
     return Saved(folder, Trajectory.load(_inside(motion)), facts, followed)
 

@@ -74,7 +74,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     Warns:
         ArmdynWarning: the robot is not at hand.
     """
-    options, model = saved.facts.part("asked").part("options"), saved.facts.part("model")
+    options, model = saved.facts.part("request").part("options"), saved.facts.part("model")
     said = options.text("robot")
     named = spec.robot or _robot_of(saved, said, model)
     count = saved.motion.v.shape[1]
@@ -126,7 +126,7 @@ def _is_file(name: str) -> bool:
 
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     """The robot as it was when it moved; unless the user names it, it is searched in the library only."""
-    options, model = facts.part("asked").part("options"), facts.part("model")
+    options, model = facts.part("request").part("options"), facts.part("model")
     payload, tool = (model.part(part).given() for part in ("payload", "tool"))
     carried = spec.payload or (payload_from(payload) if payload else None)
     locked = [
@@ -178,7 +178,7 @@ def _flags(value: object, count: int) -> bool:
 
 def obstacles_in(facts: Facts) -> tuple[Obstacle, ...]:
     """The obstacles of a result; of one of an older armdyn those written out in its command, and none from files."""
-    options = facts.part("asked").part("options")
+    options = facts.part("request").part("options")
     texts = [text for text in options.texts("obstacle") if text.partition(":")[0] in SHAPES][:_MOST_OBSTACLES]
     try:
         if "obstacles" in facts:

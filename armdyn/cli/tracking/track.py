@@ -134,6 +134,6 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
         "settled": "-" if settled is None else f"{settled:.4f} s{later}",
         **run.words(),
     }
-    if run.went_wrong is not None:
-        words["went wrong"] = f"at {run.went_wrong:.3f} s"
+    if run.failed_time is not None:
+        words["failed"] = f"at {run.failed_time:.3f} s"
     return words

@@ -60,7 +60,7 @@ def loop_margins(loop: SampledLoop) -> tuple[Margins, ...]:
         ProblemError: loop is no SampledLoop, or unstable, and has no margins.
     """
     _expect_stable(loop)
-    return tuple(_margins(loop, joint) for joint in range(loop.torque.shape[1]))
+    return tuple(_margins(loop, joint) for joint in range(loop.B.shape[1]))
 
 
 def multiloop_disk(loop: SampledLoop) -> float:
@@ -77,8 +77,8 @@ def multiloop_disk(loop: SampledLoop) -> float:
         ProblemError: loop is no SampledLoop, or unstable.
     """
     _expect_stable(loop)
-    one = np.eye(loop.torque.shape[1])
-    response = _response(loop, (loop.carried, loop.torque, loop.felt), frequencies(loop, loop.carried))
+    one = np.eye(loop.B.shape[1])
+    response = _response(loop, (loop.A, loop.B, loop.C), frequencies(loop, loop.A))
     sensitivity = np.linalg.inv(one - response)
     return float(1 / np.linalg.norm(sensitivity - one / 2, ord=2, axis=(1, 2)).max())
 
@@ -93,9 +93,9 @@ def broken(loop: SampledLoop, joint: int) -> tuple[Array, Array, Array]:
     Returns:
         Shapes (n, n), (n, 1), (1, n).
     """
-    others = np.arange(loop.torque.shape[1]) != joint
-    A = loop.carried + loop.torque[:, others] @ loop.felt[others]
-    return A, loop.torque[:, [joint]], -loop.felt[[joint]]
+    others = np.arange(loop.B.shape[1]) != joint
+    A = loop.A + loop.B[:, others] @ loop.C[others]
+    return A, loop.B[:, [joint]], -loop.C[[joint]]
 
 
 def late_radius(loop: SampledLoop, joint: int, part: float) -> float:
@@ -108,9 +108,9 @@ def late_radius(loop: SampledLoop, joint: int, part: float) -> float:
     """
     one = [joint]
     within = held(*loop.arm, (1 - part) * loop.period)[1][:, one]
-    now = np.vstack([within, np.zeros((len(loop.carried) - len(within), 1))])
-    before = loop.torque[:, one] - now
-    matrix = np.block([[loop.matrix - before @ loop.felt[one], before], [loop.felt[one], np.zeros((1, 1))]])
+    now = np.vstack([within, np.zeros((len(loop.A) - len(within), 1))])
+    before = loop.B[:, one] - now
+    matrix = np.block([[loop.matrix - before @ loop.C[one], before], [loop.C[one], np.zeros((1, 1))]])
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 

@@ -22,7 +22,7 @@ from armdyn.reprs import brief
 @brief
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """Small deviations from tick to tick: x(k+1) = carried x(k) + torque f(k), f(k) = felt x(k).
+    """Small deviations from tick to tick: x(k+1) = A x(k) + B f(k), f(k) = C x(k).
 
     x holds, joint by joint in each block, at the tick and before its reading:
 
@@ -35,16 +35,16 @@ class SampledLoop:
     f is the torque applied to the arm over the tick. Nothing is clipped, rounded or noisy.
 
     Attributes:
-        carried: transition without the applied torque, shape (n, n).
-        torque: effect of the applied torque within one tick, shape (n, nv).
-        felt: selects the applied torque from the state, shape (nv, n).
+        A: transition without the applied torque, shape (n, n).
+        B: effect of the applied torque within one tick, shape (n, nv).
+        C: selects the applied torque from the state, shape (nv, n).
         period: one tick [s].
         arm: between ticks.
     """
 
-    carried: Array
-    torque: Array
-    felt: Array
+    A: Array
+    B: Array
+    C: Array
     period: float
     arm: LinearPlant
 
@@ -74,17 +74,17 @@ class SampledLoop:
         with np.errstate(over="ignore", invalid="ignore"):
             q_read, v_read = _readings(loop, q, v, m)
             command = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
-            felt = p[:nv] if loop.delay else command
+            C = p[:nv] if loop.delay else command
             moved, driven = held(*rest.plant, h)
-            carried = np.vstack(
+            A = np.vstack(
                 [
                     moved @ np.vstack([q, v]),
-                    _remembered(loop, rest, q, q_read, v_read, felt),
+                    _remembered(loop, rest, q, q_read, v_read, C),
                     z - h * q_read[law.used],
                     *([p[nv:], command] if loop.delay else []),
                 ]
             )
-            closed = cls(carried, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), felt, h, rest.plant)
+            closed = cls(A, np.vstack([driven, np.zeros((n - 2 * nv, nv))]), C, h, rest.plant)
             if not np.all(np.isfinite(closed.matrix)):
                 raise BeyondNumbersError(
                     "the sampled loop exceeds the range of floating-point numbers: its gains or period are too large"
@@ -94,7 +94,7 @@ class SampledLoop:
     @property
     def matrix(self) -> Array:
         """Matrix of the closed loop, shape (n, n)."""
-        return np.asarray(self.carried + self.torque @ self.felt)
+        return np.asarray(self.A + self.B @ self.C)
 
     @property
     def radius(self) -> float:
@@ -134,12 +134,12 @@ def _readings(loop: Loop, q: Array, v: Array, memory: Array) -> tuple[Array, Arr
     return predicted + of_position * (q - predicted), rate + of_velocity * (q - predicted)
 
 
-def _remembered(loop: Loop, rest: Rest, q: Array, q_read: Array, v_read: Array, felt: Array) -> Array:
+def _remembered(loop: Loop, rest: Rest, q: Array, q_read: Array, v_read: Array, C: Array) -> Array:
     """The filter's or the observer's memory one tick later, shape (0, nv or 2 nv; n)."""
     if loop.velocity == "exact":
         return q[:0]
     if loop.velocity == "filtered":
         return np.asarray(loop.pole * v_read - (1 - loop.pole) * loop.rate * q)
     h, model = loop.period, rest.model
-    a = (model.A @ np.vstack([q_read, v_read]) + model.B @ felt)[len(q) :]
+    a = (model.A @ np.vstack([q_read, v_read]) + model.B @ C)[len(q) :]
     return np.vstack([q_read + h * v_read + h**2 / 2 * a, v_read + h * a])

@@ -49,7 +49,7 @@ class Run:
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
-        went_wrong: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
+        failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
         overshoot: farthest travel of each joint past its goal, seen from the start [rad or m], shape (nv,).
         stability: of the loop at rest at the goal, of a run of `track` that did not settle; else None.
@@ -69,7 +69,7 @@ class Run:
     peak_error: float
     peak_velocity: float
     saturated: float
-    went_wrong: float | None
+    failed_time: float | None
     overshoot: Array
     stability: SampledStability | None = None
     arrival_time: float | None = None
@@ -116,7 +116,7 @@ class Run:
 
     def summary(self) -> dict[str, object]:
         """A run as JSON says it: success is that it settled; units as above."""
-        errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "went_wrong", "overshoot")
+        errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time", "overshoot")
         own = attributes(self, "message", "settled_time", *errors)
         facts = {"success": self.settled, "status": str(self.status), **own}
         return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
@@ -152,7 +152,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         peak_error=float(off.max()),
         peak_velocity=float((np.abs(driven.v) / robot.limits.velocity).max()),
         saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
-        went_wrong=float(t[lost[0]]) if lost.size else broke,
+        failed_time=float(t[lost[0]]) if lost.size else broke,
         overshoot=overshoot(driven.q, ticks.goal),
         arrival_time=settled,
         unit=joint_unit(robot.slides),

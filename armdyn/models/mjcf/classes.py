@@ -22,12 +22,12 @@ ACTUATORS = frozenset(_ACTUATORS.split())
 """Kinds of actuators; in a class they all set the defaults of one and the same."""
 
 _KINDS = frozenset(("joint", "geom", "site", "general"))
-_ASKED = """
+_ATTRIBUTES = """
     type axis pos quat axisangle euler xyaxes zaxis range limited damping frictionloss armature stiffness ref
     actuatorfrcrange actuatorfrclimited size fromto mass density mesh shellinertia group
     ctrlrange ctrllimited forcerange forcelimited gear gainprm gaintype biastype dyntype
 """
-_KEYS = frozenset(_ASKED.split())
+_KEYS = frozenset(_ATTRIBUTES.split())
 """Attributes that are read; no others are kept, for every class has a copy of those that it inherits."""
 
 

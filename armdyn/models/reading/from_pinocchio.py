@@ -195,7 +195,7 @@ def _chain(model: pin.Model, first: str, last: str, source: str) -> list[str]:
     way = [int(joint) for joint in model.supports[end]]
     goal = goal or next((frame for frame in model.frames if frame.name == last), None)
     # Frames of a model that was built by hand may lack their parents.
-    branches = start is not None and goal is not None and goal.parentFrame and start not in _way(model, goal)
+    branches = start is not None and goal is not None and goal.parentFrame and start not in _frames_to_base(model, goal)
     if base not in way or branches:
         raise SpecError(f"arm: {clipped(last)!r} is not behind {clipped(first)!r} in {source}")
     names = [str(model.names[joint]) for joint in way[way.index(base) + (start is not None) :] if joint]
@@ -298,7 +298,7 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
     ends = [i for i in ends if not fingers & set(model.supports[i])] or ends
 
     def rank(frame: pin.Frame) -> tuple[int, int]:
-        return len(list(_way(model, frame))), -len(still & set(model.supports[frame.parentJoint]))
+        return len(list(_frames_to_base(model, frame))), -len(still & set(model.supports[frame.parentJoint]))
 
     for kind in (pin.FrameType.BODY, pin.FrameType.OP_FRAME, pin.FrameType.JOINT):
         if there := [frame for frame in model.frames if frame.type == kind and frame.parentJoint in ends]:
@@ -306,7 +306,7 @@ def _tip(model: pin.Model, locked: Mapping[str, float], arm: tuple[str, str] | N
     return "", max(set(model.supports[ends[0]]) - still)
 
 
-def _way(model: pin.Model, frame: pin.Frame) -> Iterator[pin.Frame]:
+def _frames_to_base(model: pin.Model, frame: pin.Frame) -> Iterator[pin.Frame]:
     """The frame and those between it and the base."""
     for _ in model.frames:
         yield frame

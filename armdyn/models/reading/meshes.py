@@ -164,7 +164,7 @@ def _resolver(path: Path) -> Any:
     """Resolver for the files that a mesh refers to: those in its folder, read within the same bounds."""
     from trimesh.resolvers import FilePathResolver
 
-    class Beside(FilePathResolver):
+    class FilesOfFolder(FilePathResolver):
         def get(self, name: str) -> bytes:
             folder = Path(os.path.realpath(self.parent))
             for place in (name.strip().lstrip("/"), Path(name).name):
@@ -173,4 +173,4 @@ def _resolver(path: Path) -> Any:
                     return read_bounded(found, _MAX_MESH_BYTES)
             raise FileNotFoundError(name)
 
-    return Beside(str(path))
+    return FilesOfFolder(str(path))

@@ -103,7 +103,7 @@ class Robot(Arm):
             SpecError: the payload does not fit, or the robot was put together by hand.
             ArmdynError: its file is not there any more.
         """
-        return self._again(replace(self.options, payload=payload))
+        return self._read_with(replace(self.options, payload=payload))
 
     def with_inertias(self, inertias: Mapping[str, ArrayLike] | None) -> Self:
         """This robot with other inertias of its bodies, see `RobotOptions.inertias`; None: the file's.
@@ -114,9 +114,9 @@ class Robot(Arm):
             SpecError: there is no such joint, no body has such an inertia, or the robot was put together by hand.
             ArmdynError: its file is not there any more.
         """
-        return self._again(replace(self.options, payload=self.payload, inertias=inertias))
+        return self._read_with(replace(self.options, payload=self.payload, inertias=inertias))
 
-    def _again(self, options: RobotOptions) -> Self:
+    def _read_with(self, options: RobotOptions) -> Self:
         """This robot read again with other options; its name, limits, rotors, friction and tip stay."""
         if self.origin is None:
             raise SpecError(f"{self.source} was put together by hand: it cannot be read again with another load")

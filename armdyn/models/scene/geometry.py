@@ -122,7 +122,7 @@ def scene_geometry(
         ProblemError: the robot has no geometry, or a mesh of it cannot be read.
     """
     own, others = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
-    pairs = list(apart(robot)) if self_collision else []
+    pairs = list(separable_pairs(robot)) if self_collision else []
     pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(others))]
     names = [*(body.name for body in own), *(name for name, _ in others)]
     touching = {frozenset(pair) for pair in allowed}
@@ -137,7 +137,7 @@ def _own_solids(robot: Robot) -> tuple[dict[str, Any], ...]:
 
 
 @built_once(maxsize=16)
-def apart(robot: Robot) -> tuple[tuple[int, int], ...]:
+def separable_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Pairs of the arm's bodies that can touch and need not.
 
     Bodies that touch in nearly all poses are built so. Of links on neighbouring joints that is assumed; tool and

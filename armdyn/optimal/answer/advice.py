@@ -55,7 +55,7 @@ def advice(
         lines["conditions"] = f"it does not keep {', '.join(missed)}: {more}{_not_slowed(problem)}"
     if lines:
         return lines
-    if problem.unheld is not None:
+    if problem.holding_deficit is not None:
         return {"holds": f"the arm cannot stay at the goal: {_HOLD}"}
     if not certificate.extremal and not (certificate.remark == ON_CURVE and not arcs and certificate.gap is not None):
         lines["extremal"] = _for_extremal(problem, certificate, arcs)

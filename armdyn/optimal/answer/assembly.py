@@ -16,7 +16,7 @@ from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.proof.sensitivity import deciding
 from armdyn.optimal.refine.land import with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import joint_unit
@@ -28,7 +28,9 @@ _NEARLY = 1e-3
 """Largest excess over a limit, as a part of it, of a motion that is reported as the best so far."""
 
 
-def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, bound: float | None = None) -> Solution:
+def assembled(
+    task: Task, optima: list[Optimum], found: SearchResult, elapsed: float, bound: float | None = None
+) -> Solution:
     """The solution from the best of the optima, with the durations of the others.
 
     Args:
@@ -69,7 +71,7 @@ def assembled(task: Task, optima: list[Optimum], found: Found, elapsed: float, b
     )
 
 
-def failed(task: Task, found: Found, elapsed: float) -> Solution:
+def failed(task: Task, found: SearchResult, elapsed: float) -> Solution:
     """The solution without a motion. Arguments as for `assembled`."""
     attempt, worst = found.failed[0], found.failed[0].worst_violation
     if task.stop.interrupted:
@@ -175,7 +177,7 @@ def _moves(task: Task, optimum: Optimum) -> bool:
     return optimum.landed(task.options.replay_tolerance) and nearly and not optimum.missed
 
 
-def _status(task: Task, optimum: Optimum, found: Found) -> Status:
+def _status(task: Task, optimum: Optimum, found: SearchResult) -> Status:
     if task.stop.interrupted:
         return Status.INTERRUPTED
     beyond, outside, missed = _rank(task, optimum)
@@ -214,13 +216,15 @@ def _others(task: Task, best: float, known: Iterable[float], listed: Iterable[fl
     return tuple(float(group[0]) for group in groups[1:])
 
 
-def _message(task: Task, status: Status, optimum: Optimum, found: Found) -> str:
+def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) -> str:
     certificate, duration, slides = optimum.certificate, optimum.trajectory.duration, task.problem.robot.slides
     if status is Status.INFEASIBLE:
         return f"{found.failed[0].message}; without obstacles the fastest motion found takes {duration:.6g} s"
     if not any(_rank(task, optimum)) and status is not Status.INTERRUPTED:
-        unheld = task.problem.unheld
-        stays = "" if unheld is None else f"; not usable: the arm cannot stay at the goal: {unheld.words}"
+        holding_deficit = task.problem.holding_deficit
+        stays = (
+            "" if holding_deficit is None else f"; not usable: the arm cannot stay at the goal: {holding_deficit.words}"
+        )
         ended = "" if status is Status.SOLVED else f"{ended_by_time(task.options.time_limit)}; "
         return ended + _solved(certificate, duration, slides) + stays
     if status is Status.REPLAY_MISSED:

@@ -16,7 +16,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop, stopping
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
 from armdyn.optimal.proof.sensitivity import end_gradient, transversality
-from armdyn.optimal.search.goals import GoalTried, screened
+from armdyn.optimal.search.goals import GoalResult, screened
 from armdyn.optimal.task.policy.search import GoalPolicy
 from armdyn.optimal.task.task import Task
 
@@ -41,13 +41,13 @@ def fastest_goal(task: Task, solve: Solve) -> Solution:
         task.progress(f"goal {i + 1} of the {len(tasks)} best")
         solutions.append(solve(branch, max(until - time.perf_counter(), 1e-3)))
         found = solutions[-1].duration if solutions[-1].success else np.inf
-        tried[i] = GoalTried(np.asarray(branch.problem.q_goal), found, refined=True)
+        tried[i] = GoalResult(np.asarray(branch.problem.q_goal), found, refined=True)
     best = min(solutions, key=lambda solution: (not solution.success, not solution.moves, solution.duration))
     if problem.goal_pose is not None and best.status is Status.SOLVED:
         best = _slid_end(best, problem.goal_pose, numbers, partial(_near, task, solve, until))
     goal = best.problem.x_goal[: problem.robot.nv]
     if best not in solutions:
-        tried.append(GoalTried(goal, best.duration, refined=True))
+        tried.append(GoalResult(goal, best.duration, refined=True))
     bound = _bound_of_all(task, solutions, max(until - time.perf_counter(), numbers.bound * options.time_limit))
     missed = transversality(problem, problem.goal_pose, goal, best.phases)
     certificate = replace(best.certificate.bounded(bound, best.duration), transversality=missed)

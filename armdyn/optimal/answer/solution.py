@@ -17,7 +17,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.sensitivity import Sensitivities, Share, sensitivities
-from armdyn.optimal.search.goals import GoalTried
+from armdyn.optimal.search.goals import GoalResult
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
 from armdyn.trajectory import Trajectory
@@ -76,7 +76,7 @@ class Solution:
     clearance: Clearance | None = None
     constraint_reports: tuple[ConstraintReport, ...] = ()
     via_times: tuple[float, ...] = ()
-    goals: tuple[GoalTried, ...] = ()
+    goals: tuple[GoalResult, ...] = ()
     moves: bool = True
     decides: tuple[Share, ...] = ()
     calm: float = 0.0
@@ -103,7 +103,7 @@ class Solution:
     @property
     def usable(self) -> bool:
         """Whether the motion is feasible, and the motors can hold the arm at the goal, if it should rest there."""
-        return self.feasible and self.problem.unheld is None
+        return self.feasible and self.problem.holding_deficit is None
 
     @property
     def certified(self) -> bool:

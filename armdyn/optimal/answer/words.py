@@ -44,8 +44,8 @@ def assessment(solution: Solution) -> str:
     if not solution.feasible:
         return f"The motion is not executable: {solution.message}."
     said = ["The motion is executable."]
-    if problem.unheld is not None:
-        said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.unheld.words}."]
+    if problem.holding_deficit is not None:
+        said = [f"The motion reaches the goal, but the arm cannot stay there: {problem.holding_deficit.words}."]
     elif certificate.replay == "segments":
         said = ["The motion is executable under feedback; open loop it is unstable."]
     said += [f"The arm does not stay there by itself: {words}." for words in problem.unstable_ends]

@@ -41,7 +41,7 @@ class Phases:
         state_multiplier: ∂t_f/∂(q, v) at the inner stages [s/rad, s²/rad], shape (K, stages - 1, 2, nv).
         knot_multiplier: ∂t_f/∂(q, v) at the inner knots, shape (K - 1, 2, nv).
         torques: motion sampled from the collocation polynomials, for `replay_torques` and as a guess.
-        laid: density of this mesh; None: intervals in proportion to the arcs' lengths.
+        mesh_density: density of this mesh; None: intervals in proportion to the arcs' lengths.
         density: density of the next mesh; None: unknown, as for an integrator's solution.
         iterations: iterations of IPOPT.
     """
@@ -60,7 +60,7 @@ class Phases:
     state_multiplier: Array
     knot_multiplier: Array
     torques: Trajectory
-    laid: Density | None = None
+    mesh_density: Density | None = None
     density: Density | None = None
     iterations: int = 0
 

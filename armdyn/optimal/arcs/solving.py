@@ -95,7 +95,7 @@ def _read(task: Task, nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Phas
         costate=costate,
         tau=tau,
         arc_of=nlp_data.arc_of,
-        laid=nlp_data.density,
+        mesh_density=nlp_data.density,
         density=_density(
             t, states, stage_costate, layered(torques, problem.robot.friction, numbers), numbers.least_density
         ),

@@ -148,9 +148,9 @@ class Cells:
         old, begin, k = np.cumsum(self.side), np.append(0.0, np.cumsum(new.side)), self.middle
         first = np.searchsorted(old, begin[:-1] * (1 - _EDGE))
         last = np.minimum(np.searchsorted(old, begin[1:] * (1 + _EDGE)), k - 1)
-        onward = [self.v[a : b + 1].around for a, b in zip(first, last, strict=True)]
-        back = [self.v[2 * k - b : 2 * k - a + 1].around for a, b in zip(first, last, strict=True)]
-        return new.narrowed(leg, stacked([*onward, new.v[new.middle], *back[::-1]], 0))
+        forward = [self.v[a : b + 1].around for a, b in zip(first, last, strict=True)]
+        backward = [self.v[2 * k - b : 2 * k - a + 1].around for a, b in zip(first, last, strict=True)]
+        return new.narrowed(leg, stacked([*forward, new.v[new.middle], *backward[::-1]], 0))
 
     def narrowed(self, leg: BoundLeg, v: Interval) -> Cells | None:
         """Cells with further bounds of the velocities, and of the positions that these imply; None: no motion."""

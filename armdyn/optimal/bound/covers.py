@@ -109,10 +109,10 @@ def _thinned(
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
     pairs = zip(legs, boxes[:-1], boxes[1:], strict=True)
     times = [soonest(a[:, None], b[None], leg.velocity, turning) for leg, a, b in polled(pairs, stop)]
-    onward, back = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
+    forward, backward = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
     for each in times:
-        onward.append(np.min(onward[-1][:, None] + each, axis=0, initial=np.inf))
+        forward.append(np.min(forward[-1][:, None] + each, axis=0, initial=np.inf))
     for each in reversed(times):
-        back.insert(0, np.min(each + back[0], axis=1, initial=np.inf))
-    passed = [down(down(a + b)) for a, b in zip(onward, back, strict=True)]
+        backward.insert(0, np.min(each + backward[0], axis=1, initial=np.inf))
+    passed = [down(down(a + b)) for a, b in zip(forward, backward, strict=True)]
     return [box[time * (1 - _ROUNDED) < longest] for box, time in zip(boxes, passed, strict=True)]

@@ -73,8 +73,8 @@ def _combination(sought: Array, centre: Array, slopes: Array, rest: Array) -> Ar
         b_ub=np.concatenate([-sought, sought]) / size,
         method="highs",
     )
-    onward, back = np.split(found.x[:-count], 2) if found.status == 0 else (0.0 * centre, 0.0 * centre)
-    return np.asarray(size * (onward - back))
+    forward, backward = np.split(found.x[:-count], 2) if found.status == 0 else (0.0 * centre, 0.0 * centre)
+    return np.asarray(size * (forward - backward))
 
 
 @dataclass(frozen=True, eq=False)

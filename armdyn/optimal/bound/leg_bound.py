@@ -24,13 +24,13 @@ def leg_bound(leg: BoundLeg, stop: StopCondition, known: float = 0.0) -> tuple[f
     known, joint = max(known, float(np.max(alone))), int(np.argmax(alone))
     if known == 0 or not np.all(np.isfinite(leg.velocity)):
         return known, joint
-    numbers, ahead = leg.policy, leg.policy.horizon
+    numbers, horizon = leg.policy, leg.policy.horizon
     for _ in range(numbers.grids):
         before = known
-        known, joint, full = _on_grid(leg, known, joint, (1 + ahead) * known, stop)
+        known, joint, full = _on_grid(leg, known, joint, (1 + horizon) * known, stop)
         if stop() or not full or known < before * (1 + numbers.regrid):
             break
-        ahead = min(max(2 * (known / before - 1), numbers.least_horizon), numbers.horizon)
+        horizon = min(max(2 * (known / before - 1), numbers.least_horizon), numbers.horizon)
     return known, joint
 
 

@@ -13,7 +13,7 @@ from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
-from armdyn.optimal.problem.turns import MOST_WAYS, endless
+from armdyn.optimal.problem.turns import MOST_GOALS, endless
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.reprs import brief
 
@@ -119,14 +119,14 @@ def _other_turns(problem: MinimumTimeProblem) -> float:
     """Least time by velocity limits to any turn of the goal that is not among a problem's goals [s], rounded down.
 
     Each joint's listed goals are a turn apart. A goal that is not listed has some joint a turn further away, or is one
-    of those dropped by `ways_round` after the last of its list.
+    of those dropped by `goals_with_turns` after the last of its list.
     """
     goals, fixed, speed = np.array(problem.goals), problem.fixed_poses, problem.limits.velocity
     begin, first, last = fixed[-2], goals.min(axis=0) - 2 * np.pi, goals.max(axis=0) + 2 * np.pi
     beyond = np.maximum(np.minimum(begin - first, last - begin), 0.0) / speed
     turning = endless(problem.robot, problem.limits)
     least = float(np.min(beyond, where=turning, initial=np.inf))
-    if 2 ** int(np.sum(turning)) > MOST_WAYS:
+    if 2 ** int(np.sum(turning)) > MOST_GOALS:
         least = min(least, float(np.max(np.abs(goals[-1] - begin) / speed)) if len(fixed) == 2 else 0.0)
     before = np.max(np.abs(np.diff(fixed[:-1], axis=0)) / speed, axis=1)
     return (least + float(np.sum(before))) * (1 - _ROUNDED)

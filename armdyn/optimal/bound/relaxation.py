@@ -50,7 +50,7 @@ def relaxed(leg: BoundLeg, cells: Cells, forces: Forces, duration: float) -> Mul
     rows = _changes(program, leg, cells, forces, kinds, v[cells.fixed])
     for own, kind in zip(rows, kinds, strict=True):
         program.diagonal(own[k], v[k], between * kind.damping)
-    ways = _way(program, leg, cells, v, duration)
+    ways = _travel_rows(program, leg, cells, v, duration)
     marginals = program.solved(leg.policy.converged)
     if marginals is None:
         return None
@@ -106,9 +106,9 @@ class _Rows:
     """Rows of one kind, scaled: changes of a quantity from node to node, nodes being the ends of fixed cells.
 
     Attributes:
-        onward: coefficients of the fixed cells' velocities, as shares of the limits, at their first nodes, shape
+        forward: coefficients of the fixed cells' velocities, as shares of the limits, at their first nodes, shape
             (fixed, nv, nv).
-        back: coefficients at their last nodes, likewise.
+        backward: coefficients at their last nodes, likewise.
         damping: decrease of the quantity per second by such velocities, shape (nv,).
         rate: increase per second in every cell, shape (cells, nv).
         change: least and largest change at each node by the adjacent fixed cells, shape (2, nodes, nv).
@@ -117,8 +117,8 @@ class _Rows:
         of_momentum: whether the quantity is momentum, not velocities.
     """
 
-    onward: Array
-    back: Array
+    forward: Array
+    backward: Array
     damping: Array
     rate: Interval
     change: Array
@@ -165,7 +165,7 @@ def _line_rows(leg: BoundLeg, cells: Cells, forces: Forces, line: Line) -> _Rows
     rows.change[..., ~line.given] = np.array([-np.inf, np.inf])[:, None, None]
     damping = line.slope * leg.velocity / rows.scale
     half = cells.lengths[cells.fixed, None, None] / 2 * np.diag(damping)
-    return replace(rows, onward=rows.onward + half, back=rows.back + half, damping=damping)
+    return replace(rows, forward=rows.forward + half, backward=rows.backward + half, damping=damping)
 
 
 def _changes(
@@ -178,8 +178,8 @@ def _changes(
     radius = leg.policy.linear_weight * left_open / kinds[0].scale
     open_ = program.unknown(v.shape, -radius, radius)
     for own, kind in zip(rows, kinds, strict=True):
-        program.blocks(own[:-1], v, kind.onward)
-        program.blocks(own[1:], v, kind.back)
+        program.blocks(own[:-1], v, kind.forward)
+        program.blocks(own[1:], v, kind.backward)
         program.diagonal(own, program.unknown(own.shape, *kind.change), -1.0)
         if kind.of_momentum:
             program.diagonal(own[:-1], open_, 1.0)
@@ -211,7 +211,7 @@ def _multipliers(
     return Multipliers(way, momentum, speed, shares_of(lines, momentum), combinations)
 
 
-def _way(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, duration: float) -> Indices:
+def _travel_rows(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices, duration: float) -> Indices:
     """Add the rows Σ Δt v = θ Δq, with positions within the ends' boxes as unknowns, and the cost of θ."""
     nv, scale = len(leg.velocity), duration * leg.velocity
     ways, made = program.rows(np.zeros(nv)), program.unknown((1, 1), cost=-1.0)

@@ -98,9 +98,9 @@ def _passing(model: CollisionModel, leg: CurveLeg, even: Array, near: Array) -> 
     for step, pair in zip(steps + 1, pairs, strict=True):
         first, last = even[step - 1], even[step + 1]
         for _ in range(2):
-            looks = np.linspace(first, last, _FINER + 1)
-            found = model.distances_of(np.array([pair]), leg.at(looks)[0])
+            times = np.linspace(first, last, _FINER + 1)
+            found = model.distances_of(np.array([pair]), leg.at(times)[0])
             k = int(np.clip(np.argmin(found), 1, _FINER - 1))
-            first, last = looks[k - 1], looks[k + 1]
+            first, last = times[k - 1], times[k + 1]
         out.append((first + last) / 2)
     return np.array(out)

@@ -28,14 +28,14 @@ class Shared:
         weights: weights of the squared scaled torques over time, shape (nv,).
         body: dynamic parameters of the body on the last joint, shape (10,).
         travel: scales of dq/ds, s being the part of the time, where it has a cost [rad or m], shape (nv,).
-        hurry: cost of a second.
+        time_cost: cost of a second.
     """
 
     effort: ca.SX
     weights: ca.SX
     body: ca.SX
     travel: ca.SX
-    hurry: ca.SX
+    time_cost: ca.SX
 
     @staticmethod
     def size(joints: int) -> int:
@@ -47,7 +47,7 @@ class Shared:
         return cls(*(ca.SX.sym(name, size) for name, size in sizes))
 
     def column(self) -> ca.SX:
-        return ca.vertcat(self.effort, self.weights, self.body, self.travel, self.hurry)
+        return ca.vertcat(self.effort, self.weights, self.body, self.travel, self.time_cost)
 
 
 @built_once(maxsize=16)
@@ -71,7 +71,7 @@ def torque_equations(dynamics: Dynamics, compile_mode: bool | None) -> IntervalF
     chain = ca.kron(ca.reshape(basis, WINDOW, 3).T, ca.SX.eye(n))
     outer, at = ca.diagcat(chain, ca.SX.eye(1)), chain @ points
     moving = calm * ca.sumsqr(at[n : 2 * n] / shared.travel)
-    effort = shared.hurry * part * duration * ca.dot(shared.weights, torque**2)
+    effort = shared.time_cost * part * duration * ca.dot(shared.weights, torque**2)
     cost = (tie * ca.sumsqr(torque) + moving + effort) / 2
     inner = ca.vertcat(curve, duration)
     curvature = ca.hessian(ca.dot(lam, load), inner)[0]

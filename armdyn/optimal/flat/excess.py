@@ -26,14 +26,14 @@ def excesses_of(task: Task, curve: Curve) -> tuple[TorqueMargin, ...]:
         task: task with the limits, and the number of places to check.
         curve: the curve.
     """
-    problem, looks = task.problem, task.policy.curves.checks
+    problem, checks = task.problem, task.policy.curves.checks
     limits, limit = problem.limits, torque_rates(task, TightenedConstraints.of(task))
-    half, marks = limits.actuators.half_range, np.linspace(0, looks, POINTS + 1).astype(int)
+    half, marks = limits.actuators.half_range, np.linspace(0, checks, POINTS + 1).astype(int)
     parts = [slice(first, last + 1) for first, last in pairwise(marks)]  # each point's part of an interval
     found = []
     for leg in curve.legs:
         breaks = leg.basis.breaks
-        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, looks + 1)
+        s = breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, checks + 1)
         q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
         tau = inverse_dynamics(problem.robot)(q, v, a)
         weakest, strongest = limits.actuators.range(q, v)

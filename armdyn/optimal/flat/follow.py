@@ -19,7 +19,7 @@ from armdyn.optimal.task.policy.curves import CurvePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
-_LOOKS = 5
+_CHECKS = 5
 """Places of an interval, including its ends, at which a torque's second derivatives are estimated."""
 _CLIPS = 2
 """Rounds of clipping a torque to its range at the resulting state: each leaves 1e-3 of the excess."""
@@ -87,10 +87,10 @@ def _forced_snap(robot: Robot, leg: CurveLeg) -> Array:
         Values at inner places of every interval, shape (intervals, 3, nv).
     """
     lengths = np.diff(leg.basis.breaks)[:, None]
-    s = leg.basis.breaks[:-1, None] + lengths * np.linspace(0, 1, _LOOKS)
+    s = leg.basis.breaks[:-1, None] + lengths * np.linspace(0, 1, _CHECKS)
     q, v, a = (x.reshape(*s.shape, -1) for x in leg.at(s.ravel()))
     tau = inverse_dynamics(robot)(q, v, a) - robot.friction.torque(v)
-    step = leg.duration * lengths[..., None] / (_LOOKS - 1)
+    step = leg.duration * lengths[..., None] / (_CHECKS - 1)
     inner, acceleration = (q[:, 1:-1], v[:, 1:-1]), forward_dynamics(robot)
     tau, bend = tau[:, 1:-1], np.diff(tau, 2, axis=1) / step**2
     return acceleration(*inner, tau + bend) - acceleration(*inner, tau)

@@ -110,11 +110,11 @@ def calm_curve(task: Task, fastest: RefinedCurve, share: float) -> RefinedCurve:
     given = found.curve.duration - duration
     kept = found.solved.converged and found.excess <= numbers.small_excess and constraints_mended(task, found.reports)
     if task.stop or not kept or given > share * duration:
-        return settled(task, fastest)
+        return refined_again(task, fastest)
     return replace(found, solved=fastest.solved, iterations=fastest.iterations + found.iterations, calm=given)
 
 
-def settled(task: Task, rough: RefinedCurve) -> RefinedCurve:
+def refined_again(task: Task, rough: RefinedCurve) -> RefinedCurve:
     """Refine a rough curve until it is within its limits; slow it down if the time is up.
 
     Args:
@@ -214,14 +214,14 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         task: task with required distances.
         guess: initial guess.
     """
-    numbers, hopeless = task.policy.sequential, task.policy.curves.most_excess
+    numbers, most_excess = task.policy.sequential, task.policy.curves.most_excess
     constraints = TightenedConstraints.of(task)
     margins = () if task.problem.regional else tuple(_at_the_ends(leg, numbers) for leg in guess.legs)
     spec = CurveSpec(constraints, margins=margins)
     found, solved, iterations = list[RefinedCurve](), None, 0
 
     def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
-        return not constraints_mended(task, one.reports), one.excess > hopeless, one.curve.duration
+        return not constraints_mended(task, one.reports), one.excess > most_excess, one.curve.duration
 
     for k in range(numbers.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)
@@ -229,7 +229,7 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
         over = excesses_of(task, solved.curve)
         curve, left = solved.curve, over
         if can_be_slowed(task.problem):
-            curve, left = _within_limits(task, curve, over, hopeless)
+            curve, left = _within_limits(task, curve, over, most_excess)
         reports = reports_on(task, curve, spec.constraints)
         found.append(RefinedCurve(curve, solved, spec, iterations, worst_excess(left), reports))
         little = curve.duration < (1 + numbers.slowed * 2**k) * solved.curve.duration

@@ -60,7 +60,7 @@ class SequenceSettings:
     Attributes:
         trust: initial radius of the trust region [rad or m].
         enough: relative change of the merit at convergence.
-        beaten: duration to beat [s]: a sequence that is not near it after a few steps ends.
+        best_duration: duration to beat [s]: a sequence that is not near it after a few steps ends.
         eager: number of first steps that are accepted without a test; None: the policy's.
         tighten: new torque bounds, called after a well-predicted step, or without a better one.
         most: limit of steps, which the policy may extend; None: the policy's.
@@ -68,7 +68,7 @@ class SequenceSettings:
 
     trust: float
     enough: float
-    beaten: float = np.inf
+    best_duration: float = np.inf
     eager: int | None = None
     tighten: Tighten | None = None
     most: int | None = None
@@ -123,7 +123,7 @@ class Sequential:
             elif ended and (taken is None or self._kept(at)):
                 status = Status.SOLVED if self._kept(at) else Status.FAILED
                 break
-            elif k >= eager and self._duration(at) > policy.dropped * settings.beaten:
+            elif k >= eager and self._duration(at) > policy.dropped * settings.best_duration:
                 status, word = Status.ITERATION_LIMIT, "another path is faster"
                 break
         else:

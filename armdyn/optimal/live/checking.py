@@ -89,20 +89,21 @@ def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
     return float(np.max(np.abs(cubic_accelerations(t, q, v)) / limits)) - 1
 
 
-def between_samples(seen: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
+def between_samples(sampled: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
     """Largest excess of a torque between samples, as a part of half its range.
 
     The returned motion is cubic between samples. Its accelerations are linear, so that both ends of each cubic are
     checked; torques differ from the curve's by the inertia times the difference of accelerations.
 
     Args:
-        seen: a curve at its samples.
+        sampled: a curve at its samples.
         limits: torque limits.
         inertia: maps positions, shape (samples, nv), to M(q) [kg m², kg m or kg], shape (samples, nv, nv).
     """
-    accelerations = np.concatenate(cubic_accelerations(seen.t, seen.q, seen.v))
+    accelerations = np.concatenate(cubic_accelerations(sampled.t, sampled.q, sampled.v))
     q, v, a, tau, M = (
-        np.concatenate([each[:-1], each[1:]]) for each in (seen.q, seen.v, seen.a, seen.tau, inertia(seen.q))
+        np.concatenate([each[:-1], each[1:]])
+        for each in (sampled.q, sampled.v, sampled.a, sampled.tau, inertia(sampled.q))
     )
     tau += np.einsum("kij,kj->ki", M, accelerations - a)
     beyond = limits.actuators.excess(tau, q, v) / limits.actuators.half_range

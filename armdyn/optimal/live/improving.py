@@ -79,20 +79,20 @@ class LimitedArm:
     inertia: Callable[[Array], Array]
     torques: TorqueRows
 
-    def seen(self, points: Array, duration: float) -> Checked:
+    def sampled(self, points: Array, duration: float) -> Checked:
         """A curve at its samples."""
         return check(self.program, points, duration, self.torque)
 
-    def motion(self, seen: Checked, name: str) -> Trajectory:
+    def motion(self, sampled: Checked, name: str) -> Trajectory:
         """The samples as a motion."""
         names, model = self.robot.joint_names, self.robot.model_hash
-        return Trajectory(seen.t, seen.q, seen.v, seen.tau, names, self.robot.marked(name), model)
+        return Trajectory(sampled.t, sampled.q, sampled.v, sampled.tau, names, self.robot.marked(name), model)
 
-    def keeps(self, seen: Checked, distances: Distances | None) -> bool:
+    def within_limits(self, sampled: Checked, distances: Distances | None) -> bool:
         """Whether a curve satisfies all limits and distances."""
-        kept = seen.kept(self.program.policy.least_reserve, LIMIT_TOLERANCE)
-        kept = kept and between_samples(seen, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
-        return kept and (distances is None or distances.kept(self.motion(seen, "checked")))
+        kept = sampled.kept(self.program.policy.least_reserve, LIMIT_TOLERANCE)
+        kept = kept and between_samples(sampled, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
+        return kept and (distances is None or distances.kept(self.motion(sampled, "checked")))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +101,14 @@ class Improved:
 
     Attributes:
         duration: duration of the curve [s].
-        seen: the curve at its samples.
+        sampled: the curve at its samples.
         margins: torque margins of the last step.
         settled: whether the last step, without a short trust region, changed the duration by less than
             `LivePolicy.enough`.
     """
 
     duration: float
-    seen: Checked
+    sampled: Checked
     margins: TorqueMargin
     settled: bool
 
@@ -156,26 +156,26 @@ def improve(
     pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
     starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
     here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))
-    took = time.perf_counter() - began
-    while k < policy.steps and (began := time.perf_counter()) + took < until - policy.hand_over:
+    step_time = time.perf_counter() - began
+    while k < policy.steps and (began := time.perf_counter()) + step_time < until - policy.hand_over:
         k += 1
         step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
         unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
         here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
-        seen = arm.seen(here.points, here.duration)
-        over += seen.torque > -policy.least_reserve and not unmet
+        sampled = arm.sampled(here.points, here.duration)
+        over += sampled.torque > -policy.least_reserve and not unmet
         price = policy.price_growth * pace.price if unmet else pace.price
         pace = Pace(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
         settled = abs(longer) <= policy.enough * here.duration
-        if (best is None or here.duration < best.duration or settled) and arm.keeps(seen, distances):
-            best = Improved(here.duration, seen, margins, settled and pace.reach >= policy.stuck)
+        if (best is None or here.duration < best.duration or settled) and arm.within_limits(sampled, distances):
+            best = Improved(here.duration, sampled, margins, settled and pace.reach >= policy.stuck)
             if settled:
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
-            best = _slowed(arm, here, seen, margins, distances)
-        margins = _tightened(program, margins, here, seen, settled or over > policy.decrease_steps)
-        took = max(took, time.perf_counter() - began)
+            best = _slowed(arm, here, sampled, margins, distances)
+        margins = _tightened(program, margins, here, sampled, settled or over > policy.decrease_steps)
+        step_time = max(step_time, time.perf_counter() - began)
     return best, Draft(here.points, here.duration, margins, k)
 
 
@@ -216,26 +216,28 @@ def _taken(
 
 
 def _slowed(
-    arm: LimitedArm, here: Iterate, seen: Checked, margins: TorqueMargin, distances: Distances | None
+    arm: LimitedArm, here: Iterate, sampled: Checked, margins: TorqueMargin, distances: Distances | None
 ) -> Improved | None:
     """Slow a motion from rest down along its path until it is within its limits; None if no pace is."""
     program = arm.program
-    factor = least_factor(arm.robot, program.limits, arm.motion(seen, "too fast"))
-    factor = max(factor, 1 + seen.other) * (1 + program.policy.slack)
+    factor = least_factor(arm.robot, program.limits, arm.motion(sampled, "too fast"))
+    factor = max(factor, 1 + sampled.other) * (1 + program.policy.slack)
     if not factor < program.policy.too_slow:
         return None
-    slower = arm.seen(here.points, factor * here.duration)
-    return Improved(factor * here.duration, slower, margins, False) if arm.keeps(slower, distances) else None
+    slower = arm.sampled(here.points, factor * here.duration)
+    return Improved(factor * here.duration, slower, margins, False) if arm.within_limits(slower, distances) else None
 
 
-def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen: Checked, near: bool) -> TorqueMargin:
+def _tightened(
+    program: StepProgram, margins: TorqueMargin, here: Iterate, sampled: Checked, near: bool
+) -> TorqueMargin:
     """Torque margins for the next step, larger around places where torques exceed their limits.
 
     Args:
         program: of the steps.
         margins: margins so far.
         here: the linearised curve, with torques at the places.
-        seen: the curve at its samples.
+        sampled: the curve at its samples.
         near: whether the curve hardly changes, so that no margin is reduced.
     """
     policy, kept = program.policy, 1.0 if near else program.policy.margin_kept
@@ -247,4 +249,4 @@ def _tightened(program: StepProgram, margins: TorqueMargin, here: Iterate, seen:
         return np.minimum(np.maximum(target, kept * margin), policy.most_margin)
 
     over, under = program.violations(here, TorqueMargin())
-    return TorqueMargin(next_(margins.upper, seen.upper, over), next_(margins.lower, seen.lower, under))
+    return TorqueMargin(next_(margins.upper, sampled.upper, over), next_(margins.lower, sampled.lower, under))

@@ -18,11 +18,11 @@ class Places:
 
     Attributes:
         basis: spline basis of the curve.
-        looks: number of samples per interval, without its end; a multiple of 4.
+        checks: samples per interval, without its end; a multiple of 4.
     """
 
     basis: Basis
-    looks: int
+    checks: int
 
     @cached_property
     def places(self) -> Array:
@@ -39,9 +39,9 @@ class Places:
 
     @cached_property
     def fine(self) -> Array:
-        """Samples of each interval, shape (intervals, looks + 1): a break is in two intervals."""
+        """Samples of each interval, shape (intervals, checks + 1): a break is in two intervals."""
         breaks = self.basis.breaks
-        return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.looks + 1)
+        return breaks[:-1, None] + np.diff(breaks)[:, None] * np.linspace(0, 1, self.checks + 1)
 
     @cached_property
     def samples(self) -> Array:
@@ -55,18 +55,18 @@ class Places:
 
     @cached_property
     def around(self) -> Index:
-        """Samples around each place, up to halfway to the next places, shape (places, looks / 2 + 1)."""
-        half = self.looks // (2 * _PER_INTERVAL)
-        middle = np.arange(self.places.size)[:, None] * (self.looks // _PER_INTERVAL)
+        """Samples around each place, up to halfway to the next places, shape (places, checks / 2 + 1)."""
+        half = self.checks // (2 * _PER_INTERVAL)
+        middle = np.arange(self.places.size)[:, None] * (self.checks // _PER_INTERVAL)
         return np.asarray(np.clip(middle + np.arange(-half, half + 1), 0, self.samples.size - 1))
 
     def per_interval(self, values: Array) -> Array:
-        """Values at the samples, shape (samples, nv), interval by interval, shape (intervals, looks + 1, nv)."""
-        index = np.arange(self.basis.intervals)[:, None] * self.looks + np.arange(self.looks + 1)
+        """Values at the samples, shape (samples, nv), interval by interval, shape (intervals, checks + 1, nv)."""
+        index = np.arange(self.basis.intervals)[:, None] * self.checks + np.arange(self.checks + 1)
         return np.asarray(values[index])
 
     def once(self, values: Array) -> Array:
         """Reverse `per_interval`; for a break the larger of its two values."""
         out = np.concatenate([values[:, :-1].reshape(-1, values.shape[-1]), values[-1:, -1]])
-        out[self.looks : -1 : self.looks] = np.maximum(out[self.looks : -1 : self.looks], values[:-1, -1])
+        out[self.checks : -1 : self.checks] = np.maximum(out[self.checks : -1 : self.checks], values[:-1, -1])
         return out

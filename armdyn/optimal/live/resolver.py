@@ -149,7 +149,7 @@ class Resolver:
         self._draft = draft if found is None else None  # the next call continues from it
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
-            status, motion = Status.SOLVED if found.settled else late, arm.motion(found.seen, "live")
+            status, motion = Status.SOLVED if found.settled else late, arm.motion(found.sampled, "live")
             self._last = LastMotion(motion, found.margins, arm.program.mesh.places, found.settled)
         else:
             left = fallback(arm, ends, inertia, self._last, distances)

@@ -130,9 +130,9 @@ def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | N
     first, second = program.mesh.basis.monomials()
     shape = (first - second / 2)[:, None]
     for _ in range(policy.brakes):
-        seen = arm.seen(ends.q + shape * ends.v * duration, duration)
-        if arm.keeps(seen, distances) and _holds(arm, seen.q[-1]):
-            return arm.motion(seen, "stop")
+        sampled = arm.sampled(ends.q + shape * ends.v * duration, duration)
+        if arm.within_limits(sampled, distances) and _holds(arm, sampled.q[-1]):
+            return arm.motion(sampled, "stop")
         duration *= policy.longer
     return None
 

@@ -18,7 +18,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation
 from armdyn.trajectory import Trajectory
 
-_LOOKS = 41
+_CHECKS = 41
 """Number of a replay's samples around the planned time among which the passage of a region is searched."""
 
 
@@ -88,8 +88,8 @@ def _nearest_deviation(
     step = motion.t[k] - motion.t[k - 1]
     most = region.deviations
     time, scale = passing, np.where((most > 0) & np.isfinite(most), most, 1e-3)
-    for width in (step, 2 * step / (_LOOKS - 1)):
-        times = np.clip(time + width * np.linspace(-1, 1, _LOOKS), motion.t[0], motion.t[-1])
+    for width in (step, 2 * step / (_CHECKS - 1)):
+        times = np.clip(time + width * np.linspace(-1, 1, _CHECKS), motion.t[0], motion.t[-1])
         over = np.abs(deviations_of(problem.robot, region, motion(times).q)) - most
         best = int(np.argmin(np.max(over / scale, axis=1)))
         time = float(times[best])

@@ -149,7 +149,7 @@ def clear_goals(model: CollisionModel, goals: Sequence[Array], clearance: float)
 
 
 @dataclass(frozen=True)
-class Unheld:
+class HoldingDeficit:
     """A joint whose torque limit is below the torque that holds the goal at rest.
 
     Attributes:
@@ -167,7 +167,9 @@ class Unheld:
     words: str
 
 
-def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, pose: str = "goal") -> list[Unheld]:
+def holding_deficits(
+    robot: Robot, limits: JointLimits, q: Array, reserve: Array, pose: str = "goal"
+) -> list[HoldingDeficit]:
     """Joints that cannot hold the arm at rest within the limits, largest excess first.
 
     Args:
@@ -191,12 +193,14 @@ def unheld_joints(robot: Robot, limits: JointLimits, q: Array, reserve: Array, p
         own = abs(bound) / (1 - reserve[i])
         excess = (abs(torque[i]) - abs(bound)) / limits.actuators.scale[i]
         words = f"joint {joint!r} needs {torque[i]:.4g} {unit} to hold the {pose} but {most}"
-        found.append(Unheld(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words))
+        found.append(
+            HoldingDeficit(joint, float(excess), not limits.passive[i], bool(abs(torque[i]) > own + room), words)
+        )
     return sorted(found, key=lambda one: -one.excess)
 
 
-def warn_if_not_held(unheld: Sequence[Unheld]) -> None:
+def warn_if_not_held(holding_deficit: Sequence[HoldingDeficit]) -> None:
     """Warn of a goal that cannot be held within the limits."""
-    for one in unheld:
+    for one in holding_deficit:
         then = "staying there is beyond this actuator" if one.beyond else "staying there takes of the reserve"
         warnings.warn(f"{one.words}: a motion to the goal may exist, {then}", ArmdynWarning, stacklevel=4)

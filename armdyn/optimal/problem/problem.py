@@ -25,7 +25,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.per_joint import per_joint
 from armdyn.models.values.placement import pose_entry
 from armdyn.optimal.problem.checks import (
-    Unheld,
+    HoldingDeficit,
     check_clear,
     check_every_joint_has_motor,
     check_limits,
@@ -34,13 +34,13 @@ from armdyn.optimal.problem.checks import (
     check_poses,
     check_state,
     clear_goals,
-    unheld_joints,
+    holding_deficits,
     warn_if_not_held,
 )
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, rate_limit, resolved_limits
 from armdyn.optimal.problem.robot_tables import robot_table
-from armdyn.optimal.problem.turns import endless, ways_round
+from armdyn.optimal.problem.turns import endless, goals_with_turns
 from armdyn.optimal.problem.via_regions import Via, check_via_regions, via_positions
 from armdyn.parsing.toml import MAX_BYTES, to_toml
 from armdyn.rendering import renderer
@@ -103,7 +103,7 @@ class MinimumTimeProblem:
             via points, a joint without a finite torque limit, no joint with a motor, or a goal pose out of reach.
 
     Warns:
-        ArmdynWarning: the actuators cannot hold the goal; see `unheld`.
+        ArmdynWarning: the actuators cannot hold the goal; see `holding_deficit`.
     """
 
     robot: Robot
@@ -156,7 +156,7 @@ class MinimumTimeProblem:
             goals = poses_reaching(self.robot, self.goal_pose, np.asarray(self.q_start), self.limits)
             object.__setattr__(self, "q_goal", goals[0])
         if self.wrap:
-            goals = ways_round(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
+            goals = goals_with_turns(np.asarray(self.q_start), goals, self.limits, endless(self.robot, self.limits))
             object.__setattr__(self, "q_goal", goals[0])
         object.__setattr__(self, "goals", tuple(goals))
         for q, v, name in ((self.q_start, self.v_start, "start"), (self.q_goal, self.v_goal, "goal")):
@@ -166,7 +166,7 @@ class MinimumTimeProblem:
                 f"start and goal are the same state, q = {self.x_start[: self.robot.nv]}: no motion is needed"
             )
         self._resolve_path_constraints()
-        warn_if_not_held(self._unheld_at(np.asarray(self.q_goal)))
+        warn_if_not_held(self._deficits_at(np.asarray(self.q_goal)))
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
@@ -302,18 +302,18 @@ class MinimumTimeProblem:
             return replace(self, **{**self.own_rates, **changes})
 
     @property
-    def unheld(self) -> Unheld | None:
+    def holding_deficit(self) -> HoldingDeficit | None:
         """The joint whose motor is the weakest for holding the arm at the goal; None: all motors hold the arm.
 
         Joints without a motor do not count: feedback balances them upright.
         """
         if np.any(np.asarray(self.v_goal)):
             return None
-        return next((one for one in self._unheld_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
+        return next((one for one in self._deficits_at(np.asarray(self.q_goal)) if one.motor and one.beyond), None)
 
     @property
     def unstable_ends(self) -> tuple[str, ...]:
-        """Joints that drift from an end at which the arm should rest, apart from `unheld`, in words.
+        """Joints that drift from an end at which the arm should rest, apart from `holding_deficit`, in words.
 
         At the start: joints with too weak motors, which brakes hold until then. At both ends: joints without a motor,
           which fall unless feedback balances them.
@@ -321,12 +321,12 @@ class MinimumTimeProblem:
         found = []
         for pose, q, v in (("start", self.q_start, self.v_start), ("goal", self.q_goal, self.v_goal)):
             if not np.any(np.asarray(v)):
-                beyond = [one for one in self._unheld_at(np.asarray(q), pose) if one.beyond]
+                beyond = [one for one in self._deficits_at(np.asarray(q), pose) if one.beyond]
                 found += [one.words for one in beyond if pose == "start" or not one.motor]
         return tuple(found)
 
-    def _unheld_at(self, q: Array, pose: str = "goal") -> list[Unheld]:
-        return unheld_joints(self.robot, self.limits, q, self.reserves.effort, pose)
+    def _deficits_at(self, q: Array, pose: str = "goal") -> list[HoldingDeficit]:
+        return holding_deficits(self.robot, self.limits, q, self.reserves.effort, pose)
 
     def holding_torque(self) -> Array:
         """Torque that holds the arm still at the goal [N m or N], shape (nv,)."""

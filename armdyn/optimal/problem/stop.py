@@ -21,12 +21,12 @@ class Stop:
 
     Attributes:
         deadline: by `time.perf_counter` [s], a clock that all processes share.
-        hurried: whether there was no time to compile a program; then no other is compiled either.
+        out_of_time: whether there was no time to compile a program; then no other is compiled either.
         within: stop of the enclosing work: an interruption of one interrupts both; None: no enclosing work.
     """
 
     def __init__(self, deadline: float = np.inf, interrupted: bool = False, within: "Stop | None" = None):
-        self.deadline, self.hurried, self.within = deadline, False, within
+        self.deadline, self.out_of_time, self.within = deadline, False, within
         self._flags = mmap.mmap(-1, 2)
         self._flags[0] = interrupted
 

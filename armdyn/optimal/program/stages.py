@@ -68,8 +68,10 @@ class StageFunctions:
         gradient = ca.gradient(one.cost, y)
         nonzeros = [nonzeros_of(part) for part in (jacobian, gradient, hessian, moved)]
         given = [part for point in (left, middle, right) for part in (point.a, point.jacobians, point.hessians)]
-        bow = one.h / 2 * middle.weighed(lam) - 3 / 4 * nu  # of the middle's correction: h / 8 over -h / 6 is -3 / 4
-        weights = [lam[n:] + sign * bow[n:] for sign in (1, -1)]
+        correction = (
+            one.h / 2 * middle.weighed(lam) - 3 / 4 * nu
+        )  # of the middle's correction: h / 8 over -h / 6 is -3 / 4
+        weights = [lam[n:] + sign * correction[n:] for sign in (1, -1)]
         equations = ca.vertcat(one.defects(left, middle, right), one.cost)
         return cls(
             rate=acceleration.rate,
@@ -245,8 +247,8 @@ class _Interval:
         for point, way, weight in points:
             at = ca.vertcat(way, torque)
             curvature -= weight * h / 6 * (at.T @ point.curvature @ at)
-        bow = dh / 8 * nu - h * dh / 12 * middle.weighed(lam)
-        mixed = -dh / 6 * lam.T @ jacobian_sum + bow.T @ (to_left - to_right)
+        correction = dh / 8 * nu - h * dh / 12 * middle.weighed(lam)
+        mixed = -dh / 6 * lam.T @ jacobian_sum + correction.T @ (to_left - to_right)
         shared = along_T.T @ mixed
         hessian = ca.triu(ca.sparsify(curvature + shared + shared.T))
         return ca.sparsify(jacobian), hessian, ca.sparsify(moved)

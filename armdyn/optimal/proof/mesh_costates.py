@@ -189,9 +189,9 @@ class _StationarityProgram:
         stretches = self._stretches()
         G, n, E = len(stretches.carried), self.width.size, len(stretches.distance)
         changes, cost, bounds = self._changes(stretches)
-        furthest, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
-        states = np.full((2 * n * G, 2), (-furthest, furthest))
-        spare = stretches.distance + furthest * np.abs(stretches.source).sum(axis=1)
+        most_change, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
+        states = np.full((2 * n * G, 2), (-most_change, most_change))
+        spare = stretches.distance + most_change * np.abs(stretches.source).sum(axis=1)
         matrix = [changes, _adjoint(stretches), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
         order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), stretches.source_of[0]), kind="stable")
         marginals = np.empty(own + E)

@@ -13,7 +13,7 @@ from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERAN
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import rank, resolve
-from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.switching.refinement import prepare_switching
@@ -23,7 +23,7 @@ from armdyn.parallel import in_processes
 _GIVEN_UP = "refinement was given up: its budget of integrator steps and mesh iterations is spent"
 
 
-def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
+def minimum_time(task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima with arcs, by duration on the mesh, and the search's statistics.
 
     Args:
@@ -37,7 +37,7 @@ def minimum_time(task: Task) -> tuple[list[Optimum], Found]:
     return optima, replace(found, slower=tuple(left), remark=_GIVEN_UP if given_up else found.remark)
 
 
-def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
+def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     """Detect arcs of optima on the first mesh; refine the best on finer ones until one lands or is certified.
 
     Args:
@@ -62,7 +62,7 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
         return _up(task, few if k else many, _on(task, options.intervals, begun))
 
     optima: list[Optimum] = []
-    beaten = np.inf
+    cutoff = np.inf
     task.progress(f"refining optimum 1 of {len(attempts)}, about {attempts[0].trajectory.duration:.4f} s")
     jobs = [partial(refined_further, k) for k in range(len(attempts))]
     for k, reached in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
@@ -73,9 +73,9 @@ def refined(task: Task, found: Found) -> tuple[list[Optimum], bool]:
         if optima[k].usable(options.replay_tolerance):
             duration, cost = attempts[k].trajectory.duration, optima[k].cost
             sure = duration + numbers.error_factor * abs(duration - cost) if optima[k].certificate.ok else np.inf
-            beaten = min(beaten, sure, numbers.slower * cost)
+            cutoff = min(cutoff, sure, numbers.slower * cost)
         left = attempts[k + 1 :]
-        slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > beaten
+        slower = options.refinements is None and numbers.lists_slower and left and left[0].trajectory.duration > cutoff
         if left and (task.stop or slower or (shared and shared.spent)):
             break
         if left:
@@ -93,7 +93,7 @@ class _Reached:
         mesh: number of intervals of the last mesh; 0: none was tried.
         best: best optimum so far; None: no mesh has converged.
         iterations: iterations over all meshes.
-        resisted: message and worst violation of the last mesh, if it did not converge.
+        failure: message and worst violation of the last mesh, if it did not converge.
         left: integrator steps left for its arcs.
     """
 
@@ -102,7 +102,7 @@ class _Reached:
     mesh: int = 0
     best: Optimum | None = None
     iterations: int = 0
-    resisted: tuple[str, Violation | None] = ("", None)
+    failure: tuple[str, Violation | None] = ("", None)
     left: float = np.inf
 
 
@@ -113,12 +113,12 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
         attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
         iterations += attempt.iterations
     if not attempt.usable:
-        resisted = attempt.message, attempt.worst_violation
-        return replace(step, mesh=mesh, iterations=iterations, resisted=resisted)
+        failure = attempt.message, attempt.worst_violation
+        return replace(step, mesh=mesh, iterations=iterations, failure=failure)
     best, left = _read(task, attempt, step)
     if step.best is not None and _quality(task, step.best) <= _quality(task, best):
         best = step.best
-    return replace(step, guess=attempt, mesh=mesh, best=best, iterations=iterations, resisted=("", None), left=left)
+    return replace(step, guess=attempt, mesh=mesh, best=best, iterations=iterations, failure=("", None), left=left)
 
 
 def _up(task: Task, finest: int, step: _Reached) -> _Reached:
@@ -162,7 +162,7 @@ def _optimum(task: Task, step: _Reached) -> Optimum:
     """The best optimum of the meshes, or the last attempt if none converged."""
     problem, best = task.problem, step.best
     if best is None:
-        motion, (message, violation) = step.guess.trajectory, step.resisted
+        motion, (message, violation) = step.guess.trajectory, step.failure
         remark = f"did not converge on {step.mesh} intervals ({message})"
         certificate = certify(problem, replay_of(task, motion), None, remark)
         return Optimum(

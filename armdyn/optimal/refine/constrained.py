@@ -14,14 +14,14 @@ from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.search.candidates import Found, find
+from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 
 
-def constrained(task: Task) -> tuple[list[Optimum], Found]:
+def constrained(task: Task) -> tuple[list[Optimum], SearchResult]:
     """Refine the mesh's optima until they satisfy the path constraints and none left could be faster.
 
     Args:
@@ -36,7 +36,7 @@ def constrained(task: Task) -> tuple[list[Optimum], Found]:
             listed.append(attempt.trajectory.duration)
             continue
         task.progress(f"optimum {len(optima) + 1}, about {attempt.trajectory.duration:.4f} s")
-        optima.append(settled(task, attempt))
+        optima.append(refined_again(task, attempt))
     return optima, replace(found, listed=tuple(listed))
 
 
@@ -67,11 +67,11 @@ class _Mesh:
 
     intervals: int
     constraints: TightenedConstraints
-    settled: float = np.inf
+    duration: float = np.inf
     slowing: float = np.inf
 
 
-def settled(task: Task, attempt: Attempt) -> Optimum:
+def refined_again(task: Task, attempt: Attempt) -> Optimum:
     """Solve a mesh again, with terminal correction and tightened constraints, until its replay satisfies all of them.
 
     Args:
@@ -106,7 +106,7 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
     numbers, problem, duration = task.policy.path_constraints, task.problem, found.trajectory.duration
     finer = doubled(mesh.intervals, task.options.max_intervals)
     if not any(_faults(task, found)):
-        if finer is None or abs(duration / mesh.settled - 1) < numbers.settled:
+        if finer is None or abs(duration / mesh.duration - 1) < numbers.settled:
             return None
         return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration)
     constraints, slowing = mesh.constraints.tightened(problem, found.reports), found.reports.slowing

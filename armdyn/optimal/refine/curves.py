@@ -18,9 +18,9 @@ from armdyn.optimal.flat.refinement import (
     calm_curve,
     refine_curve,
     refine_roughly,
+    refined_again,
     reports_on,
     sampled,
-    settled,
     slowed_until_kept,
 )
 from armdyn.optimal.flat.solve import prepare_curve
@@ -33,9 +33,9 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
+from armdyn.optimal.refine.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.refine.slowing import within_constraints
-from armdyn.optimal.refine.ways import NO_WAY, refined_ways, ways_through
-from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
@@ -47,7 +47,7 @@ _LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
 """Limits of the positions' derivatives, by order."""
 
 
-def curves(task: Task) -> tuple[list[Optimum], Found]:
+def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     """The fastest curves, replayed in turn until one reaches the goal and satisfies the path constraints.
 
     Args:
@@ -61,7 +61,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up before the first curve
-        return [], Found((), failed=(_no_way(task),))
+        return [], SearchResult((), failed=(_no_way(task),))
     failed = () if planned else (_no_way(task),)
     found.sort(
         key=lambda one: (
@@ -74,7 +74,7 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
         found[0] = slowed_until_kept(task, found[0])
     if found[0].excess > numbers.most_excess:
         failed = failed or (_failed(task, found[0]),)
-        return [], Found((), failed=failed, iterations=sum(one.iterations for one in found))
+        return [], SearchResult((), failed=failed, iterations=sum(one.iterations for one in found))
     optima: list[Optimum] = []
     for one in found:
         optima.append(_calm(task, one))
@@ -83,7 +83,9 @@ def curves(task: Task) -> tuple[list[Optimum], Found]:
             break
     others = tuple(one.curve.duration for one in found[len(optima) :])
     iterations = sum(one.iterations for one in found[len(optima) :])
-    return optima, Found((), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found))
+    return optima, SearchResult(
+        (), failed=failed, listed=others, iterations=iterations, remark=_optima_met(task, found)
+    )
 
 
 def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
@@ -120,10 +122,10 @@ def _among_obstacles(task: Task) -> tuple[list[RefinedCurve], bool]:
     If the straight line is collision-free, so may be the fastest curve without obstacles.
     """
     task.progress("paths round the obstacles" if task.problem.crowded else "the path through the regions")
-    planned = ways_through(task.problem, task.policy.search, task.options.seed, task.stop)
+    planned = paths_through(task.problem, task.policy.search, task.options.seed, task.stop)
     first = list(islice(planned, 1))
     straight = bool(first) and task.problem.crowded and all(len(leg) == 2 for leg in first[0])
-    found = (_clear_of_obstacles(task) if straight else []) or refined_ways(task, chain(first, planned))
+    found = (_clear_of_obstacles(task) if straight else []) or refined_paths(task, chain(first, planned))
     return found, bool(first)
 
 
@@ -192,7 +194,7 @@ def _calm(task: Task, fastest: RefinedCurve) -> Optimum:
     """Motion with little joint travel, as slow as the options and a nearby proven bound allow; else the fastest."""
     share, duration = task.options.calm, fastest.curve.duration
     if not _calms(task) or task.stop or not fastest.solved.converged:
-        return _landed(task, settled(task, fastest))
+        return _landed(task, refined_again(task, fastest))
     task.progress(f"{duration:.6f} s; up to {100 * share:.2g} % of that may be spent on calm joints")
     calm = _landed(task, calm_curve(task, fastest, share)) if task.workers != 1 else None  # parallel to the bound
     bound = task.lower_bound()
@@ -212,7 +214,7 @@ def _no_way(task: Task) -> Attempt:
     motion, intervals = spline(task.problem, []), task.policy.curves.intervals
     if task.stop:
         return Attempt.unbegun(task.stop, motion, intervals)
-    return Attempt(Status.INFEASIBLE, NO_WAY, motion, intervals, 0, None)
+    return Attempt(Status.INFEASIBLE, NO_PATH, motion, intervals, 0, None)
 
 
 def _failed(task: Task, refined: RefinedCurve) -> Attempt:

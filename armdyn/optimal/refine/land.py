@@ -28,10 +28,10 @@ def land(task: Task, phases: Phases) -> Optimum:
         task: the problem and its settings.
         phases: solved arcs.
     """
-    phases, replay, resisted = _finer(task, phases)
-    if not resisted:
-        phases, replay, resisted = _on_goal(task, phases, replay)
-    return Optimum.of(task.problem, replay, phases.arc_of.size, phases, resisted, iterations=phases.iterations)
+    phases, replay, failure = _finer(task, phases)
+    if not failure:
+        phases, replay, failure = _on_goal(task, phases, replay)
+    return Optimum.of(task.problem, replay, phases.arc_of.size, phases, failure, iterations=phases.iterations)
 
 
 def with_adjoint_check(task: Task, optimum: Optimum) -> Optimum:
@@ -61,8 +61,8 @@ def land_extremal(task: Task, extremal: Extremal, intervals: int, budget: Budget
     samples, least = 1, np.inf
     for _ in range(policy.refinement.corrections):
         phases = phases_of(in_one_piece(extremal, aim.at_goal(n)))
-        astray = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.hamiltonian_tolerance
-        if astray and not budget and (more := finer(extremal, budget)) is not None:
+        inexact = float(np.max(np.abs(pontryagin(problem, phases)[0]))) > policy.refinement.hamiltonian_tolerance
+        if inexact and not budget and (more := finer(extremal, budget)) is not None:
             extremal = more
             continue
         replay = replay_of(task, dense(phases.torques, samples))
@@ -106,7 +106,7 @@ def _on_goal(task: Task, phases: Phases, replay: Trajectory) -> tuple[Phases, Tr
             break
         aim = aim.corrected(problem, replay)
         offset = aim.at_goal(n)
-        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, True, offset, best.laid)
+        tried = solve_phases(task, best.arcs, best.torques, best.arc_of.size, True, offset, best.mesh_density)
         if isinstance(tried, Unresolved):
             return best, replay, f"the replay could not be brought onto the goal ({tried.message})"
         replayed = replay_of(task, tried.torques)

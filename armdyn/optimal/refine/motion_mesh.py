@@ -136,11 +136,11 @@ class _Meshes:
         found = self._once(self._within(_Margins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
         return found if found.usable else rough
 
-    def divided(self, attempt: Attempt, rough: Flags, margins: _Margins) -> Attempt | None:
+    def divided(self, attempt: Attempt, to_divide: Flags, margins: _Margins) -> Attempt | None:
         """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
-        knots = _in_parts(attempt.mesh, np.where(rough, numbers.parts, 1))
-        worth = np.any(rough) and knots.size <= numbers.most_further_knots and self.worth(knots)
+        knots = _in_parts(attempt.mesh, np.where(to_divide, numbers.parts, 1))
+        worth = np.any(to_divide) and knots.size <= numbers.most_further_knots and self.worth(knots)
         return self.again(attempt, knots, margins) if worth else None
 
     def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
@@ -285,12 +285,12 @@ class _Judged:
     Attributes:
         optimum: the motion, with its certificate.
         saving: bound on the first-order saving, as a part of the duration; infinite: unknown.
-        rough: intervals to divide if the motion is nearly certified, shape (K,).
+        to_divide: intervals to divide if the motion is nearly certified, shape (K,).
     """
 
     optimum: Optimum
     saving: float
-    rough: Flags
+    to_divide: Flags
 
 
 def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Optimum | None:
@@ -301,7 +301,7 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
     for k in range(numbers.further_meshes):
         velocity, position = _excess(task, best.optimum)
         margins = _Margins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
-        divided = meshes.divided(mesh, best.rough, margins)
+        divided = meshes.divided(mesh, best.to_divide, margins)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
             break
@@ -351,7 +351,7 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
     if not found.certificate.on_goal:  # unstable beyond rounding: `proof.repeat` checks its segments
         replay, found = shot, Optimum.of(problem, shot, len(motion.tau), None, remark)
     costates = mesh_costates(problem, motion, replay, task.policy)
-    rough = _rough(task, motion, replay, costates)
+    to_divide = _intervals_to_divide(task, motion, replay, costates)
     certificate, saving = found.certificate, np.inf if costates is None else costates.saving
     if costates is not None and saving > SAVING_TOLERANCE:
         most = f"a small change may save up to {percent(saving)} of its time"
@@ -366,20 +366,20 @@ def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:
             switching=costates.switching,
         )
     certificate = repeated(problem, found.trajectory, certificate)  # not repeatable: try another optimum
-    return _Judged(replace(found, certificate=certificate), saving, rough)
+    return _Judged(replace(found, certificate=certificate), saving, to_divide)
 
 
-def _rough(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
+def _intervals_to_divide(task: Task, motion: Shooting, replay: Trajectory, costates: MeshCostates | None) -> Flags:
     """Intervals to divide of a nearly certified motion: those with most of the saving, or beyond a limit."""
-    numbers, rough = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
+    numbers, to_divide = task.policy.motion_mesh, np.zeros(len(motion.tau), bool)
     beyond = excesses(task.problem.limits, replay)
     if costates is None or max(costates.saving, *(one.share for one in beyond)) > numbers.nearly_certified:
-        return rough
+        return to_divide
     if costates.saving > SAVING_TOLERANCE:
         order = np.argsort(costates.missed)[::-1]
         left = costates.saving - np.cumsum(costates.missed[order])
-        rough[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
+        to_divide[order[: 1 + np.searchsorted(-left, -SAVING_TOLERANCE / numbers.parts)]] = True
     for one in beyond:
         at = one.t[np.any(one.beyond > LIMIT_TOLERANCE * one.size, axis=1)]
-        rough[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, rough.size - 1)] = True
-    return np.asarray(rough & (np.diff(motion.t) > numbers.least * motion.t[-1]))
+        to_divide[np.clip(np.searchsorted(motion.t, at, side="right") - 1, 0, to_divide.size - 1)] = True
+    return np.asarray(to_divide & (np.diff(motion.t) > numbers.least * motion.t[-1]))

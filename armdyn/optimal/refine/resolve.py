@@ -56,8 +56,8 @@ def resolve(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
 def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMotions) -> Iterator[list[Optimum]]:
     """Motions near a mesh's solution, in turn: extremals, the resolved mesh's motion, the mesh's own motion.
 
-    Extremals of an unsettled structure are yielded with those of the structures it settles to: an earlier one may also
-    be certified, and faster within the certificate's tolerance.
+    Extremals of an unrefined structure are yielded with those of its refined structures: an earlier one may also be
+    certified, and faster within the certificate's tolerance.
     """
     if task.stop:
         yield [_of_mesh(task, attempt, f"{task.stop.word} before the arcs were read")]
@@ -67,8 +67,8 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     numbers = task.policy.refinement
     found = _by_switching(task, attempt, budget, numbers.switch_budget_at_speed if fast else numbers.switch_budget)
     extremals = _landed(task, found, attempt, budget)
-    if not (found.settled or found.idle or fast):
-        found = found.again(budget)
+    if not (found.has_extremal or found.idle or fast):
+        found = found.continued(budget)
         extremals += _landed(task, found, attempt, budget)
     yield extremals
     # Else a finer mesh may still show a structure.
@@ -80,8 +80,8 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
         yield [motion]
     elif resolved.spent or resolved.beats(found.mesh):
         budget.spend(budget.left)
-    if fast and motion is None and not found.settled and budget.left > 0:
-        found = found.again(budget)
+    if fast and motion is None and not found.has_extremal and budget.left > 0:
+        found = found.continued(budget)
         yield _landed(task, found, attempt, budget)
     if motion is not None and motion.within_limits:
         budget.spend(budget.left)  # no other mesh is better than a resolved motion
@@ -98,7 +98,7 @@ def _of_mesh(task: Task, mesh: Attempt, remark: str) -> Optimum:
 
 def _landed(task: Task, found: "_Resolved", attempt: Attempt, budget: Budget) -> list[Optimum]:
     """The best extremals, corrected to reach the goal, until one is within its limits."""
-    rest = budget if found.settled else Budget(task.stop, 0)  # finer steps turn nothing into an extremal
+    rest = budget if found.has_extremal else Budget(task.stop, 0)  # finer steps turn nothing into an extremal
     landed: list[Optimum] = []
     for extremal in found.extremals[: task.policy.refinement.landed_of]:
         landed.append(land_extremal(task, extremal, attempt.intervals, rest))
@@ -140,7 +140,7 @@ class _Resolved:
 
     Attributes:
         shooting: shooting problem of the structures.
-        tried: result of each structure, with its sort key, best first.
+        attempts: result of each structure, with its sort key, best first.
         first: structures of equal intervals.
         sharp: structures of a mesh refined at its switches.
         mesh: solution on the refined mesh if needed, else on equal intervals.
@@ -148,51 +148,51 @@ class _Resolved:
     """
 
     shooting: ShootingProblem
-    tried: list[tuple[tuple[bool, float], RefinedExtremal]]
+    attempts: list[tuple[tuple[bool, float], RefinedExtremal]]
     first: list[SwitchingStructure]
     sharp: list[SwitchingStructure]
     mesh: Attempt
     reached: SwitchingStructure | None = None
 
     @property
-    def settled(self) -> bool:
+    def has_extremal(self) -> bool:
         """Whether the best result is an extremal without idle joints."""
-        return bool(self.tried) and not self.tried[0][0][0]
+        return bool(self.attempts) and not self.attempts[0][0][0]
 
     @property
     def idle(self) -> bool:
         """Whether the best result has an idle joint."""
-        best = self.tried[0][1].extremal if self.tried else None
+        best = self.attempts[0][1].extremal if self.attempts else None
         return best is not None and leaves_idle(best, SWITCHING_TOLERANCE)
 
     @property
     def extremals(self) -> tuple[Extremal, ...]:
         """Motions within their limits, extremals first, each by duration; empty: nothing lands, or a joint is idle."""
-        found = tuple(one.extremal for _, one in self.tried if one.extremal is not None)
+        found = tuple(one.extremal for _, one in self.attempts if one.extremal is not None)
         return () if found and leaves_idle(found[0], SWITCHING_TOLERANCE) else found
 
     @property
     def why(self) -> str:
         """Violated condition of the best structure, in words; empty without any."""
-        if not self.tried:
+        if not self.attempts:
             return "no structure was read"
-        return _IDLE if self.idle else self.tried[0][1].why
+        return _IDLE if self.idle else self.attempts[0][1].why
 
-    def with_tried(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
+    def with_attempt(self, structure: SwitchingStructure, budget: Budget, most: float = np.inf) -> "_Resolved":
         """Add the result of a structure, found within a part of a budget."""
         granted = min(budget.left, most)
         own = Budget(budget, granted)
         refined = refine_extremal(replace(self.shooting, budget=own), structure)
         budget.spend(granted - own.left)
-        tried = [*self.tried, (_lack(self.shooting, refined), refined)]
-        return replace(self, tried=sorted(tried, key=lambda one: one[0]), reached=refined.reached)
+        attempts = [*self.attempts, (_violation(self.shooting, refined), refined)]
+        return replace(self, attempts=sorted(attempts, key=lambda one: one[0]), reached=refined.reached)
 
-    def again(self, budget: Budget) -> "_Resolved":
+    def continued(self, budget: Budget) -> "_Resolved":
         """Retry the first structures with the rest of the budget, then continue the last other one."""
         found, reached = self, self.reached if self.sharp else None
         for structure in [*self.first, *([] if reached is None else [reached])]:
-            if not (found.settled or budget):
-                found = found.with_tried(structure, budget)
+            if not (found.has_extremal or budget):
+                found = found.with_attempt(structure, budget)
         return found
 
 
@@ -210,15 +210,15 @@ def _by_switching(task: Task, attempt: Attempt, budget: Budget, sharp_budget: in
     numbers, shooting = task.policy.refinement, shooting_problem(task, attempt.trajectory)
     found = _Resolved(shooting, [], list(_structures(task, shooting, attempt)), [], attempt)
     for structure in found.first:
-        if not (found.settled or budget):
-            found = found.with_tried(structure, budget, numbers.coarse_budget)
-    if sharp_budget and not (found.settled or budget):
+        if not (found.has_extremal or budget):
+            found = found.with_attempt(structure, budget, numbers.coarse_budget)
+    if sharp_budget and not (found.has_extremal or budget):
         mesh = at_switches(task, attempt)
         sharp = [] if mesh is attempt else list(_structures(task, shooting, mesh))
         found = replace(found, sharp=sharp, mesh=mesh)
         for structure in sharp:
-            if not (found.settled or budget):
-                found = found.with_tried(structure, budget, sharp_budget)
+            if not (found.has_extremal or budget):
+                found = found.with_attempt(structure, budget, sharp_budget)
     return found
 
 
@@ -227,7 +227,7 @@ def _structures(task: Task, shooting: ShootingProblem, mesh: Attempt) -> Iterato
     return structures_of(shooting, _arcs_of(task, mesh), mesh.trajectory, mesh.knots is not None)
 
 
-def _lack(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
+def _violation(shooting: ShootingProblem, refined: RefinedExtremal) -> tuple[bool, float]:
     """Sort key: extremals before other motions, and these before motions with an idle joint; each by duration."""
     if refined.extremal is None:
         return True, np.inf

@@ -20,7 +20,7 @@ from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
-from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
@@ -32,17 +32,17 @@ _LAST = 1e3
 """Multiple of its J that a lead promises if it is to be taken up after all others."""
 
 
-def time_energy(task: Task) -> tuple[list[Optimum], Found]:
+def time_energy(task: Task) -> tuple[list[Optimum], SearchResult]:
     """Optima by cost, replayed until one reaches the goal, and the search's statistics.
 
     Args:
         task: task with a weight on effort. The guesses of its options come before the search's.
     """
     numbers, options, weight = task.policy.smooth, task.options, task.problem.effort_weight
-    given = [_Lead(0.0, guess) for guess in options.guesses]
+    given = [_Candidate(0.0, guess) for guess in options.guesses]
     attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
     coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
-    found = [_Lead(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
+    found = [_Candidate(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
     settling = _Settling(task, [*given, *found])
     landed: list[Optimum] = []
     for phases in settling.optima():
@@ -53,7 +53,7 @@ def time_energy(task: Task) -> tuple[list[Optimum], Found]:
             break
     failed = attempts if landed else _none_of(task, attempts, settling.failed)
     iterations = sum(attempt.iterations for attempt in attempts)
-    return landed, Found((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
+    return landed, SearchResult((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
 
 
 def _landed(task: Task, phases: Phases) -> Optimum:
@@ -88,8 +88,8 @@ def smooth_optima(task: Task, starts: int, most: int) -> tuple[tuple[Phases, ...
     found = [resolved_near(task, guess) for guess in _distinct(task, attempts)[:most] if not task.stop]
     solved = sorted((each for each in found if isinstance(each, Phases)), key=lambda phases: cost(problem, phases))
     if not solved:
-        resisted = [_failed(task, each) for each in found if isinstance(each, Unresolved)]
-        attempts = _none_of(task, attempts, resisted)
+        failure = [_failed(task, each) for each in found if isinstance(each, Unresolved)]
+        attempts = _none_of(task, attempts, failure)
     alike = within(task.policy.same.resolved_cost)
     groups = grouped(solved, lambda first, item: alike(cost(problem, first), cost(problem, item)))
     return tuple(group[0] for group in groups), tuple(attempts)
@@ -103,9 +103,9 @@ def _searched(task: Task, starts: int) -> list[Attempt]:
     return search(linear, starts, SearchSettings([numbers.coarse], coarse))
 
 
-def _none_of(task: Task, attempts: Sequence[Attempt], resisted: Sequence[Attempt]) -> list[Attempt]:
+def _none_of(task: Task, attempts: Sequence[Attempt], failure: Sequence[Attempt]) -> list[Attempt]:
     """Reports of attempts without an optimum, the most informative first."""
-    reported = [*resisted, *attempts]
+    reported = [*failure, *attempts]
     if task.stop:
         reported.insert(0, replace(reported[0], status=task.stop.status, message=task.stop.word))
     return reported
@@ -118,10 +118,10 @@ def _failed(task: Task, phases: Unresolved) -> Attempt:
     return Attempt(phases.status, message, phases.last.torques, intervals, phases.iterations, None)
 
 
-def _no_optimum(phases: Phases, stray: float) -> Attempt:
+def _no_optimum(phases: Phases, error: float) -> Attempt:
     """Report of an attempt that converged, but to no optimum on any mesh."""
     size = phases.arc_of.size
-    message = f"the solution on {size} intervals is no optimum: the Hamiltonian strays from 0 by {stray:.2g}"
+    message = f"the solution on {size} intervals is no optimum: the Hamiltonian strays from 0 by {error:.2g}"
     return Attempt(Status.FAILED, message, phases.torques, size, phases.iterations, None)
 
 
@@ -138,7 +138,7 @@ def resolved_near(task: Task, guess: Trajectory) -> Phases | Unresolved:
 
 
 @dataclass(frozen=True, eq=False)
-class _Lead:
+class _Candidate:
     """An attempt that may lead to an optimum.
 
     Attributes:
@@ -159,9 +159,9 @@ class _Settling:
         failed: leads that failed.
     """
 
-    def __init__(self, task: Task, leads: Sequence[_Lead]):
+    def __init__(self, task: Task, candidates: Sequence[_Candidate]):
         self.failed: list[Attempt] = []
-        self._task, self._waiting = task, list(leads)
+        self._task, self._waiting = task, list(candidates)
         self._left, self._resolved = list[Phases](), list[Phases]()
 
     @property
@@ -184,10 +184,10 @@ class _Settling:
             best = lead.motion
             if isinstance(best, Trajectory):
                 self._resolve(best, lead.promise)
-            elif (stray := _stray(self._task.problem, best)) <= numbers.settled:
+            elif (error := _hamiltonian_error(self._task.problem, best)) <= numbers.settled:
                 yield best
             else:
-                self._improve(best, stray)
+                self._improve(best, error)
         waiting = [lead.motion for lead in self._waiting if isinstance(lead.motion, Phases)]
         yield from self._sorted(self._left)[:2] or self._sorted(waiting)[:1]
 
@@ -204,24 +204,24 @@ class _Settling:
         if all(abs(own / other - 1) > self._task.policy.same.resolved_cost for other in known):
             self._resolved.append(found)
             worse = own > numbers.likely_artefact * promise / numbers.optimism
-            doubtful = promise > 0 and (worse or _stray(problem, found) >= numbers.unlikely)
-            self._waiting.append(_Lead(own * (_LAST if doubtful else 1.0), found))
+            likely_artefact = promise > 0 and (worse or _hamiltonian_error(problem, found) >= numbers.unlikely)
+            self._waiting.append(_Candidate(own * (_LAST if likely_artefact else 1.0), found))
 
-    def _improve(self, best: Phases, stray: float) -> None:
+    def _improve(self, best: Phases, error: float) -> None:
         """Try another structure, or a finer mesh; give the lead up if neither converges."""
-        numbers, rough = self._task.policy.smooth, stray >= self._task.policy.smooth.rough
-        better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, stray)
+        numbers, rough = self._task.policy.smooth, error >= self._task.policy.smooth.rough
+        better: Phases | Unresolved | None = None if rough else _restructured(self._task, best, error)
         if better is None and (size := doubled(best.arc_of.size, numbers.most_rough if rough else numbers.most)):
-            better = _solved(self._task, best.arcs, size, best, stray)
+            better = _solved(self._task, best.arcs, size, best, error)
         if isinstance(better, Phases):
-            self._waiting.append(_Lead(cost(self._task.problem, better), better))
+            self._waiting.append(_Candidate(cost(self._task.problem, better), better))
         elif rough:
-            self.failed.append(_no_optimum(best, stray))
+            self.failed.append(_no_optimum(best, error))
         else:
             self._left.append(best)
 
 
-def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
+def _restructured(task: Task, phases: Phases, error: float) -> Phases | None:
     """Solve the structure that the multipliers imply; None: no such structure, or not better."""
     arcs = task.policy.arcs
     required = (
@@ -229,19 +229,19 @@ def _restructured(task: Task, phases: Phases, stray: float) -> Phases | None:
     )
     if not required:
         return None
-    better = _solved(task, required, phases.arc_of.size, phases, stray)
-    return better if isinstance(better, Phases) and _stray(task.problem, better) < stray else None
+    better = _solved(task, required, phases.arc_of.size, phases, error)
+    return better if isinstance(better, Phases) and _hamiltonian_error(task.problem, better) < error else None
 
 
-def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, stray: float) -> Phases | Unresolved:
+def _solved(task: Task, arcs: Sequence[Arc], size: int, near: Phases, error: float) -> Phases | Unresolved:
     """Solve arcs on a mesh from a near solution; an artefact's density is not used."""
     numbers = task.policy.smooth
-    density = near.density if stray < numbers.artefact else None
+    density = near.density if error < numbers.artefact else None
     size = max(size, 3 * len(arcs))
-    return solve_phases(task, arcs, near.torques, size, near=stray < numbers.warm, density=density)
+    return solve_phases(task, arcs, near.torques, size, near=error < numbers.warm, density=density)
 
 
-def _stray(problem: MinimumTimeProblem, phases: Phases) -> float:
+def _hamiltonian_error(problem: MinimumTimeProblem, phases: Phases) -> float:
     """Largest deviation of the Hamiltonian from 0, or its possible decrease."""
     hamiltonian, _, sign = pontryagin(problem, phases)
     return float(max(np.max(np.abs(hamiltonian)), sign))

@@ -21,7 +21,7 @@ from armdyn.optimal.task.task import Task
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """Result of a search.
 
     Attributes:
@@ -44,7 +44,7 @@ class Found:
     remark: str = ""
 
 
-def find(task: Task) -> Found:
+def find(task: Task) -> SearchResult:
     """Search from many guesses on coarse meshes, and solve the best on the mesh for arc detection.
 
     Args:
@@ -69,7 +69,7 @@ def find(task: Task) -> Found:
             found = distinct(attempts, *same)
         iterations = sum(attempt.iterations for attempt in attempts)
         if not found:
-            return Found((), failed=tuple(attempts), iterations=iterations)
+            return SearchResult((), failed=tuple(attempts), iterations=iterations)
         refined = _refined(pooled, found)
     if finer := _too_coarse(task, found, refined):
         iterations, (mesh, meshes, share) = iterations + refined.iterations, finer
@@ -111,7 +111,7 @@ def _searched(
     return attempts
 
 
-def _refined(task: Task, found: Sequence[Attempt]) -> Found:
+def _refined(task: Task, found: Sequence[Attempt]) -> SearchResult:
     """The best distinct coarse optima, on the first mesh for arc detection and in its order.
 
     Args:
@@ -124,7 +124,7 @@ def _refined(task: Task, found: Sequence[Attempt]) -> Found:
 
     task.progress(f"the best optima, about {found[0].trajectory.duration:.4f} s, on {options.intervals} intervals")
     candidates: list[Attempt] = []
-    iterations, looked = 0, most * task.policy.search.fine_solves
+    iterations, solves = 0, most * task.policy.search.fine_solves
     jobs = [partial(_finer, attempt, options.intervals, settings) for attempt in found]
     for k, (attempt, fine) in enumerate(zip(found, task.results(jobs), strict=True)):
         iterations += fine.iterations if attempt.intervals != options.intervals else 0
@@ -132,18 +132,18 @@ def _refined(task: Task, found: Sequence[Attempt]) -> Found:
         candidates = distinct([*candidates, fine], task.policy.same.mesh, task.policy.same.distance)
         worth = task.policy.search.only_listed * candidates[0].trajectory.duration if candidates else np.inf
         later = found[k + 1 :]
-        if k + 1 == looked or task.stop or (later and later[0].trajectory.duration >= worth):
+        if k + 1 == solves or task.stop or (later and later[0].trajectory.duration >= worth):
             break
     candidates = candidates[:most] or list(found[:1])
     listed = tuple(attempt.trajectory.duration for attempt in found[k + 1 :])
-    return Found(tuple(candidates), mesh=options.intervals, listed=listed, iterations=iterations)
+    return SearchResult(tuple(candidates), mesh=options.intervals, listed=listed, iterations=iterations)
 
 
 def _finer(attempt: Attempt, intervals: int, settings: SolverSettings, task: Task) -> Attempt:
     return attempt if attempt.intervals == intervals else solve_quickly(task, attempt.trajectory, intervals, settings)
 
 
-def _too_coarse(task: Task, found: Sequence[Attempt], refined: Found) -> tuple[int, tuple[int, int], int] | None:
+def _too_coarse(task: Task, found: Sequence[Attempt], refined: SearchResult) -> tuple[int, tuple[int, int], int] | None:
     """Meshes for another search if the finer mesh contradicts the search; None: it does not.
 
     Returns:
@@ -153,16 +153,18 @@ def _too_coarse(task: Task, found: Sequence[Attempt], refined: Found) -> tuple[i
     if not numbers.repeats or task.stop:
         return None
     slower = refined.attempts[0].trajectory.duration / found[0].trajectory.duration
-    astray = slower > numbers.too_coarse_confirmed and all(_astray(task, attempt) for attempt in refined.attempts)
-    if not (astray or slower > numbers.too_coarse):
+    confirmed = slower > numbers.too_coarse_confirmed and all(
+        _misses_goal(task, attempt) for attempt in refined.attempts
+    )
+    if not (confirmed or slower > numbers.too_coarse):
         return None
     task.progress(f"optima of {task.meshes} intervals are {slower:.2f} times as slow on {mesh}")
-    finer = doubled(mesh, task.options.max_intervals) if astray else None
+    finer = doubled(mesh, task.options.max_intervals) if confirmed else None
     on = finer or mesh
     return on, (on, on * 3 // 2), 4 if finer else 2
 
 
-def _astray(task: Task, attempt: Attempt) -> bool:
+def _misses_goal(task: Task, attempt: Attempt) -> bool:
     """Whether the replay of the mesh's torques ends at a different pose."""
     problem, motion = task.problem, attempt.trajectory
     missed = np.abs(problem.goal_error_of(replay_of(task, motion))[: problem.robot.nv])

@@ -22,7 +22,7 @@ from armdyn.reprs import brief
 
 @brief
 @dataclass(frozen=True, eq=False)
-class GoalTried:
+class GoalResult:
     """One of the joint positions that reach a goal, and its duration.
 
     Attributes:
@@ -50,12 +50,12 @@ class _Screened:
     chosen: bool = False
 
     @property
-    def tried(self) -> GoalTried:
-        return GoalTried(np.asarray(self.branch.q_goal), self.duration)
+    def result(self) -> GoalResult:
+        return GoalResult(np.asarray(self.branch.q_goal), self.duration)
 
     def rank(self) -> tuple[bool, float]:
         """Sort key: goals at which the arm can stay first, then by duration."""
-        return self.branch.unheld is not None, self.duration
+        return self.branch.holding_deficit is not None, self.duration
 
     def under(self, task: Task) -> Task:
         """Task for the full solve, with the curve that chose the goal as a guess, too."""
@@ -66,7 +66,7 @@ class _Screened:
         return task.with_options(guesses=(*task.options.guesses, motion))
 
 
-def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
+def screened(task: Task) -> tuple[list[Task], list[GoalResult]]:
     """Tasks for the most promising goals, best first; and all goals with coarse durations, best first.
 
     A curve's program moves its end along the joint positions that reach the pose: on a coarse mesh from every goal, on
@@ -84,33 +84,33 @@ def screened(task: Task) -> tuple[list[Task], list[GoalTried]]:
         for i, q in enumerate(goals, start=1):
             one = _Screened(problem.variant(q_goal=q, goal_pose=None, wrap=False))
             least = min((other.duration for other in sampled), default=np.inf)
-            if not (stop or one.branch.unheld or one.branch.duration_bound() > numbers.too_slow * least):
+            if not (stop or one.branch.holding_deficit or one.branch.duration_bound() > numbers.too_slow * least):
                 task.progress(f"goal {i} of {len(goals)}")
-                one = _tried(task.about(one.branch))
+                one = _solved_coarsely(task.about(one.branch))
             sampled.append(one)
         sampled.sort(key=_Screened.rank)
         moved = sorted((_with_free_end(task, one, task.policy.curves.coarse) for one in sampled), key=_Screened.rank)
-        held = [one for one in (moved[0], sampled[0], *moved[1:]) if one.branch.unheld is None] or moved
-        best = _apart(held, numbers.distinct)[: numbers.solved]
-        tried = [one.tried for one in best] + [one.tried for one in moved if one not in best]
+        held = [one for one in (moved[0], sampled[0], *moved[1:]) if one.branch.holding_deficit is None] or moved
+        best = _distinct_goals(held, numbers.distinct)[: numbers.solved]
+        results = [one.result for one in best] + [one.result for one in moved if one not in best]
         best = [
             _with_free_end(task, one, task.policy.curves.intervals) if one is not sampled[0] else one for one in best
         ]
     if stop.cut_short:
         whole.cut()
-    return [one.under(task) for one in best], tried
+    return [one.under(task) for one in best], results
 
 
-def _apart(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
+def _distinct_goals(goals: Sequence[_Screened], distinct: float) -> list[_Screened]:
     """Goals that differ by more than a distance [rad or m] in some joint from all goals before them."""
     kept: list[_Screened] = []
     for one in goals:
-        if all(np.max(np.abs(one.tried.q - other.tried.q)) > distinct for other in kept):
+        if all(np.max(np.abs(one.result.q - other.result.q)) > distinct for other in kept):
             kept.append(one)
     return kept
 
 
-def _tried(task: Task) -> _Screened:
+def _solved_coarsely(task: Task) -> _Screened:
     """Solve a goal coarsely from the straight path; the duration is inf without convergence."""
     if not task.policy.strategy.curves_alone:
         attempt = solve_on_mesh(task, spline(task.problem, []), task.meshes[0], task.coarse()[-1])

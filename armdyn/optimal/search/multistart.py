@@ -56,15 +56,15 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
         extra_jobs: other solves, which come first.
     """
     numbers = task.policy.search
-    ways = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.uniform_spread), numbers)
+    vias = via_guesses(task.problem, task.options.seed, count, (numbers.spread, numbers.uniform_spread), numbers)
     for intervals in search_settings.meshes:  # before the fork, so that every worker has them
         for setting in search_settings.settings:
             prepare_quickly(task, intervals, setting)
 
     attempts, solved = list[Attempt](), list[float]()
-    guesses = splines(task.problem, ways, numbers.guess_duration)
+    guesses = splines(task.problem, vias, numbers.guess_duration)
     jobs = [*extra_jobs, *guess_jobs(task, guesses, [search_settings.of(k) for k in range(count)])]
-    for attempt in in_bunches(jobs[:1] if task.stop else jobs, task):
+    for attempt in in_batches(jobs[:1] if task.stop else jobs, task):
         attempts.append(attempt)
         own = len(attempts) - len(extra_jobs)
         if own <= 0:
@@ -81,11 +81,11 @@ def search(task: Task, count: int, search_settings: SearchSettings, extra_jobs: 
     return attempts
 
 
-def in_bunches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
+def in_batches(jobs: Sequence[Job], task: Task) -> Iterator[Attempt]:
     """The jobs' attempts in their order: several at once per worker, as one costs hardly more than its transfer."""
     size = 1 if task.workers == 1 else task.policy.search.batch
-    bunches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
-    for attempts in task.results([partial(_done, bunch) for bunch in bunches]):
+    batches = [jobs[k : k + size] for k in range(0, len(jobs), size)]
+    for attempts in task.results([partial(_done, batch) for batch in batches]):
         yield from attempts
 
 
@@ -139,7 +139,7 @@ def crossover_guesses(
         several = range(first + len(children), first + min(count, len(children) + numbers.round))
         seeded = [(np.random.default_rng([task.options.seed, k]), k) for k in several]
         guesses = Guesses.joined([crossover(task.problem, parents, random, k, numbers) for random, k in seeded])
-        children += in_bunches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
+        children += in_batches(guess_jobs(task, guesses, [search_settings.of(k) for k in several]), task)
     return children
 
 
@@ -163,21 +163,21 @@ def crossover(
     chosen, other = random.exponential(policy.selection_scale, 2).astype(int) % many
     duration = parents.durations[chosen]
     q, v, tau = (part[chosen].copy() for part in (parents.q, parents.v, parents.tau))
-    bend = np.zeros(q.shape[1])
+    offset = np.zeros(q.shape[1])
     if number % 3 == 0:
         way = np.abs(np.asarray(problem.q_goal) - np.asarray(problem.q_start))
-        bend = policy.midpoint_spread * random.normal(size=bend.size) * np.maximum(way, policy.least_spread)
-    elif number % 3 == 1 and many > 1 and bend.size > 1:
+        offset = policy.midpoint_spread * random.normal(size=offset.size) * np.maximum(way, policy.least_spread)
+    elif number % 3 == 1 and many > 1 and offset.size > 1:
         mate = other if other != chosen else (chosen + 1) % many
-        taken = random.permutation(bend.size) < random.integers(1, bend.size)
+        taken = random.permutation(offset.size) < random.integers(1, offset.size)
         q[:, taken], tau[:, taken] = parents.q[mate][:, taken], parents.tau[mate][:, taken]
         v[:, taken] = parents.v[mate][:, taken] * parents.durations[mate] / duration
     else:
-        bend[random.integers(bend.size)] = policy.joint_offset * random.uniform(-1, 1)
+        offset[random.integers(offset.size)] = policy.joint_offset * random.uniform(-1, 1)
     s = np.linspace(0, 1, len(q))
-    bow = 4 * s * (1 - s)
-    q += (bow**3)[:, None] * bend
-    v += (12 * bow**2 * (1 - 2 * s))[:, None] * bend / duration
+    bump = 4 * s * (1 - s)
+    q += (bump**3)[:, None] * offset
+    v += (12 * bump**2 * (1 - 2 * s))[:, None] * offset / duration
     q[1:-1] = np.clip(q[1:-1], problem.limits.position_lower, problem.limits.position_upper)
     return Guesses(
         s[None] * (policy.mutation_duration * duration), q[None], v[None] / policy.mutation_duration, tau[None]

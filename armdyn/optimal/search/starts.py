@@ -53,16 +53,16 @@ def via_guesses(
     if turn:
         vias += random.uniform(-turn, turn, size)
     vias = np.clip(vias, lower, upper)
-    ways = (
+    vias = (
         [_through(problem, via, int(random.integers(len(problem.via) + 1))) for via in vias]
         if problem.via
         else [[via] for via in vias]
     )
     if not problem.via:
         to_and_fro = swing_up_guesses(problem, random, (count - 1) // 2, policy.swing_ups, policy.swing_up_distance)
-        ways[1 : 2 * len(to_and_fro) : 2] = to_and_fro
+        vias[1 : 2 * len(to_and_fro) : 2] = to_and_fro
     straight = list(problem.poses[1:-1])
-    return [straight, *ways]
+    return [straight, *vias]
 
 
 def _through(problem: MinimumTimeProblem, pose: Array, leg: int) -> list[Array]:
@@ -93,28 +93,28 @@ def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
     return path(s), path.derivative()(s), path.derivative(2)(s)
 
 
-def spline(problem: MinimumTimeProblem, via: list[Array], haste: float = 1.0) -> Trajectory:
+def spline(problem: MinimumTimeProblem, via: list[Array], duration_factor: float = 1.0) -> Trajectory:
     """A smooth path from start to goal through poses, timed so that the torques roughly fit their limits.
 
     Args:
         problem: problem with start, goal and limits.
         via: via poses [rad or m], each of shape (nv,), at equal fractions of the time; none: the
             problem's own.
-        haste: duration of the guess over that at which its torques fit.
+        duration_factor: duration of the guess over that at which its torques fit.
     """
-    return splines(problem, [via], haste).motion(0, problem.robot.joint_names)
+    return splines(problem, [via], duration_factor).motion(0, problem.robot.joint_names)
 
 
-def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: float = 1.0) -> Guesses:
+def splines(problem: MinimumTimeProblem, vias: Sequence[list[Array]], duration_factor: float = 1.0) -> Guesses:
     """`spline` through the poses of each path."""
-    paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in ways]
+    paths = [_path(problem, via or list(problem.poses[1:-1]), SAMPLES) for via in vias]
     q, dq, ddq = (np.stack([getattr(path, part) for path in paths]) for part in ("q", "dq", "ddq"))
     # Torque along a path is static + inertial / T² + friction.
     friction, rest = problem.robot.friction, np.zeros_like(q)
     static = _torques(problem, q, rest, rest)
     inertial = _torques(problem, q, dq, ddq) - friction.torque(dq) - static
     durations = _fitting_durations(problem, paths, dq, inertial)
-    for k, via in enumerate(ways):
+    for k, via in enumerate(vias):
         if len(via) != 1:  # no swing through a single random pose
             durations[k] = max(durations[k], swinging_time(problem, static[k], inertial[k]))
     T = durations[:, None, None]
@@ -122,7 +122,7 @@ def splines(problem: MinimumTimeProblem, ways: Sequence[list[Array]], haste: flo
     tau = static + inertial / T**2 + friction.torque(v)
     tau = problem.limits.actuators.clip(tau, q, v)
     v[:, 0], v[:, -1] = problem.v_start, problem.v_goal
-    shares = np.maximum(haste, problem.duration_bound() / durations)
+    shares = np.maximum(duration_factor, problem.duration_bound() / durations)
     v[:, 1:-1] /= shares[:, None, None]
     return Guesses(np.linspace(0, shares * durations, SAMPLES, axis=1), q, v, tau)
 
@@ -137,12 +137,12 @@ def straight_curve(task: Task, intervals: int) -> Curve:
     problem, numbers = task.problem, task.policy.curves
     basis = Basis(graded(intervals, numbers.shortest))
     if numbers.cruises:
-        ways = np.max(np.abs(np.diff(problem.poses, axis=0)) / problem.limits.velocity, axis=1)
-        durations = numbers.slack * np.maximum(ways, 1e-3 * np.sum(ways))
+        travel = np.max(np.abs(np.diff(problem.poses, axis=0)) / problem.limits.velocity, axis=1)
+        durations = numbers.slack * np.maximum(travel, 1e-3 * np.sum(travel))
     else:
-        ways = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
-        ways = ways if ways.any() else np.ones_like(ways)  # from a moving state back to its own position
-        durations = spline(problem, []).duration * ways / ways.sum()
+        travel = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
+        travel = travel if travel.any() else np.ones_like(travel)  # from a moving state back to its own position
+        durations = spline(problem, []).duration * travel / travel.sum()
     return Curve.straight(problem, basis, durations)
 
 
@@ -191,7 +191,7 @@ _ALIKE = 0.1
 
 
 def swing_up_guesses(
-    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], unlike: float
+    problem: MinimumTimeProblem, random: np.random.Generator, count: int, swing_up_guesses: Sequence[int], spread: float
 ) -> list[list[Array]]:
     """Paths on which joints without a motor swing further and further, until the last swing reaches the goal.
 
@@ -202,7 +202,7 @@ def swing_up_guesses(
         random: random generator of amplitudes, and of the poses of joints with a motor.
         count: number of paths.
         swing_up_guesses: numbers of swings, used in turn.
-        unlike: spread of the paths: standard deviation of the logarithm of a swing, and of other poses [rad or m].
+        spread: of the paths: standard deviation of the logarithm of a swing, and of other poses [rad or m].
 
     Returns:
         For each path the via poses [rad or m], each of shape (nv,); empty if no such joint moves.
@@ -211,16 +211,16 @@ def swing_up_guesses(
     passive, limits = problem.limits.passive, problem.limits
     if not np.any(away[passive]):
         return []
-    ways = []
+    vias = []
     for k in range(count):
         most = swing_up_guesses[k % len(swing_up_guesses)]
         parts = np.arange(1, most + 1)[:, None] / (most + 1)
         sides = np.where((most - np.arange(most))[:, None] % 2, -1.0, 1.0)  # the last swing is away from the goal
-        swung = parts * sides * away * random.lognormal(0, unlike, (most, away.size))
-        moved = parts * away + random.normal(0, unlike, (most, away.size))
+        swung = parts * sides * away * random.lognormal(0, spread, (most, away.size))
+        moved = parts * away + random.normal(0, spread, (most, away.size))
         poses = start + np.where(passive, swung, moved)
-        ways.append(list(np.clip(poses, limits.position_lower, limits.position_upper)))
-    return ways
+        vias.append(list(np.clip(poses, limits.position_lower, limits.position_upper)))
+    return vias
 
 
 def swinging_time(problem: MinimumTimeProblem, static: Array, inertial: Array) -> float:

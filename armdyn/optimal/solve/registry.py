@@ -37,11 +37,11 @@ def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
     """
     stop = task.stop
     with until(stop.deadline, lambda: stop.interrupted):
-        if not stop.hurried:
+        if not stop.out_of_time:
             try:
                 return build(task.scheme)
             except NoTimeError:
-                stop.hurried = True
+                stop.out_of_time = True
         return build(replace(task.scheme, compile=False))
 
 

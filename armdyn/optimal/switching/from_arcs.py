@@ -12,7 +12,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.singular import control_near, leaping_within
+from armdyn.optimal.switching.singular import control_near, jumping_within
 from armdyn.optimal.switching.velocity_contacts import speed_contacts
 from armdyn.trajectory import Trajectory
 
@@ -84,8 +84,8 @@ def _with_controls(shooting: ShootingProblem, structure: SwitchingStructure, mot
             continue
         begin, end = structure.span(Segment(k, structure.end_of(k)))
         t = np.linspace(begin, end, numbers.along + 2)[1:-1] * (motion.duration / structure.duration)
-        leaping = leaping_within(structure, change.joint, begin, end)
-        control = control_near(shooting, change.joint, motion(t).tau, leaping, numbers.few)
+        jumping = jumping_within(structure, change.joint, begin, end)
+        control = control_near(shooting, change.joint, motion(t).tau, jumping, numbers.few)
         changes[k] = replace(change, control=control)
     return replace(structure, changes=tuple(changes))
 

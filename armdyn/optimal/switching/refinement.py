@@ -77,7 +77,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
     for _ in range(numbers.rounds):
         while structure.size + 1 > shooting.most_arcs and (more := shooting.finer()) is not None:
             shooting = more
-        found, given_up = _tried(shooting, structure, bool(others.left))
+        found, given_up = _refined_once(shooting, structure, bool(others.left))
         enough = numbers.drift if isinstance(found, Extremal) else numbers.drift_unsolved
         drifts = found.linear is not None and found.linear.drift > enough and not budget
         finer = shooting.finer(found.linear.rollout) if found.linear is not None and drifts else None
@@ -125,7 +125,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
     return best
 
 
-def _tried(
+def _refined_once(
     shooting: ShootingProblem, structure: SwitchingStructure, waiting: bool
 ) -> tuple[Extremal | NoExtremal, bool]:
     """The extremal of a structure, within a part of the budget while others wait; whether it was abandoned."""

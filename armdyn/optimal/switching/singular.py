@@ -50,8 +50,8 @@ def with_longer_control(extremal: Extremal, least: float) -> SwitchingStructure 
     changes = list(structure.changes)
     for k, change in enumerate(structure.changes):
         if change.control and len(change.control.smooth) < numbers.many and idle_fall(extremal, k) > least:
-            leaping = leaping_within(structure, change.joint, *structure.span(Segment(k, structure.end_of(k))))
-            changes[k] = replace(change, control=change.control.longer(numbers.added, leaping))
+            jumping = jumping_within(structure, change.joint, *structure.span(Segment(k, structure.end_of(k))))
+            changes[k] = replace(change, control=change.control.longer(numbers.added, jumping))
     return replace(structure, changes=tuple(changes)) if tuple(changes) != structure.changes else None
 
 
@@ -129,7 +129,7 @@ def idle_fall(extremal: Extremal, k: int) -> float:
     return float(max(falls))
 
 
-def leaping_within(structure: SwitchingStructure, joint: int, begin: float, end: float) -> frozenset[int]:
+def jumping_within(structure: SwitchingStructure, joint: int, begin: float, end: float) -> frozenset[int]:
     """Other joints with torques that jump between two times [s]."""
     return frozenset(
         change.joint
@@ -152,13 +152,13 @@ def _control(extremal: Extremal, joint: int, ends: tuple[float, float], few: int
     own = np.clip(np.searchsorted(rollout.times, t, side="right") - 1, 0, rollout.h.size - 1)
     part = ((t - rollout.times[own]) / np.where(rollout.h[own] > 0, rollout.h[own], 1.0))[:, None]
     first, last = (tau[own] for tau in rollout.torques.tau)
-    leaping = leaping_within(extremal.structure, joint, *ends)
-    near = control_near(rollout.shooting, joint, first + part * (last - first), leaping, few)
-    return near.longer(numbers.added, leaping)
+    jumping = jumping_within(extremal.structure, joint, *ends)
+    near = control_near(rollout.shooting, joint, first + part * (last - first), jumping, few)
+    return near.longer(numbers.added, jumping)
 
 
 def control_near(
-    shooting: ShootingProblem, joint: int, tau: Array, leaping: frozenset[int], few: int
+    shooting: ShootingProblem, joint: int, tau: Array, jumping: frozenset[int], few: int
 ) -> SingularControl:
     """A short singular control fitted to a joint's torque, within its limits.
 
@@ -166,14 +166,14 @@ def control_near(
         shooting: the shooting problem.
         joint: index of the joint.
         tau: torques of all joints at evenly spaced places of the segment [N m], shape (samples, nv).
-        leaping: other joints that jump within the segment.
+        jumping: other joints that jump within the segment.
         few: number of coefficients of the polynomial.
     """
     limits, unit, numbers = shooting.problem.limits, shooting.torque_unit[joint], shooting.policy.singular
     s = np.linspace(0, 1, len(tau) + 2)[1:-1]
     middle, half = limits.actuators.center, limits.actuators.scale
     signs: Array = np.sign(tau - middle) * (np.abs(tau - middle) > numbers.on_limit * half)
-    control = SingularControl((0.0,) * few, tuple((other, (0.0,)) for other in sorted(leaping)))
+    control = SingularControl((0.0,) * few, tuple((other, (0.0,)) for other in sorted(jumping)))
     terms, _ = control.terms(s, signs)
     fitted = np.linalg.lstsq(terms, (tau[:, joint] - middle[joint]) / unit, rcond=None)[0]
     fitted *= min(1.0, numbers.inside * half[joint] / unit / max(float(np.max(np.abs(terms @ fitted))), 1e-300))

@@ -15,7 +15,7 @@ MAX_CALM = 0.5
 """Upper bound on `MinimumTimeOptions.calm`: a motion with more is not one of least time."""
 REPLAY_TOLERANCE = 1e-3
 """Default of `MinimumTimeOptions.replay_tolerance` [rad or m]: about 1 mm at the tip, which a controller corrects."""
-WAY_TOLERANCE = 1e-2
+RELATIVE_GOAL_TOLERANCE = 1e-2
 """Largest goal error from rest to rest, as a part of the way: with 1e-5 rad alone, an arm that does not move might
 land on a near goal."""
 LEAST_TOLERANCE = 1e-10

@@ -11,7 +11,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.task.options import LEAST_TOLERANCE, WAY_TOLERANCE, MinimumTimeOptions
+from armdyn.optimal.task.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE, MinimumTimeOptions
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
@@ -28,8 +28,8 @@ def _landing(problem: MinimumTimeProblem, options: MinimumTimeOptions) -> float:
     """Largest goal error that counts as landed [rad or m]."""
     if not problem.from_rest_to_rest:
         return options.replay_tolerance
-    way = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
-    return min(options.replay_tolerance, max(WAY_TOLERANCE * way, LEAST_TOLERANCE))
+    travel = float(np.max(np.abs(np.diff(problem.poses, axis=0))))
+    return min(options.replay_tolerance, max(RELATIVE_GOAL_TOLERANCE * travel, LEAST_TOLERANCE))
 
 
 def _no_bound() -> None:

@@ -16,7 +16,7 @@ from armdyn.paper.printed.examples import PAYLOAD, example
 from armdyn.paper.printed.loop import DURATION
 
 Verdict = Literal["supported", "partly supported", "not supported", "not computed"]
-Found = Mapping[Case, Outcome]
+Outcomes = Mapping[Case, Outcome]
 
 SECTIONS: dict[PlanarArmName, str] = {"r": "6.1", "rr": "6.2", "rrr": "6.3"}
 """The paper's section about each arm."""
@@ -81,7 +81,7 @@ def statements(arm: PlanarArmName, outcomes: Iterable[Outcome], payload: float =
     found = by_case(outcomes)
     optimal = Case(example(arm, "minimum_time").number, arm, "minimum_time", payload)
     loop = Case(example(arm, "pid").number, arm, "pid", payload)
-    items: dict[str, Callable[[Case, Case, Found], tuple[Check, ...]]] = {
+    items: dict[str, Callable[[Case, Case, Outcomes], tuple[Check, ...]]] = {
         "Total time": _total_time,
         "Oscillations": _oscillations,
         "Range of speeds": _range_of_speeds,
@@ -94,7 +94,7 @@ def statements(arm: PlanarArmName, outcomes: Iterable[Outcome], payload: float =
     )
 
 
-def _total_time(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
+def _total_time(optimal: Case, loop: Case, found: Outcomes) -> tuple[Check, ...]:
     fastest, arrival = _time(optimal, found), _time(loop, found)
     energy = _time(replace(optimal, kind="time_energy"), found)
     also = "" if energy is None else f"; the time-energy optimum takes {energy:.4f} s"
@@ -132,7 +132,7 @@ def _total_time(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
     return tuple(checks)
 
 
-def _oscillations(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
+def _oscillations(optimal: Case, loop: Case, found: Outcomes) -> tuple[Check, ...]:
     both = _traits(optimal, found), _traits(loop, found)
 
     def wider(of: Callable[[Traits], Sequence[float]], unit: str) -> Callable[[Traits, Traits], tuple[str, bool]]:
@@ -161,7 +161,7 @@ def _oscillations(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
     return tuple(_compare(claim, *both, judge) for claim, judge in claims)
 
 
-def _range_of_speeds(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
+def _range_of_speeds(optimal: Case, loop: Case, found: Outcomes) -> tuple[Check, ...]:
     def judge(a: Traits, b: Traits) -> tuple[str, bool]:
         fast, slow = (max(abs(v) for pair in x.velocity for v in pair) for x in (a, b))
         finding = "; ".join(
@@ -175,7 +175,7 @@ def _range_of_speeds(optimal: Case, loop: Case, found: Found) -> tuple[Check, ..
     return (_compare(claim, _traits(optimal, found), _traits(loop, found), judge),)
 
 
-def _effect_of_payloads(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
+def _effect_of_payloads(optimal: Case, loop: Case, found: Outcomes) -> tuple[Check, ...]:
     checks = []
     for case in (optimal, replace(optimal, kind="time_energy"), loop):
         for reading in READINGS:
@@ -215,17 +215,17 @@ def _effect_words(effect: PayloadEffect) -> str:
     return finding + "."
 
 
-def _stability(optimal: Case, loop: Case, found: Found) -> tuple[Check, ...]:
+def _stability(optimal: Case, loop: Case, found: Outcomes) -> tuple[Check, ...]:
     return (*(_stays(case, found) for case in _loops(loop, found)), _holds(optimal))
 
 
-def _loops(loop: Case, found: Found) -> list[Case]:
+def _loops(loop: Case, found: Outcomes) -> list[Case]:
     """The loop; also with equation (7) as printed, where that was computed."""
     printed = [case for case in found if case.variant == "printed" and case.payload == loop.payload]
     return [loop, *(case for case in printed if replace(case, variant="lagrangian", reading=loop.reading) == loop)]
 
 
-def _stays(loop: Case, found: Found) -> Check:
+def _stays(loop: Case, found: Outcomes) -> Check:
     claim = f"The PID loop's solution stays stable after the arrival (Example {loop.example})."
     if loop.variant == "printed":
         claim = f"The same with equation (7) as printed (Example {loop.example})."
@@ -268,11 +268,11 @@ def _greater_torque(a: Traits, b: Traits) -> tuple[str, bool]:
     )
 
 
-def _time(case: Case, found: Found) -> float | None:
+def _time(case: Case, found: Outcomes) -> float | None:
     return found[case].time if case in found else None
 
 
-def _traits(case: Case, found: Found) -> Traits | None:
+def _traits(case: Case, found: Outcomes) -> Traits | None:
     outcome = found.get(case)
     return None if outcome is None or outcome.trajectory is None else Traits.of(outcome.trajectory, case.q_goal)
 

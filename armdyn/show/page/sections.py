@@ -217,7 +217,7 @@ def model_section(name: str, facts: Facts) -> Section:
 def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | None:
     """The command that made it, its options, and the versions at work; see `verdict_section`."""
     parts: list[Html] = []
-    request = facts.part("asked")
+    request = facts.part("request")
     if command := request.text("command"):
         parts.append(element("pre", element("code", _typed(command)), tabindex=0))
     given = request.part("options").values

@@ -203,7 +203,7 @@ def _of_planned(facts: Facts) -> Verdict:
 
 
 def _of_tracking(facts: Facts) -> Verdict:
-    settled, wrong = facts.number("settled_time"), facts.number("went_wrong")
+    settled, wrong = facts.number("settled_time"), facts.number("failed_time")
     fastest = facts.number("peak_velocity")
     checks: list[tuple[str, bool | None, str]] = [
         ("settles", settled is not None, seconds(settled)),

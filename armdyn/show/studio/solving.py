@@ -14,10 +14,10 @@ from armdyn.parallel import fork_pool
 Request = TypeVar("Request")
 Result = TypeVar("Result")
 
-_PATIENCE = 1.0
+_GRACE = 1.0
 """Least time of a computation before a newer request stops it [s]: during a drag, motions of a moment ago appear,
 instead of none until the hand rests."""
-_AGAIN = 5.0
+_RETRY = 5.0
 """Time after which a stopped computation is interrupted once more [s]: it still checks its motion."""
 _POLL = 0.02
 """Polling period of the process and the requests [s]."""
@@ -106,11 +106,11 @@ class NewestFirst(Generic[Request, Result]):
                     continue
                 pool.submit(0, what)
                 self._forked.set()
-                due = time.monotonic() + _PATIENCE
+                due = time.monotonic() + _GRACE
                 while not (found := pool.finished(_POLL)) and not self._closed:
                     if self._newer() and time.monotonic() >= due:
                         pool.interrupt()
-                        due = time.monotonic() + _AGAIN
+                        due = time.monotonic() + _RETRY
                 with self._lock:
                     for _, _, result in found:
                         self._solved = Reply(what, None if result is None else result[0])

@@ -65,9 +65,9 @@ class BatchSize:
         return min(left, max(1, min(in_time, self._most, share)))
 
 
-_PATIENCE = 10.0
+_TIMEOUT = 10.0
 """Time limit for a scheduler's response, and for a first worker to join [s]."""
-_AHEAD = 2
+_QUEUED_PER_WORKER = 2
 """Batches per thread that the cluster has at once: one under way, and one that begins as it ends."""
 _FETCHES = (3.0, 6.0, 12.0, 24.0, 48.0)
 """For a batch's results to arrive, from time to time [s]. A worker that dies when its batch has ended takes them along:
@@ -76,9 +76,9 @@ _RECONNECT = 30.0
 """For a connection to the scheduler that has broken to be made again, which Dask does by itself [s]."""
 _BREAKS = 10_000
 """Batches in a row that were lost so, at most: as many as the largest cluster has at once."""
-_LOOK = 2.0
+_CHECK_INTERVAL = 2.0
 """Polling period for new workers [s]."""
-_GONE = 180.0
+_LOST_AFTER = 180.0
 """Time without results and workers after which a cluster is given up [s]: one whose workers a case kills at once,
 time and again, has neither for half a minute."""
 
@@ -118,10 +118,10 @@ class DaskCluster:
         self._alone, self._broken = False, 0
         self._deaths: dict[int, int] = {}
         self._done: queue.SimpleQueue[str] = queue.SimpleQueue()
-        self._late: dict[str, int] = {}
-        self._batch, self._given = BatchSize(), 0
+        self._overdue: dict[str, int] = {}
+        self._batch, self._submitted = BatchSize(), 0
         self._size = max(_threads(client), 1)
-        self._looked, self._without = time.monotonic(), 0.0
+        self._checked, self._without_workers = time.monotonic(), 0.0
 
     @property
     def size(self) -> int:
@@ -130,14 +130,14 @@ class DaskCluster:
 
     def batch_size(self, left: int) -> int:
         """Number of cases to send as a batch now; 0 while the cluster has enough batches."""
-        if self._alone or len(self._under_way) >= _AHEAD * self._size:
+        if self._alone or len(self._under_way) >= _QUEUED_PER_WORKER * self._size:
             return 0
         return self._batch.cases(left, self._size) if left else 0
 
     def give(self, cases: Sequence[StudyCase]) -> None:
         """Submit a batch."""
-        key = f"armdyn-{id(self)}-{self._given}"
-        self._given += 1
+        key = f"armdyn-{id(self)}-{self._submitted}"
+        self._submitted += 1
         future = self._client.submit(_do, self._task, tuple(cases), 2 * target(self._size), key=key, pure=False)
         self._under_way[key] = tuple(cases), future
         future.add_done_callback(lambda done: self._done.put(done.key))
@@ -153,32 +153,32 @@ class DaskCluster:
             self._alone = bool(self._suspects)
             if self._alone:
                 self.give([self._suspects.popleft()])
-        for key in self._late:
+        for key in self._overdue:
             if self._under_way[key][1].status in ("finished", "error", "cancelled"):
                 self._done.put(key)
         try:
             key = self._done.get(timeout=seconds)
         except queue.Empty:
-            self._look()
+            self._check_workers()
             return []
-        self._without = 0.0
-        if time.monotonic() - self._looked > _LOOK:
-            self._look()
+        self._without_workers = 0.0
+        if time.monotonic() - self._checked > _CHECK_INTERVAL:
+            self._check_workers()
         while True:
             cases, future = self._under_way[key]
             try:
-                found += self._read(cases, future, _FETCHES[self._late.get(key, 0)])
+                found += self._read(cases, future, _FETCHES[self._overdue.get(key, 0)])
                 del self._under_way[key]
-                self._late.pop(key, None)
+                self._overdue.pop(key, None)
                 future.release()
             except TimeoutError:  # fetched again, less often each time
-                self._late[key] = min(self._late.get(key, -1) + 1, len(_FETCHES) - 1)
+                self._overdue[key] = min(self._overdue.get(key, -1) + 1, len(_FETCHES) - 1)
             try:
                 key = self._done.get_nowait()
             except queue.Empty:
                 return found
 
-    def _look(self) -> None:
+    def _check_workers(self) -> None:
         """Count the workers: they come and go.
 
         Raises:
@@ -186,10 +186,10 @@ class DaskCluster:
         """
         if self._client.status != "running":
             self._connect()
-        threads, before, self._looked = _threads(self._client), self._looked, time.monotonic()
+        threads, before, self._checked = _threads(self._client), self._checked, time.monotonic()
         # A computer that slept, or was busy elsewhere, has not looked in the meantime.
-        self._without = 0.0 if threads else self._without + min(self._looked - before, _LOOK)
-        if self._without > _GONE:
+        self._without_workers = 0.0 if threads else self._without_workers + min(self._checked - before, _CHECK_INTERVAL)
+        if self._without_workers > _LOST_AFTER:
             raise ClusterError(f"the cluster at {_address(self._client)} has no workers any more; the rows are kept")
         self._size = max(threads, 1)
 
@@ -206,7 +206,7 @@ class DaskCluster:
         if self._client.status != "running" or self._broken > _BREAKS:
             raise ClusterError(f"the Dask scheduler at {_address(self._client)} has gone; the rows so far are kept")
 
-    def _read(self, cases: Sequence[StudyCase], future: Future, patience: float) -> list[Ended]:
+    def _read(self, cases: Sequence[StudyCase], future: Future, time_limit: float) -> list[Ended]:
         """Reports on a batch; its cases become suspects where one of them may have killed the worker.
 
         Raises:
@@ -217,7 +217,7 @@ class DaskCluster:
         from distributed import KilledWorker
 
         try:
-            done, worker = future.result(timeout=patience)
+            done, worker = future.result(timeout=time_limit)
         except KilledWorker as error:
             for case in cases:
                 self._deaths[case.k] = self._deaths.get(case.k, 0) + error.allowed_failures + 1
@@ -229,7 +229,7 @@ class DaskCluster:
         except Exception as error:
             if future.cancelled() or self._client.status != "running":
                 self._connect()
-                return _again(cases)
+                return _to_repeat(cases)
             if isinstance(error, TimeoutError):
                 raise
             if len(cases) > 1:
@@ -240,7 +240,7 @@ class DaskCluster:
         self._broken = 0
         self._batch.add(len(done), sum(one.seconds for one in done))
         found = [replace(one, worker=worker, deaths=self._deaths.get(one.k, 0)) for one in done]
-        return found + _again(cases[len(done) :])
+        return found + _to_repeat(cases[len(done) :])
 
 
 @contextmanager
@@ -252,14 +252,14 @@ def _connected(address: str, task: StudyTask) -> Iterator[Executor]:
             "armdyn[cluster]", "--scheduler", "without it, processes of this machine work"
         ) from None
     try:
-        client = Client(address, timeout=_PATIENCE, set_as_default=False, name="armdyn")
+        client = Client(address, timeout=_TIMEOUT, set_as_default=False, name="armdyn")
     except (OSError, TimeoutError) as error:
         raise ClusterError(f"no Dask scheduler answers at {address} ({error})"[:300]) from None
     try:
         _check(client, address)
         yield DaskCluster(client, task)
     finally:
-        client.close(timeout=_PATIENCE)  # cases under way are not begun again, and their results dropped
+        client.close(timeout=_TIMEOUT)  # cases under way are not begun again, and their results dropped
 
 
 def _check(client: Client, address: str) -> None:
@@ -269,7 +269,7 @@ def _check(client: Client, address: str) -> None:
         ClusterError: no, or another version.
     """
     try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
+        client.wait_for_workers(1, timeout=_TIMEOUT)
     except TimeoutError:
         raise ClusterError(f"the scheduler at {address} has no worker: start some, dask worker {address}") from None
     own, versions = version("armdyn"), client.run(partial(version, "armdyn"), on_error="return")
@@ -279,14 +279,14 @@ def _check(client: Client, address: str) -> None:
             raise ClusterError(f"worker {worker} has {found}; this is armdyn {own}: install the same there")
 
 
-def _do(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> tuple[list[Ended], str]:
+def _do(task: StudyTask, cases: Sequence[StudyCase], time_limit: float) -> tuple[list[Ended], str]:
     """Do a batch on a worker; cases not begun within this time [s] are left out."""
     from distributed import get_worker
 
-    return list(run_in_turn(task, cases, patience)), str(get_worker().address)
+    return list(run_in_turn(task, cases, time_limit)), str(get_worker().address)
 
 
-def _again(cases: Sequence[StudyCase]) -> list[Ended]:
+def _to_repeat(cases: Sequence[StudyCase]) -> list[Ended]:
     """Reports that have the engine give cases again."""
     return [Ended(k=case.k, result=CaseResult(status=INTERRUPTED)) for case in cases]
 

@@ -81,13 +81,13 @@ ExecutorOf = Callable[[StudyTask], AbstractContextManager[Executor]]
 """Opens an executor for a task."""
 
 
-def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) -> Iterator[Ended]:
+def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], time_limit: float) -> Iterator[Ended]:
     """Do cases one after the other, each from the nearest available motion.
 
     Args:
         task: the work on each.
         cases: at least one; the first is done in any case.
-        patience: time [s] after which no case is begun; the caller submits the remaining ones again.
+        time_limit: time [s] after which no case is begun; the caller submits the remaining ones again.
     """
     began, motions = time.perf_counter(), dict[int, bytes]()
     for case in cases:
@@ -96,7 +96,7 @@ def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], patience: float) ->
         if result.motion:
             motions[case.k] = result.motion
         yield Ended(k=case.k, result=result, seconds=seconds, begun_from=begun_from)
-        if time.perf_counter() - began > patience:
+        if time.perf_counter() - began > time_limit:
             return
 
 

@@ -12,7 +12,7 @@ from armdyn.parallel import ForkPool, core_count, fork_pool
 from armdyn.studies.executors.executor import HERE, Ended, Executor, StudyCase, run_in_turn
 from armdyn.studies.tasks.task import StudyTask, storable
 
-_AHEAD = 4
+_QUEUED_PER_WORKER = 4
 """Cases per thread that are under way or wait."""
 
 
@@ -95,7 +95,7 @@ class Threads:
 
     def batch_size(self, left: int) -> int:
         """Number of cases to be given now: 1 while few cases wait."""
-        return min(left, 1, _AHEAD * self.size - self._under_way)
+        return min(left, 1, _QUEUED_PER_WORKER * self.size - self._under_way)
 
     def give(self, cases: Sequence[StudyCase]) -> None:
         """Put cases into the pool's queue."""

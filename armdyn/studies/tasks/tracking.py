@@ -32,7 +32,7 @@ class TrackTask(ClosedLoopTask):
             self.duration, tolerance=self.tolerance,
         )  # fmt: skip
         facts = {
-            "reference_s": motion.duration, "settled_time_s": run.settled_time, "went_wrong_s": run.went_wrong,
+            "reference_s": motion.duration, "settled_time_s": run.settled_time, "failed_time_s": run.failed_time,
             "error_at_end": run.error_at_end, "peak_error": run.peak_error, "saturated": run.saturated,
             "overshoot": float(np.max(run.overshoot)),
         }  # fmt: skip

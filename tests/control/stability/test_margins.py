@@ -42,14 +42,14 @@ def margins_of(case):
 
 def times(loop, factors):
     """The loop whose arm feels each torque times a factor; the controller's memory of them stays."""
-    return replace(loop, torque=loop.torque * factors)
+    return replace(loop, B=loop.B * factors)
 
 
 @pytest.mark.parametrize("case", EVERY)
 def test_gain_margins_are_where_the_radius_is_one(case):
     loop = loop_of(case)
     for one in margins_of(case):
-        factors = np.ones(loop.torque.shape[1])
+        factors = np.ones(loop.B.shape[1])
         for end, outward in zip(one.gain, (1 - 1e-4, 1 + 1e-4), strict=True):
             if not 0 < end < np.inf:
                 continue

@@ -285,7 +285,7 @@ def test_a_simulation_grows_as_the_matrix_says(name, loop):
     if loop.delay:
         push[-robot.nv :] = missing
     else:
-        push = linear.torque @ missing
+        push = linear.B @ missing
     if loop.velocity == "observer":  # its model is held by another torque than the one that holds the arm
         a, h = -np.linalg.solve(PinDynamics(robot).crba(goal), missing), loop.period
         push[2 * robot.nv : 4 * robot.nv] = np.r_[h**2 / 2 * a, h * a]

@@ -104,7 +104,7 @@ def test_a_replay_of_a_runs_torques_ends_where_the_run_ended(references, rate):
 def test_a_delayed_loop_lands_where_it_knows_the_arm(references, arm):
     run = ad.track(paper_arm(arm), references[arm])
     assert run.settled and run.settled_time < references[arm].duration + 0.005
-    assert run.error_at_end < 0.01 and run.saturated < 0.05 and run.went_wrong is None
+    assert run.error_at_end < 0.01 and run.saturated < 0.05 and run.failed_time is None
 
 
 def test_the_same_noise_twice_and_other_noise(references):
@@ -131,7 +131,7 @@ def test_unstable_gains_are_reported():
     wrong = ad.Pid(ad.PidGains(0.0, 500.0, 0.0), "acceleration", feedforward=False)
     run = ad.track(robot, goal, wrong, loop=loop, duration=20.0, q_start=[0.0, 0.0])
     assert run.status == "diverged" and "unstable as a continuous loop" in run.message
-    assert run.went_wrong is not None and run.settled_time is None
+    assert run.failed_time is not None and run.settled_time is None
     assert np.all(np.isfinite(run.trajectory.q))
 
 

@@ -15,7 +15,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.search.candidates import Found
+from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
@@ -37,7 +37,7 @@ def optimum(task, goal=1e-9, exceeded=None, reasons=(), cost=1.0, worst=None):
 
 
 def answer(task, *optima, bound=None):
-    return assembled(task, list(optima), Found(()), 1.0, bound)
+    return assembled(task, list(optima), SearchResult(()), 1.0, bound)
 
 
 def test_a_limit_that_is_exceeded_is_no_success_and_is_named(task):
@@ -80,7 +80,9 @@ def test_the_best_so_far_is_named_where_it_is_a_motion(task):
 
 
 def test_without_a_motion_there_is_no_worst_to_name(task):
-    solution = failed(task, Found((), failed=(Attempt.unbegun(Stop(deadline=0.0), spline(task.problem, []), 40),)), 1.0)
+    solution = failed(
+        task, SearchResult((), failed=(Attempt.unbegun(Stop(deadline=0.0), spline(task.problem, []), 40),)), 1.0
+    )
     assert solution.status is ad.Status.TIME_LIMIT and not solution.moves
     assert solution.message == "no motion was found: time limit reached"
 
@@ -88,7 +90,7 @@ def test_without_a_motion_there_is_no_worst_to_name(task):
 def test_ctrl_c_before_a_motion_is_no_shortcoming(task):
     begun = replace(task, stop=Stop(interrupted=True))
     over = replace(Attempt.unbegun(Stop(), spline(task.problem, []), 40), status=ad.Status.ITERATION_LIMIT)
-    solution = failed(begun, Found((), failed=(over,)), 1.0)
+    solution = failed(begun, SearchResult((), failed=(over,)), 1.0)
     assert solution.status is ad.Status.INTERRUPTED
     assert solution.message == "no motion was found: interrupted" and solution.what_to_do == ()
 

@@ -174,8 +174,8 @@ def test_most_of_the_widest_gap_is_the_cost_of_turning_back():
     pair = next(random_pairs("panda"))
     goal = np.array(pair.q_goal)
     goal[0] += 1.33
-    onward = pair.variant(q_goal=goal)
-    found, other = ad.lower_bound(pair), ad.lower_bound(onward)
+    forward = pair.variant(q_goal=goal)
+    found, other = ad.lower_bound(pair), ad.lower_bound(forward)
     assert found.duration == pytest.approx(other.duration, rel=1e-3)  # the boxes in the middle are not the same
     assert 0.985 * 0.544847 < other.duration < 0.544847
 

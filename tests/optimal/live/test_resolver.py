@@ -61,8 +61,8 @@ def test_torques_between_samples_are_those_of_the_cubics():
     few = replace(whole, t=whole.t[::24], q=whole.q[::24], v=whole.v[::24], tau=whole.tau[::24])
     nothing = np.zeros((len(few.t), 7))
     tau = inverse_dynamics(robot)(few.q, few.v, nothing)
-    seen = Checked(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
-    between = between_samples(seen, robot.limits, joint_inertia(robot))
+    sampled = Checked(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
+    between = between_samples(sampled, robot.limits, joint_inertia(robot))
     cubics, limits, found = CubicHermiteSpline(few.t, few.q, few.v), robot.limits, -np.inf
     for first, last in pairwise(few.t):
         t = np.linspace(np.nextafter(first, last), np.nextafter(last, first), 9)

@@ -92,7 +92,7 @@ def test_a_motion_to_a_goal_that_cannot_be_held_is_not_usable():
     assert "joint 'joint1' needs 5.51 N m to hold the goal but its limit is 3 N m" in solution.message
     (advice,) = solution.what_to_do
     assert "`payload`" in advice and "`v_goal`" in advice
-    assert problem.unheld.excess == pytest.approx((5.510426069386133 - 3) / 3, rel=1e-9)
+    assert problem.holding_deficit.excess == pytest.approx((5.510426069386133 - 3) / 3, rel=1e-9)
 
 
 def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
@@ -100,7 +100,11 @@ def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
     heavy = paper_arm("rr", 1.0)
     falls = ad.MinimumTimeProblem(heavy, q_start=[0.0, 0.0], q_goal=[-np.pi / 2, 0.0])
     (words,) = falls.unstable_ends
-    assert falls.unheld is None and words.startswith("joint 'joint1' needs 5.566") and "to hold the start but" in words
+    assert (
+        falls.holding_deficit is None
+        and words.startswith("joint 'joint1' needs 5.566")
+        and "to hold the start but" in words
+    )
     assert f"The arm does not stay there by itself: {words}." in assessment(ad.solve_minimum_time(falls))
     assert not falls.variant(v_start=[0.1, 0]).unstable_ends  # it passes there in flight
     pole = ad.Robot.from_library("pendubot")
@@ -111,19 +115,21 @@ def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
 
 
 def test_what_stays_may_be_held_by_friction_a_reserve_or_something_else():
-    def unheld(**more):
+    def holding_deficit(**more):
         robot = more.pop("robot", paper_arm("rr", 1.0))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=POSES["rr"][1], **more).unheld
+            return ad.MinimumTimeProblem(robot, q_start=POSES["rr"][0], q_goal=POSES["rr"][1], **more).holding_deficit
 
-    assert unheld().joint == "joint1"
-    assert unheld(v_goal=[0.1, 0]) is None  # it does not stay
-    assert unheld(effort_limit=5.52) is None
-    assert unheld(effort_limit=5.5) is not None
-    assert unheld(effort_limit=5.52, reserve=0.5) is None  # feedback has the rest of the motor
-    assert unheld(robot=paper_arm("rr", 1.0).with_friction(friction=2.6)) is None  # dry friction holds the rest
-    assert unheld(passive=("joint1",)) is None  # it has no motor to hold it
+    assert holding_deficit().joint == "joint1"
+    assert holding_deficit(v_goal=[0.1, 0]) is None  # it does not stay
+    assert holding_deficit(effort_limit=5.52) is None
+    assert holding_deficit(effort_limit=5.5) is not None
+    assert holding_deficit(effort_limit=5.52, reserve=0.5) is None  # feedback has the rest of the motor
+    assert (
+        holding_deficit(robot=paper_arm("rr", 1.0).with_friction(friction=2.6)) is None
+    )  # dry friction holds the rest
+    assert holding_deficit(passive=("joint1",)) is None  # it has no motor to hold it
 
 
 def test_of_a_goal_pose_the_branches_that_can_be_held_are_solved():
@@ -136,7 +142,7 @@ def test_of_a_goal_pose_the_branches_that_can_be_held_are_solved():
         warnings.simplefilter("ignore")
         problem = free.variant(effort_limit=sum(needed) / 2)
     tasks, tried = screened(Task.of(problem))
-    assert len(tasks) == 1 and tasks[0].problem.unheld is None and len(tried) == 2
+    assert len(tasks) == 1 and tasks[0].problem.holding_deficit is None and len(tried) == 2
     np.testing.assert_array_equal(tasks[0].problem.q_goal, free.goals[int(np.argmin(needed))])
 
 

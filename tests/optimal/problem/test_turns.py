@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.problem.turns import MOST_WAYS, endless, ways_round
+from armdyn.optimal.problem.turns import MOST_GOALS, endless, goals_with_turns
 from oracles import joint, link, two_links, urdf
 
 EFFORT = 1.2
@@ -86,8 +86,8 @@ def test_ways_of_many_joints_are_few_and_nearest_first():
     turning = endless(robot, robot.limits)
     assert turning.sum() == 4 - int(not turning[4])
     start, goal = np.zeros(6), np.full(6, 3.0)
-    ways = ways_round(start, [goal, goal + 2 * np.pi * turning], robot.limits, turning)
-    assert len(ways) == min(MOST_WAYS, 2 ** (1 + int(turning.sum())))
+    ways = goals_with_turns(start, [goal, goal + 2 * np.pi * turning], robot.limits, turning)
+    assert len(ways) == min(MOST_GOALS, 2 ** (1 + int(turning.sum())))
     bounds = [np.max(np.abs(way) / robot.limits.velocity) for way in ways]
     assert np.all(np.diff(bounds) >= -1e-12)
     assert np.array_equal(ways[0], goal)

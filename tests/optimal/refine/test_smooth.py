@@ -74,7 +74,7 @@ def test_a_guess_of_other_joints_is_refused():
 
 
 def test_what_strays_on_the_finest_mesh_is_no_optimum_and_said(monkeypatch):
-    monkeypatch.setattr("armdyn.optimal.refine.smooth._stray", lambda problem, phases: 0.5)
+    monkeypatch.setattr("armdyn.optimal.refine.smooth._hamiltonian_error", lambda problem, phases: 0.5)
     problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
     optima, found = time_energy(Task.of(problem))
     assert not optima and found.failed[0].status is ad.Status.FAILED

@@ -48,10 +48,10 @@ def test_an_inertial_torque_meets_its_limit():
     assert guess.duration == pytest.approx(np.sqrt(2.0 * 10 / np.sqrt(3)), rel=1e-3)
 
 
-@pytest.mark.parametrize(("haste", "takes"), [(0.5, 0.5), (2.0, 2.0)])
-def test_a_hasty_guess_goes_the_same_way_in_a_part_of_the_time(haste, takes):
+@pytest.mark.parametrize(("duration_factor", "takes"), [(0.5, 0.5), (2.0, 2.0)])
+def test_a_hasty_guess_goes_the_same_way_in_a_part_of_the_time(duration_factor, takes):
     problem, via = paper_problem("rr"), [np.array([0.5, -1.0])]
-    plain, hasty = spline(problem, via), spline(problem, via, haste)
+    plain, hasty = spline(problem, via), spline(problem, via, duration_factor)
     assert hasty.duration == pytest.approx(takes * plain.duration, rel=1e-12)
     np.testing.assert_array_equal(hasty.q, plain.q)
     np.testing.assert_allclose(hasty.v * takes, plain.v, atol=1e-12)

@@ -7,7 +7,7 @@ from armdyn.optimal.search.starts import spline, swing_up_guesses, swinging_time
 from armdyn.optimal.task.policy.search import SearchPolicy
 from problems import paper_problem
 
-SWINGS = (SearchPolicy.swing_ups, SearchPolicy.unlike)
+SWINGS = (SearchPolicy.swing_ups, SearchPolicy.swing_up_distance)
 
 
 def problem_of(goal, **more):

@@ -73,7 +73,7 @@ def test_a_singular_control_knows_the_jump_of_another_torque():
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])
     control = control_near(own, 1, tau, frozenset({0}), 3)
-    assert [joint for joint, _ in control.leaps] == [0]
+    assert [joint for joint, _ in control.jumps] == [0]
     signs = np.column_stack([np.sign(tau[:, 0]), np.zeros(s.size)])
     np.testing.assert_allclose(own.torque_unit[1] * control.terms(s, signs)[0] @ control.values, tau[:, 1], atol=1e-9)
 

@@ -23,7 +23,7 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.search.goals import screened
-from armdyn.optimal.search.multistart import in_bunches
+from armdyn.optimal.search.multistart import in_batches
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.switching.contacts import Contact
 from armdyn.optimal.switching.extremal.descent import fastest
@@ -236,7 +236,7 @@ def a_curve_after_an_interrupt():
 
 
 def guesses_for_two_workers():
-    list(in_bunches([], noted(between("rrr")).with_options(workers=2)))
+    list(in_batches([], noted(between("rrr")).with_options(workers=2)))
 
 
 def a_torque_that_hovers():

@@ -50,7 +50,7 @@ FACTS = {
         "effort_lower": [0.007, 0.005],
         "velocity": [0.0, 0.0],
     },
-    "asked": {"command": "armdyn mintime rr", "options": {"robot": "rr", "wrap": False}},
+    "request": {"command": "armdyn mintime rr", "options": {"robot": "rr", "wrap": False}},
 }
 
 

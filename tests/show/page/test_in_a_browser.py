@@ -241,7 +241,7 @@ def test_a_phone_shows_all_of_it(chromium, tmp_path, scheme):
 
 
 def test_names_from_strangers_stay_text(chromium, tmp_path):
-    robot, move = judged(asked={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL])
+    robot, move = judged(request={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL])
     robot = replace(robot, name=EVIL, joint_names=(EVIL, "joint2"))
     with open_page(chromium, written(tmp_path, robot, replace(move, name=EVIL), title=EVIL)) as (page, _, errors):
         assert page.evaluate("window.broken") is None

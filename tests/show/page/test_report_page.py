@@ -68,9 +68,9 @@ def of_a_pid_loop(arrival):
     [
         (of_a_pid_loop(4.5535), "good", "Arrived after 4.5535 s"),
         (of_a_pid_loop(None), "bad", "Did not arrive"),
-        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": None}, "good", "Settled after 0.3000 s"),
-        ({"peak_error": 0.1, "settled_time": 0.3, "went_wrong": 0.1}, "fair", "Settled after 0.3000 s"),
-        ({"peak_error": 0.1, "settled_time": None, "went_wrong": 0.1}, "bad", "Did not settle"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "failed_time": None}, "good", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": 0.3, "failed_time": 0.1}, "fair", "Settled after 0.3000 s"),
+        ({"peak_error": 0.1, "settled_time": None, "failed_time": 0.1}, "bad", "Did not settle"),
         (
             {"optimal_duration": 0.2, "ratio": 2.5, "feasible": True, "success": True},
             "good",
@@ -144,7 +144,7 @@ def test_only_its_own_scripts_may_run_and_nothing_leaves_it():
 
 
 def test_names_stay_text():
-    robot, move = judged(asked={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL], message=EVIL)
+    robot, move = judged(request={"command": EVIL, "options": {EVIL: EVIL}}, what_to_do=[EVIL], message=EVIL)
     robot = replace(robot, name=EVIL, joint_names=(EVIL, "joint2"))
     page = page_of(replace(move, name=EVIL), robot=robot, title=EVIL)
     clean = page_of(judged()[1], robot=judged()[0])
@@ -208,7 +208,9 @@ def test_paths_are_shown_without_their_folders():
         "obstacle": ["/tmp/box.json", "sphere:1@0,0,0"],
         "q_start": "pi/2,0",
     }
-    robot, move = judged(asked={"command": command, "options": options}, model={"source": "/home/me/my arms/arm.urdf"})
+    robot, move = judged(
+        request={"command": command, "options": options}, model={"source": "/home/me/my arms/arm.urdf"}
+    )
     page = page_of(move, robot=robot)
     assert "armdyn mintime arm.urdf --q-start=-pi/2,0 --obstacle=box.json --out one" in page
     assert not re.search("/home|my arms|/tmp|~", text_of(page)) and "box.json, sphere:1@0,0,0" in page

@@ -122,7 +122,7 @@ def test_a_connection_that_breaks_is_made_again(cluster, tmp_path):
 def test_refused_if_it_cannot_be_reached(monkeypatch, tmp_path):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(module, "_PATIENCE", 1.0)
+    monkeypatch.setattr(module, "_TIMEOUT", 1.0)
     with pytest.raises(ClusterError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:1 "):
         ad.run_study(squares(2), tmp_path / "s.sqlite", dask_executor("127.0.0.1:1"))
     with (

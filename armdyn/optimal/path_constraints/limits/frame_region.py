@@ -26,7 +26,7 @@ _STAGES = (1, 2, 3)
 """Checked stages of a curve's interval; its first is the last of the interval before."""
 _REMAINDER = 0.01
 """Part of a tolerance by which a deviation may provably change between two checks."""
-_LOOKS = 100
+_CHECKS = 100
 """Largest number of checks per sample."""
 _TURN = {True: 1.0, False: 2.5}
 """Largest rotation [rad] with and without a free axis: beyond these `_SECOND` does not hold."""
@@ -113,7 +113,7 @@ class FrameRegion(PartialLimit):
         marks = np.concatenate([motion.t[:1], passing, motion.t[-1:]])
         first, last = (marks[0], marks[-1]) if self.leg is None else marks[self.leg : self.leg + 2]
         limited = np.isfinite(self.region.deviations) & moving_directions(problem.robot, self.region)
-        times, used, angle = _looked(problem.robot, self.region, motion, (first, last), limited)
+        times, used, angle = _sampled_deviations(problem.robot, self.region, motion, (first, last), limited)
         k, i = np.unravel_index(np.argmax(used), used.shape)
         share, direction = float(used[k, i]), np.array(DIRECTIONS)[limited][i]
         most, unit = self.region.deviations[limited][i], "m" if not direction.startswith("r") else "rad"
@@ -135,7 +135,7 @@ class FrameRegion(PartialLimit):
         return replace(self, part=max(part, self.policy.least_region))
 
 
-def _looked(
+def _sampled_deviations(
     robot: Robot, region: GoalPose, motion: Trajectory, span: tuple[float, float], limited: Flags
 ) -> tuple[Array, Array, float]:
     """Deviations of a frame over the tolerances, including proven upper bounds between checks.
@@ -157,7 +157,7 @@ def _looked(
     steps = np.flatnonzero((np.diff(t) > 0) & (t[1:] > span[0]) & (t[:-1] < span[1]))
     begin, end = np.maximum(t[steps], span[0]), np.minimum(t[steps + 1], span[1])
     beyond = second[steps][:, limited] * (end - begin)[:, None] ** 2 / 8
-    counts = np.ceil(np.sqrt(np.max(beyond / tolerance, axis=1, initial=0.0) / _REMAINDER)).clip(1, _LOOKS).astype(int)
+    counts = np.ceil(np.sqrt(np.max(beyond / tolerance, axis=1, initial=0.0) / _REMAINDER)).clip(1, _CHECKS).astype(int)
     owner = np.repeat(np.arange(steps.size), counts)
     part = np.concatenate([np.arange(count) / count for count in counts])
     times = np.append(begin[owner] + part * (end - begin)[owner], end[-1])

@@ -147,8 +147,11 @@ def _touching(shooting: ShootingProblem, linear: LinearizedRollout) -> Linearize
         beyond = beyond_position(linear.rollout)
         structure = with_limits(linear.rollout) if beyond <= numbers.far_beyond else None
         touching = landed(shooting, structure) if structure else None
-        dear = numbers.touch_cost if beyond > overlooked else numbers.arc_cost
-        if touching is None or touching.rollout.structure.duration > (1 + dear) * linear.rollout.structure.duration:
+        most_cost = numbers.touch_cost if beyond > overlooked else numbers.arc_cost
+        if (
+            touching is None
+            or touching.rollout.structure.duration > (1 + most_cost) * linear.rollout.structure.duration
+        ):
             return linear
         linear = touching
     return linear

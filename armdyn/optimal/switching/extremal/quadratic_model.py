@@ -68,7 +68,7 @@ class LinearizedRollout:
     @cached_property
     def planes(self) -> "Planes":
         """Quantities that must stay nonnegative: segments' lengths, free torques' distances from their limits."""
-        structure, lengths, (slack, by_room) = (
+        structure, lengths, (slack, slack_jacobian) = (
             self.rollout.structure,
             lengths_of(self.rollout.structure),
             self.rollout.slack,
@@ -78,7 +78,9 @@ class LinearizedRollout:
         for row, (k, after) in zip(apart, orders, strict=True):
             row[k], row[after] = -1.0, 1.0
         now = np.concatenate([lengths @ structure.unknowns, slack, apart @ structure.unknowns])
-        return Planes(now, np.vstack([lengths, by_room, apart]), np.arange(now.size) < len(lengths), tuple(orders))
+        return Planes(
+            now, np.vstack([lengths, slack_jacobian, apart]), np.arange(now.size) < len(lengths), tuple(orders)
+        )
 
     @cached_property
     def tangents(self) -> Array:

@@ -123,7 +123,7 @@ class Rollout:
         """
         lengths = np.diff(np.concatenate([[0.0], structure.times, [structure.duration]]))
         curved = np.array([Mode.FREE in modes for modes in structure.modes()])
-        arc, part = _dealt(shooting, lengths, curved) if steps is None else steps
+        arc, part = _steps_of_arcs(shooting, lengths, curved) if steps is None else steps
         h = lengths[arc] * part
         torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc, part)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
@@ -232,7 +232,7 @@ class Rollout:
     def arcs(self) -> tuple[Array, Array]:
         """∂end/∂start of the arcs, shape (m + 1, 2 nv, 2 nv), and ∂end/∂(unknowns), shape (m + 1, 2 nv, width)."""
         arcs = np.arange(self.structure.size + 1)
-        first, onward = np.append(0, self.last[:-1] + 1), self._onward
+        first, to_end = np.append(0, self.last[:-1] + 1), self._transition_to_end
         by = np.zeros((arcs.size, self.start.shape[1], self.structure.width))
         by[arcs, :, arcs] = self.rate[self.last]  # constant torques: a longer arc continues with its final rate
         by[arcs[1:], :, arcs[:-1]] = -self.rate[self.last[1:]]
@@ -240,18 +240,18 @@ class Rollout:
         if np.any(curved):
             own = np.flatnonzero(curved[self.arc])
             starts = np.searchsorted(own, first[curved])
-            by[curved] = np.add.reduceat(onward[own] @ self._curved(own), starts)
-        return onward[first] @ self.state_transition[first], by
+            by[curved] = np.add.reduceat(to_end[own] @ self._curved(own), starts)
+        return to_end[first] @ self.state_transition[first], by
 
     @cached_property
-    def _onward(self) -> Array:
+    def _transition_to_end(self) -> Array:
         """∂(end of a step's arc)/∂(end of the step), shape (steps, 2 nv, 2 nv)."""
-        onward = np.empty_like(self.state_transition)
-        onward[self.last] = np.eye(self.start.shape[1])
+        to_end = np.empty_like(self.state_transition)
+        to_end[self.last] = np.eye(self.start.shape[1])
         for k in range(self.arc.size - 2, -1, -1):
             if self.arc[k] == self.arc[k + 1]:
-                np.matmul(onward[k + 1], self.state_transition[k + 1], out=onward[k])
-        return onward
+                np.matmul(to_end[k + 1], self.state_transition[k + 1], out=to_end[k])
+        return to_end
 
     def _curved(self, own: Index) -> Array:
         """∂(end of a step)/∂(unknowns) from the step's own start, with a free torque, shape (steps, 2 nv, width).
@@ -286,7 +286,7 @@ class Rollout:
         return type(self).of(self.shooting, there, steps=(self.arc, self.part))
 
 
-def _dealt(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[Index, Array]:
+def _steps_of_arcs(shooting: ShootingProblem, lengths: Array, curved: Flags) -> tuple[Index, Array]:
     """Distribute steps over arcs: arc of each step, and its place in that arc from 0 to 1.
 
     Each arc has some, more with a free torque, most the longest one. Twice as many steps are used if curved arcs would

@@ -18,12 +18,12 @@ class SingularControl:
 
     Attributes:
         smooth: coefficients of Legendre polynomials over the segment.
-        leaps: of a second polynomial, added while another joint is on its upper limit, subtracted while it is on its
+        jumps: of a second polynomial, added while another joint is on its upper limit, subtracted while it is on its
             lower one: index of that joint, and the coefficients.
     """
 
     smooth: tuple[float, ...]
-    leaps: tuple[tuple[int, tuple[float, ...]], ...] = ()
+    jumps: tuple[tuple[int, tuple[float, ...]], ...] = ()
 
     @property
     def size(self) -> int:
@@ -33,26 +33,26 @@ class SingularControl:
     @property
     def values(self) -> Array:
         """All coefficients, concatenated."""
-        return np.concatenate([self.smooth, *(own for _, own in self.leaps)])
+        return np.concatenate([self.smooth, *(own for _, own in self.jumps)])
 
     def with_values(self, values: Array) -> Self:
         """The control with new coefficients of the same number."""
-        ends = np.cumsum([len(self.smooth), *(len(own) for _, own in self.leaps)])
+        ends = np.cumsum([len(self.smooth), *(len(own) for _, own in self.jumps)])
         smooth, *parts = (tuple(part.tolist()) for part in np.split(values, ends[:-1]))
-        leaps = tuple((joint, part) for (joint, _), part in zip(self.leaps, parts, strict=True))
-        return type(self)(smooth, leaps)
+        jumps = tuple((joint, part) for (joint, _), part in zip(self.jumps, parts, strict=True))
+        return type(self)(smooth, jumps)
 
-    def longer(self, by: int, leaping: frozenset[int]) -> Self:
+    def longer(self, by: int, jumping: frozenset[int]) -> Self:
         """The control with further coefficients.
 
         Args:
             by: number of further coefficients of each polynomial.
-            leaping: joints that jump within the segment: missing ones get a term.
+            jumping: joints that jump within the segment: missing ones get a term.
         """
         more = (0.0,) * by
-        own = {joint: (*values, *more) for joint, values in self.leaps}
-        leaps = own | dict.fromkeys(leaping.difference(own), more)
-        return type(self)((*self.smooth, *more), tuple(sorted(leaps.items())))
+        own = {joint: (*values, *more) for joint, values in self.jumps}
+        jumps = own | dict.fromkeys(jumping.difference(own), more)
+        return type(self)((*self.smooth, *more), tuple(sorted(jumps.items())))
 
     def terms(self, s: Array, signs: Array) -> tuple[Array, Array]:
         """Basis functions of the coefficients, and their derivatives in s between jumps, each (samples, size).
@@ -61,9 +61,9 @@ class SingularControl:
             s: from 0 at the segment's start to 1 at its end, shape (samples,).
             signs: 1 for a joint on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
         """
-        values, slopes = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.leaps)]))
+        values, slopes = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.jumps)]))
         parts = [(values[:, : len(self.smooth)], slopes[:, : len(self.smooth)])]
-        for joint, own in self.leaps:
+        for joint, own in self.jumps:
             sign, size = signs[:, [joint]], len(own)
             parts.append((sign * values[:, :size], sign * slopes[:, :size]))
         return np.hstack([own for own, _ in parts]), np.hstack([own for _, own in parts])

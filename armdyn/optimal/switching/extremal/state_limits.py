@@ -38,29 +38,29 @@ def with_limits(rollout: Rollout) -> SwitchingStructure | None:
     contact. An arc of outward torque just before or after a contact is removed. A joint that exceeds its velocity limit
     is held on it for that time.
     """
-    structure, gone, more = rollout.structure, set[int](), list[tuple[float, Change, Array]]()
-    for over in _overlooked(rollout):
+    structure, removed, more = rollout.structure, set[int](), list[tuple[float, Change, Array]]()
+    for over in _limit_excesses(rollout):
         if over.mode in VELOCITY:
-            gone.update(over.changes(structure))
+            removed.update(over.changes(structure))
             changes = [(over.begin, Change(over.joint, over.mode)), (over.end, over.after(structure))]
         elif (pressed := over.pressed_beside_contact(structure)) is not None:
-            gone.add(pressed)
+            removed.add(pressed)
             continue
         else:
-            near = [k for k in over.touched(structure) if k not in gone]
+            near = [k for k in over.touched(structure) if k not in removed]
             times = [over.worst, *(float(structure.times[k]) for k in near)]
             begin, end, i = min(times), max(times), over.joint
-            gone.update(near)
+            removed.update(near)
             changes = [(begin, Change(i, over.mode, touch=end == begin))]
             if end > begin:
                 after = structure.modes()[int(np.searchsorted(structure.times, end, side="right"))][i]
                 changes.append((end, Change(i, after)))
         more += [(time, change, _state_on(rollout, time, over)) for time, change in changes]
-    return structure.without_changes(gone).with_changes(more).without(()) if more or gone else None
+    return structure.without_changes(removed).with_changes(more).without(()) if more or removed else None
 
 
 @dataclass(frozen=True)
-class _Overlooked:
+class _LimitExcess:
     """Stretch of a rollout beyond a position or velocity limit.
 
     Attributes:
@@ -111,7 +111,7 @@ class _Overlooked:
         return own[-1] if own else Change(self.joint, structure.first[self.joint])
 
 
-def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
+def _limit_excesses(rollout: Rollout) -> Iterator[_LimitExcess]:
     """Stretches of a rollout beyond position and velocity limits, joint by joint."""
     limits, t, n = rollout.shooting.problem.limits, rollout.times, len(rollout.structure.first)
     short = rollout.shooting.policy.descent.short * rollout.structure.duration
@@ -128,10 +128,10 @@ def _overlooked(rollout: Rollout) -> Iterator[_Overlooked]:
             for run in stretches(np.flatnonzero(beyond > rollout.shooting.policy.rollout.beyond)):
                 worst = float(t[1 + run[np.argmax(beyond[run])]])
                 begin, end = float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)])
-                yield _Overlooked(i, mode, bound, begin, end, worst, short)
+                yield _LimitExcess(i, mode, bound, begin, end, worst, short)
 
 
-def _state_on(rollout: Rollout, time: float, over: _Overlooked) -> Array:
+def _state_on(rollout: Rollout, time: float, over: _LimitExcess) -> Array:
     """The state at a time [s], with the joint on the exceeded limit; at rest on a position limit."""
     state, n = state_at(rollout, time), len(rollout.structure.first)
     if over.mode in VELOCITY:
@@ -142,17 +142,17 @@ def _state_on(rollout: Rollout, time: float, over: _Overlooked) -> Array:
 
 
 def edited(
-    rollout: Rollout, structure: SwitchingStructure, gone: Iterable[int], more: Iterable[tuple[float, Change]]
+    rollout: Rollout, structure: SwitchingStructure, removed: Iterable[int], more: Iterable[tuple[float, Change]]
 ) -> SwitchingStructure:
     """Remove and insert changes of a switching structure.
 
     Args:
         rollout: rollout with the states at inserted changes.
         structure: the rollout's structure, possibly edited already.
-        gone: changes to remove.
+        removed: changes to remove.
         more: changes to insert, with their times.
     """
-    return structure.without_changes(gone).with_changes((time, one, state_at(rollout, time)) for time, one in more)
+    return structure.without_changes(removed).with_changes((time, one, state_at(rollout, time)) for time, one in more)
 
 
 def state_at(rollout: Rollout, time: float) -> Array:

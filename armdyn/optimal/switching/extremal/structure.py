@@ -200,9 +200,9 @@ class SwitchingStructure:
 
     def without(self, segments: Iterable[Segment]) -> Self:
         """Remove segments of zero length: their changes become simultaneous."""
-        first, gone, changes = list(self.first), set[int](), list(self.changes)
+        first, removed, changes = list(self.first), set[int](), list(self.changes)
         for segment in segments:
-            if segment.begin in gone or segment.end in gone:
+            if segment.begin in removed or segment.end in removed:
                 continue
             if segment.begin < 0 and self.changes[segment.end].mode is Mode.FREE:
                 continue  # a singular control begins with a change
@@ -213,11 +213,11 @@ class SwitchingStructure:
             if carrier:  # the other joint's switch remains of the contact
                 changes[segment.begin] = Change(carrier.joint, carrier.after)
                 continue
-            gone.add(segment.end if segment.begin < 0 else segment.begin)
+            removed.add(segment.end if segment.begin < 0 else segment.begin)
         now, kept, carrier_of = list(first), list[int](), dict[int, Carrier | None]()
         for k, change in enumerate(changes):
             same = now[change.joint] is change.mode and carrier_of.get(change.joint) == change.carrier
-            if k in gone or (not change.touch and same):
+            if k in removed or (not change.touch and same):
                 continue
             if not change.touch:
                 now[change.joint], carrier_of[change.joint] = change.mode, change.carrier
@@ -232,9 +232,9 @@ class SwitchingStructure:
         modes = self.modes()
         return [k for k, each in enumerate(self.changes) if each.touch and modes[k][each.joint] is each.mode]
 
-    def without_changes(self, gone: Iterable[int]) -> Self:
+    def without_changes(self, removed: Iterable[int]) -> Self:
         """Remove touches at given indices."""
-        left = set(range(self.size)).difference(gone)
+        left = set(range(self.size)).difference(removed)
         return self._only(sorted(left))
 
     def _only(self, kept: Sequence[int]) -> Self:

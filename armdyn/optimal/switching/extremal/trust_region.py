@@ -14,7 +14,7 @@ TIGHT = 1e-8
 """Distance to a plane that counts as zero, in units of the unknowns: landing converges to about a tenth of it."""
 _ALONG = 1e-12
 """Approach to a plane, as a part of the radius, up to which a step is parallel to the plane."""
-_PULL = 1e-9
+_NEGATIVE_MULTIPLIER = 1e-9
 """Multiplier of a plane that counts as zero, relative to time's 1."""
 _CHANGES = 4
 """Largest number of active-set changes, per unknown: more are a cycle."""
@@ -67,7 +67,7 @@ class QuadraticForm:
             if not kept:
                 break
             multiplier = np.linalg.lstsq(rows[kept].T, self.gradient + self.hessian @ y + shift * y, rcond=RANK)[0]
-            if np.min(multiplier) >= -_PULL:
+            if np.min(multiplier) >= -_NEGATIVE_MULTIPLIER:
                 break
             kept.pop(int(np.argmin(multiplier)))
         return best, rim_there

@@ -31,7 +31,7 @@ from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.planning.paths import JointSpace, PlannerOptions, plan_paths
 
-Way = list[Array]
+LegPaths = list[Array]
 """Path of each leg, shape (n, nv) [rad or m]."""
 
 _TURN = np.pi
@@ -40,7 +40,7 @@ _LINE = 17
 """Number of joint positions of a line in a region: 19 mm apart for a line of 0.3 m."""
 _FASTEST = 3.2
 """Velocity limit [rad/s or m/s] above which all are scaled down, to keep collision checks within 0.064 rad."""
-NO_WAY = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
+NO_PATH = f"no collision-free path was found in {PlannerOptions().checks} collision checks, the planner's budget"
 
 
 def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
@@ -58,14 +58,14 @@ def plan_path(problem: MinimumTimeProblem, seed: int = 0) -> Array:
         ProblemError: the argument is no problem, or no path was found.
     """
     numbers = Policy.of(expect_problem(problem)).search
-    ways = list(ways_through(problem, numbers, whole(seed, "seed", least=0), Stop()))
-    if not ways:
-        raise ProblemError(NO_WAY)
-    best = min(ways, key=partial(_seconds, speed=_speed(problem, numbers)))
+    candidates = list(paths_through(problem, numbers, whole(seed, "seed", least=0), Stop()))
+    if not candidates:
+        raise ProblemError(NO_PATH)
+    best = min(candidates, key=partial(_seconds, speed=_speed(problem, numbers)))
     return np.vstack([leg[bool(k) :] for k, leg in enumerate(best)])
 
 
-def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[Way]:
+def paths_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, stop: Stop) -> Iterator[LegPaths]:
     """Paths through all poses of a problem, planned lazily; empty: no path was found."""
     lines = [_line(problem, leg) for leg in range(len(problem.poses) - 1)]
     if not problem.crowded:
@@ -82,15 +82,15 @@ def ways_through(problem: MinimumTimeProblem, policy: SearchPolicy, seed: int, s
         plan_paths(space, line[0], line[-1], seed, stop=stop.__bool__) if len(line) == 2 else iter([line])
         for line in lines
     ]
-    way: list[Array | None] = [next(leg, None) for leg in legs]
-    while found := [path for path in way if path is not None]:
+    current: list[Array | None] = [next(leg, None) for leg in legs]
+    while found := [path for path in current if path is not None]:
         if len(found) < len(legs):
             return
         yield found
         more = [next(leg, None) for leg in legs]
         if all(path is None for path in more):
             return
-        way = [old if new is None else new for old, new in zip(way, more, strict=True)]
+        current = [old if new is None else new for old, new in zip(current, more, strict=True)]
 
 
 def _line(problem: MinimumTimeProblem, leg: int) -> Array:
@@ -108,9 +108,9 @@ def _line(problem: MinimumTimeProblem, leg: int) -> Array:
     return np.asarray(path)
 
 
-def _seconds(way: Way, speed: Array) -> float:
+def _seconds(paths: LegPaths, speed: Array) -> float:
     """Time of a path at joint speeds, shape (nv,) [rad/s or m/s]."""
-    return float(sum(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)) for path in way))
+    return float(sum(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1)) for path in paths))
 
 
 def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
@@ -119,21 +119,23 @@ def _speed(problem: MinimumTimeProblem, policy: SearchPolicy) -> Array:
     return np.where(np.isfinite(limits), limits, policy.assumed_speed)
 
 
-def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
+def refined_paths(task: Task, planned: Iterator[LegPaths]) -> list[RefinedCurve]:
     """The fastest curve along planned paths and the options' guesses, refined; empty if there is none.
 
     Args:
         task: task with distance constraints.
-        planned: paths of `ways_through`, planned only as far as they are tried.
+        planned: paths of `paths_through`, planned only as far as they are tried.
     """
     numbers, bound = task.policy.sequential, task.problem.duration_bound()
     spec = CurveSpec(TightenedConstraints.of(task))
     best, iterations = None, 0
     for guess in _guesses(task, planned):
-        beaten = np.inf if best is None or not best.converged else best.curve.duration
-        if task.stop or beaten < numbers.near_bound * bound:
+        best_duration = np.inf if best is None or not best.converged else best.curve.duration
+        if task.stop or best_duration < numbers.near_bound * bound:
             break
-        solved = solve_in_steps(task, guess, spec, SequenceSettings(numbers.trust, numbers.coarse_enough, beaten))
+        solved = solve_in_steps(
+            task, guess, spec, SequenceSettings(numbers.trust, numbers.coarse_enough, best_duration)
+        )
         iterations += solved.result.iterations
         task.progress(f"a path of {solved.curve.duration:.4f} s")
         if best is None or (not solved.converged, solved.curve.duration) < (not best.converged, best.curve.duration):
@@ -146,24 +148,24 @@ def refined_ways(task: Task, planned: Iterator[Way]) -> list[RefinedCurve]:
     return [replace(refined, curve=curve, iterations=iterations)]
 
 
-def _guesses(task: Task, planned: Iterator[Way]) -> Iterator[Curve]:
+def _guesses(task: Task, planned: Iterator[LegPaths]) -> Iterator[Curve]:
     """Curves along the first path and the shortest of the others, then the options' guesses."""
     numbers, speed = task.policy.sequential, _speed(task.problem, task.policy.search)
-    yield from (_guess(task, way) for way in islice(planned, 1))
+    yield from (_guess(task, paths) for paths in islice(planned, 1))
     others = sorted(planned, key=partial(_seconds, speed=speed))
     most = numbers.paths_in_regions if task.problem.regional else numbers.paths
-    yield from (_guess(task, way) for way in others[: most - 1])
+    yield from (_guess(task, paths) for paths in others[: most - 1])
     if len(task.problem.poses) == 2:
         (basis,) = _bases(task, [1.0])
         yield from (Curve.near(guess, basis) for guess in task.options.guesses)
 
 
-def _guess(task: Task, way: Way) -> Curve:
+def _guess(task: Task, paths: LegPaths) -> Curve:
     """A curve along a path, slow enough for the torques where these shape the motion."""
     problem, speed = task.problem, _speed(task.problem, task.policy.search)
-    times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in way]
+    times = [float(np.sum(np.max(np.abs(np.diff(path, axis=0)) / speed, axis=1))) for path in paths]
     durations = task.policy.curves.slack * np.maximum(times, _ramp_times(problem) if problem.regional else 0.0)
-    curve = Curve.along(way, _bases(task, durations), durations, speed, flying=problem.regional)
+    curve = Curve.along(paths, _bases(task, durations), durations, speed, flying=problem.regional)
     if task.policy.curves.cruises:
         return curve
     factor = least_factor(problem.robot, problem.limits, curve.trajectory(problem.robot))
@@ -174,8 +176,8 @@ def _ramp_times(problem: MinimumTimeProblem) -> Array:
     """Times in which the slowest joint, alone and from rest, accelerates over each leg [s], shape (legs,)."""
     robot, data = problem.robot, problem.robot.model.createData()
     inertia = np.diag(pin.crba(robot.model, data, robot.configuration(problem.poses[0])))
-    ways = np.abs(np.diff(problem.poses, axis=0))
-    return np.asarray(np.max(np.sqrt(2 * ways * inertia / problem.limits.actuators.half_range), axis=1))
+    travel = np.abs(np.diff(problem.poses, axis=0))
+    return np.asarray(np.max(np.sqrt(2 * travel * inertia / problem.limits.actuators.half_range), axis=1))
 
 
 def _bases(task: Task, durations: ArrayLike, fine: bool = False) -> list[Basis]:
