@@ -75,7 +75,7 @@ def test_errors_come_from_other_processes_as_they_were(error):
     assert type(same) is type(error) and str(same) == str(error) and same.path == error.path
 
 
-def test_what_is_within_the_bound_is_read(tmp_path):
+def test_a_file_within_the_size_limit_is_read(tmp_path):
     path = tmp_path / "a.bin"
     path.write_bytes(b"x" * 1000)
     assert read_bounded(path, 1000) == read_bounded(str(path), 2**40) == b"x" * 1000
@@ -221,7 +221,7 @@ def test_sealed_and_read(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_was_not_sealed_so_is_not_read(tmp_path):
+def test_a_damaged_seal_is_not_read(tmp_path):
     path = write_sealed(tmp_path / "a.bin", b"one")
     whole = path.read_bytes()
     assert read_sealed(tmp_path / "nowhere.bin", 100) is None

@@ -281,7 +281,7 @@ def test_a_worker_keeps_no_line_but_its_own():
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the kernel's doing")
-def test_what_a_thread_left_behind_is_done_all_the_same():
+def test_jobs_that_a_thread_left_behind_are_done():
     results = in_processes([partial(square, k) for k in range(6)], 2)
     known = []
     thread = threading.Thread(target=lambda: known.append(next(results)))

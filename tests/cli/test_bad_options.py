@@ -85,7 +85,7 @@ def test_no_nonsense_is_taken_for_a_number(run, command, option):
 
 
 @pytest.mark.parametrize("arguments", EXTREME, ids=lambda arguments: " ".join(arguments)[:50])
-def test_what_numbers_cannot_hold_is_bad_input(run, arguments):
+def test_numbers_out_of_range_are_bad_input(run, arguments):
     done = run(*arguments)
     assert done.exit_code == 2, done.output
     assert "internal error" not in done.output and done.output.strip()

@@ -39,7 +39,7 @@ def test_a_gap_is_a_part_or_per_cent(text, most):
     "text", ["", "gap", "gap:", "gap:%", "gap:much", "gap:-1%", "gap:nan", "gap:inf", "gap:5", "gap=0.5%", "Certified",
              "certified:1", "optimal", "certified,extremal"],
 )  # fmt: skip
-def test_what_it_does_not_know_it_refuses(text):
+def test_unknown_requirements_are_refused(text):
     with pytest.raises(ProblemError, match="--require"):
         requirements_of([text])
 

@@ -34,7 +34,7 @@ def test_bound_and_sweep_keep_it(tmp_path):
 
 
 @pytest.mark.parametrize("value", ["1.1", "-0.1", "nan", "0.1,0.1,0.1", "a tenth"])
-def test_what_is_no_part_is_bad_input(value, tmp_path):
+def test_a_reserve_outside_0_to_1_is_bad_input(value, tmp_path):
     for option in ("--reserve", "--velocity-reserve"):
         refused = answer(run_here("mintime", "rr", f"{option}={value}", "--out", tmp_path, "--json"), 2)
         assert option.strip("-").replace("-", "_") in refused["message"].replace("-", "_")

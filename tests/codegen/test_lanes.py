@@ -44,7 +44,7 @@ def test_each_lane_is_a_place_of_its_own(tmp_path, monkeypatch):
         np.testing.assert_allclose(b[:, lane], np.array(expected[1]).ravel(), rtol=1e-15)  # an ulp of the C library
 
 
-def test_what_is_not_written_is_refused():
+def test_unsupported_operations_are_refused():
     x = ca.SX.sym("x")
     with pytest.raises(UnwrittenError):
         in_lanes(ca.Function("f", [x], [ca.if_else(x > 0, x, 2)]))

@@ -44,7 +44,7 @@ def test_numbers_are_finite_and_names_free(tmp_path):
         ({"model": "rr"}, "does not say of which model"),
     ],
 )
-def test_what_is_not_understood_is_refused(path, changes, words):
+def test_invalid_results_are_refused(path, changes, words):
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
     with pytest.raises(ResultError, match=words) as caught:
         load_result(path)

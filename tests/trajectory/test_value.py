@@ -251,7 +251,7 @@ def write(path, **changes):
     np.savez(path, **content(**changes))
 
 
-def test_what_is_written_by_hand_is_read(tmp_path):
+def test_a_file_written_by_hand_is_read(tmp_path):
     write(tmp_path / "x.npz")
     assert Trajectory.load(tmp_path / "x.npz").model_hash == "abc"
 

@@ -49,7 +49,7 @@ def test_a_light_joint_is_as_stiff_as_its_lag_bears(velocity, phase_of):
     assert bearable(requested, half, cart(mobility, 1000.0), ad.Loop.ideal(), phase) == requested
 
 
-def test_what_counts_when():
+def test_weights_depend_on_the_phase_of_the_motion():
     weights = ErrorWeights(np.array([0.1, 0.5]), np.array([0.01, 0.02]), np.array([2.0, 0.0]))
     rows = diagonals(weights, 1, (0.5, 0.25), np.array([True, False]))
     assert rows[1] == pytest.approx([100, 4, 0.01, 0.0016, 400, 0, 0, 0])

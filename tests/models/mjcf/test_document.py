@@ -113,7 +113,7 @@ def test_includes_in_includes_are_no_deeper_than_one_file(write):
         read_mjcf(write("<mujoco><include file='0.xml'/></mujoco>"))
 
 
-def test_what_is_mjcf(write):
+def test_mjcf_is_recognised_by_its_root_element(write):
     assert is_mjcf(write(RR))
     assert is_mjcf(write('<?xml version="1.0"?>\n<!-- <robot> --><mujoco/>'))
     assert not is_mjcf(write('<!-- <mujoco> --><robot name="r"/>'))

@@ -140,7 +140,7 @@ def test_packages_that_lead_out_of_their_folder_are_none(tmp_path, name):
     assert set(ad.repair_urdf(written(home, meshed(name))).packages.values()) <= {None}
 
 
-def test_what_no_number_mends_is_refused(tmp_path):
+def test_arms_that_no_number_repairs_are_refused(tmp_path):
     with pytest.raises(UrdfError, match="mass is -1"):
         ad.repair_urdf(written(tmp_path, re.sub(r'<mass value="[^"]*"', '<mass value="-1"', RR, count=1)))
     massless = re.sub(r'<mass value="[^"]*"', '<mass value="0"', re.sub(r'i([xyz]{2})="[^"]*"', r'i\1="0"', RR))

@@ -196,7 +196,7 @@ def test_many_links_are_refused_quickly(deep, tmp_path):
 
 
 @pytest.mark.parametrize("deep", [pytest.param(True, marks=pytest.mark.slow), False])
-def test_what_is_allowed_does_not_end_pinocchios_recursion(deep, read):
+def test_the_largest_allowed_tree_does_not_overflow_pinocchios_recursion(deep, read):
     assert read(tree(MAX_LINKS, deep, 7)).nv == 142
 
 

@@ -80,6 +80,6 @@ def test_the_library_points_to_it():
     assert "description" not in str(caught.value).partition("Known")[0]
 
 
-def test_what_looks_like_one():
+def test_names_of_robot_descriptions():
     names = ("ur5_description", "panda_mj_description", "robot_descriptions:ur5_description", "ur5")
     assert [is_description(name) for name in names] == [True, True, True, False]

@@ -16,7 +16,7 @@ def test_the_same_arm_has_the_same_hash_in_another_process():
     assert len(other) == 64
 
 
-def test_what_the_motion_depends_on_is_in_it():
+def test_the_hash_depends_on_the_dynamics():
     path, _ = library_urdf("ur5")
     arms = [
         Robot.from_urdf(path),
@@ -35,7 +35,7 @@ def test_what_the_motion_depends_on_is_in_it():
     assert len({arm.model_hash for arm in arms}) == len(arms)
 
 
-def test_what_it_does_not_depend_on_is_not():
+def test_the_hash_does_not_depend_on_limits_and_unused_widths():
     path, _ = library_urdf("ur5")
     own = Robot.from_urdf(path).model_hash
     assert Robot.from_urdf(path, effort_limit=1.0, velocity_limit=2.0).model_hash == own

@@ -53,7 +53,7 @@ def test_arm(name):
 
 
 @pytest.mark.parametrize("name", ["ur5", "kinova", "bravo7_no_ee", "talos", "icub_reduced"])
-def test_what_pinocchio_reads_is_the_whole_urdf(name):
+def test_the_model_is_pinocchios_model_of_the_whole_urdf(name):
     robot, expected = Robot.from_library(name), pin.buildModelFromUrdf(str(library_arm(name)[0]))
     assert robot.model == expected
 

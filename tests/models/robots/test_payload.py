@@ -48,6 +48,6 @@ def _placement(robot, frame):
 
 
 @pytest.mark.parametrize(("frame", "what"), [("base_link", "does not move"), ("gripper", "no frame 'gripper'")])
-def test_what_does_not_move_or_is_not_there(frame, what):
+def test_a_payload_on_a_fixed_or_unknown_frame_is_refused(frame, what):
     with pytest.raises(SpecError, match=what):
         Robot.from_library("ur5", Payload(mass=1.0, frame=frame))

@@ -71,7 +71,7 @@ def test_devices_and_folders_are_not_waited_for(arm):
     assert time.monotonic() - begun < 60  # an open of a pipe would wait for good
 
 
-def test_what_was_no_file_has_no_srdf():
+def test_a_robot_without_a_file_has_no_srdf():
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("rr"))
     assert list(robot.poses) == ["zero"]
     with pytest.raises(SpecError, match=r"no pose 'home' \(known: zero\)"):

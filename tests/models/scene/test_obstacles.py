@@ -117,7 +117,7 @@ def test_messages_are_short(tmp_path):
     assert "three" in str(raised.value) and len(str(raised.value)) < 500
 
 
-def test_what_is_kept_of_an_obstacle_makes_it_again():
+def test_an_obstacles_entry_restores_the_obstacle():
     turned = Box([0.1, 0.2, 0.3], pose_of([1, 2, 3], None, [0.1, -0.4, 2.0], "it"), name="crate")
     for one in (
         Sphere([1, 2, 3], 0.1),

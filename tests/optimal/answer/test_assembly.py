@@ -63,7 +63,7 @@ def test_a_condition_that_is_missed_is_the_worst_violation(task):
 
 @pytest.mark.parametrize("wrong", [{"goal": 0.3}, {"goal": np.inf}, {"exceeded": replace(FAST, value=0.27)}])
 @pytest.mark.parametrize("late", [False, True])
-def test_what_is_no_motion_has_no_duration(task, wrong, late):
+def test_a_failed_motion_has_no_duration(task, wrong, late):
     stopped = replace(task, stop=Stop(deadline=0.0 if late else np.inf))
     solution = answer(stopped, optimum(stopped, **wrong))
     assert not solution.success and not solution.moves

@@ -48,7 +48,7 @@ def test_costates_are_how_the_time_to_go_depends_on_the_state(solution):
         assert -solution.phases.costate[-1, i] == pytest.approx(slope, rel=1e-4)
 
 
-def test_what_does_not_converge_is_of_another_type(solution):
+def test_phases_that_do_not_converge_are_of_another_type(solution):
     found = again(solution, stop=Stop(deadline=0.0))
     assert isinstance(found, Unresolved)
     assert found.message == "time limit reached" and isinstance(found.last, Phases)

@@ -84,7 +84,7 @@ def test_room_is_taken_off_the_torques_rates():
 
 
 @pytest.mark.parametrize(("kind", "count"), [("acceleration and jerk", 0), ("torque rate", 0), ("frame speed", 1)])
-def test_what_control_points_and_torques_keep_takes_no_rows(kind, count):
+def test_limits_kept_by_control_points_and_torques_need_no_rows(kind, count):
     job, _, shape, _ = nlp_data(kind)
     want = spec(job.problem)
     assert len(rows_of(job.problem, want.constraints)) == len(constraint_values(job.problem, want.constraints)) == count

@@ -70,7 +70,7 @@ def test_a_stiff_arm_does_not_hold_it_up(monkeypatch):
     assert replay.t[-1] < 1.0  # it ended early
 
 
-def test_what_goes_astray_gets_less_when_it_is_late(monkeypatch):
+def test_a_diverging_replay_gets_fewer_steps_after_the_deadline(monkeypatch):
     robot, motion = solved("rr").problem.robot, solved("rr").trajectory
     monkeypatch.setattr(rollout, "_SPARE_WHEN_LATE", 0)
     assert rollout.replay_torques(robot, motion, stop=lambda: True).t[-1] == motion.t[-1]  # well-posed

@@ -62,7 +62,7 @@ def test_names_of_the_command_line():
         path_constraint_named("x")
 
 
-def test_what_has_only_a_name_is_refused():
+def test_a_constraint_without_rows_and_check_is_refused():
     class Named(PathConstraintSpec):
         name = "names"
 

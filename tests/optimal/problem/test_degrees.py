@@ -23,11 +23,11 @@ def test_degrees_are_recognised(rr):
     assert MEANT in refused(rr, [-90.0, 0.0]) and MEANT in refused(rr, [0.1, 45.0])
 
 
-def test_what_is_beyond_the_limits_as_degrees_too_is_not(rr):
+def test_no_hint_at_degrees_where_they_exceed_the_limits_too(rr):
     assert MEANT not in refused(rr, [-90.0, 1000.0])
 
 
-def test_what_is_a_little_beyond_is_no_degree():
+def test_no_hint_at_degrees_where_a_limit_is_slightly_exceeded():
     panda = ad.Robot.from_library("panda")
     start = panda.pose("ready")
     with pytest.raises(ProblemError) as caught:  # 3 degrees would be within all limits; 3 rad was meant

@@ -114,7 +114,7 @@ def test_ends_at_which_the_arm_does_not_stay_by_itself_are_in_the_verdict():
     assert not ad.MinimumTimeProblem(pole, q_start=[0, 0], q_goal=[np.pi, 0]).unstable_ends
 
 
-def test_what_stays_may_be_held_by_friction_a_reserve_or_something_else():
+def test_the_holding_deficit_counts_friction_reserve_and_passive_joints():
     def holding_deficit(**more):
         robot = more.pop("robot", paper_arm("rr", 1.0))
         with warnings.catch_warnings():

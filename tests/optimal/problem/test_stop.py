@@ -77,7 +77,7 @@ def test_forks_see_an_interruption():
     assert answers == [False, True]
 
 
-def test_what_is_ignored_stays_so():
+def test_an_ignored_sigint_stays_ignored():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as nohup, or a background job of a script
     try:
         with stopping(3600.0) as stop:

@@ -119,7 +119,7 @@ def test_a_state_that_its_torques_do_not_lead_to_is_found():
     assert any("a segment ends 1e-05 from the next sample" in reason for reason in certificate.reasons)
 
 
-def test_what_feedback_does_not_hold_does_not_land():
+def test_a_motion_that_feedback_cannot_follow_does_not_land():
     solution = kinova()
     q = solution.trajectory.q.copy()
     q[200:] += 1e-4  # a step that no torque makes

@@ -73,7 +73,7 @@ def test_a_guess_of_other_joints_is_refused():
         Task.of(paper_problem("rr", effort_weight=1.0), ad.MinimumTimeOptions(guesses=(guess,)))
 
 
-def test_what_strays_on_the_finest_mesh_is_no_optimum_and_said(monkeypatch):
+def test_a_large_hamiltonian_on_the_finest_mesh_is_reported_as_no_optimum(monkeypatch):
     monkeypatch.setattr("armdyn.optimal.refine.smooth._hamiltonian_error", lambda problem, phases: 0.5)
     problem = paper_problem("r", effort_weight=1.0, effort_limit=30.0)
     optima, found = time_energy(Task.of(problem))

@@ -1,11 +1,24 @@
-"""When enough guesses have been solved."""
+"""Search from many guesses: its end, and crossover and mutation of the optima that it reaches."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.search.multistart import enough
+from armdyn.optimal.program.guesses import Guesses
+from armdyn.optimal.search.multistart import SearchSettings, crossover, crossover_guesses, enough, search
+from armdyn.optimal.search.starts import SAMPLES, spline
+from armdyn.optimal.task.options import MinimumTimeOptions
+from armdyn.optimal.task.policy.policy import Policy
+from armdyn.optimal.task.task import Task
+from problems import paper_problem
+
+PROBLEM = paper_problem("rrr")
+POLICY = Policy.of(PROBLEM).search
+PARENTS = [spline(PROBLEM, [np.array(via)]) for via in ([0.5, -1.0, 1.0], [-1.0, 2.0, 3.0], [2.0, 0.0, -2.0])]
 
 
 @pytest.mark.parametrize(("optima", "guesses"), [(1, 7), (2, 16), (3, 29), (4, 46), (5, 67)])
@@ -16,7 +29,7 @@ def test_enough_guesses_by_the_rule(optima, guesses):
 
 
 @given(st.integers(0, 200), st.integers(1, 40))
-def test_who_has_enough_has_enough_of_more_and_for_fewer(solved, optima):
+def test_enough_is_monotonic_in_guesses_and_optima(solved, optima):
     if enough(solved, optima):
         assert enough(solved + 1, optima)
         assert optima == 1 or enough(solved, optima - 1)
@@ -45,3 +58,105 @@ def test_one_optimum_in_sixty_guesses_is_not_all():
     solution = ad.solve_minimum_time(problem)
     assert solution.certified, solution.message
     assert solution.duration == pytest.approx(0.190948654, rel=1e-7)
+
+
+def child(problem, parents, seed, number, policy=POLICY):
+    """Crossover or mutation of some motions."""
+    guesses = crossover(problem, Guesses.sampled(parents, SAMPLES), np.random.default_rng(seed), number, policy)
+    return guesses.motion(0, problem.robot.joint_names)
+
+
+@given(number=st.integers(0, 50), seed=st.integers(0, 2**16), many=st.integers(1, 3))
+def test_a_child_goes_from_start_to_goal_within_its_limits(number, seed, many):
+    guess = child(PROBLEM, PARENTS[:many], seed, number)
+    np.testing.assert_allclose(guess.q[[0, -1]], [PROBLEM.q_start, PROBLEM.q_goal], atol=1e-12)
+    limits = PROBLEM.limits
+    assert np.all(limits.position_lower <= guess.q) and np.all(guess.q <= limits.position_upper)
+    assert np.all(limits.effort_lower <= guess.tau) and np.all(guess.tau <= limits.effort_upper)
+    again = child(PROBLEM, PARENTS[:many], seed, number)
+    np.testing.assert_array_equal(guess.q, again.q)
+
+
+@given(seed=st.integers(0, 2**16))
+def test_mutations_of_all_joints_crossover_and_mutations_of_one_joint_alternate(seed):
+    """Mutation of all joints, crossover, mutation of one joint. The only parent's other joints are its own."""
+    alone = paper_problem("rrr", position_limit=(-np.inf, np.inf))
+    bent, moved = (child(alone, PARENTS[:1], seed, number) for number in (0, 2))
+    crossed = child(alone, PARENTS[:2], seed, 1)
+
+    def own(guess, parent):
+        s = np.linspace(0, 1, len(guess.t))
+        return np.max(np.abs(guess.q - parent(s * parent.duration).q), axis=0) < 1e-12
+
+    assert np.sum(own(bent, PARENTS[0])) == 0
+    assert np.sum(own(moved, PARENTS[0])) == 2
+    of_first, of_second = own(crossed, PARENTS[0]), own(crossed, PARENTS[1])
+    assert np.all(of_first ^ of_second) and 0 < np.sum(of_first) < 3
+
+
+@given(number=st.sampled_from([0, 2]), seed=st.integers(0, 2**16))
+def test_a_childs_velocities_are_the_derivative_of_its_positions(number, seed):
+    free = paper_problem("rrr", position_limit=(-np.inf, np.inf))
+    guess = child(free, PARENTS[:1], seed, number)
+    slopes = np.gradient(guess.q, guess.t, axis=0)[2:-2]
+    # Central differences of a way whose third derivative is at most some 1e3 of its size, over a fiftieth of it.
+    assert np.max(np.abs(guess.v[2:-2] - slopes)) <= 0.05 * np.max(np.abs(guess.v))
+
+
+@pytest.mark.slow
+def test_crossover_is_the_same_on_any_number_of_cores_and_finds_better_optima():
+    def found(workers):
+        task = Task.of(PROBLEM, MinimumTimeOptions(workers=workers))
+        search_settings = SearchSettings(task.meshes, task.coarse())
+        first = search(task, 12, search_settings)
+        return first, crossover_guesses(task, first, 24, search_settings)
+
+    (first, alone), (_, together) = found(1), found(2)
+    assert len(alone) == 24
+    assert [a.trajectory.duration for a in alone] == [a.trajectory.duration for a in together]
+    best, better = (min(a.trajectory.duration for a in some if a.usable) for some in (first, alone))
+    assert better <= best * (1 + 1e-3)  # coarse durations of one optimum differ by that
+
+
+def test_without_optima_there_is_no_crossover():
+    task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
+    first = search(task, 1, SearchSettings(task.meshes, task.coarse()))
+    failed = [replace(attempt, status=type(attempt.status).FAILED) for attempt in first]
+    assert crossover_guesses(task, failed, 6, SearchSettings(task.meshes, task.coarse())) == []
+
+
+def test_later_children_of_the_same_ancestors_are_different():
+    task = Task.of(PROBLEM, MinimumTimeOptions(workers=1))
+    search_settings = SearchSettings(task.meshes, task.coarse())
+    ancestors = search(task, 4, search_settings)
+    both, later = (
+        crossover_guesses(task, ancestors, 4, search_settings),
+        crossover_guesses(task, ancestors, 2, search_settings, first=2),
+    )
+    # Changes of one round depend on their numbers and their ancestors alone.
+    assert [a.trajectory.duration for a in later] == [a.trajectory.duration for a in both[2:]]
+    assert len({a.trajectory.duration for a in both}) == 4
+
+
+@pytest.mark.parametrize(
+    ("field", "number"),
+    [
+        ("midpoint_spread", 0),
+        ("least_spread", 0),
+        ("joint_offset", 2),
+        ("mutation_duration", 0),
+        ("selection_scale", 0),
+    ],
+)
+def test_the_policys_numbers_make_the_changes(field, number):
+    """A number of the policy that is changed is a change of some guess: nothing reads the class."""
+    still = PROBLEM.variant(q_goal=PROBLEM.q_start + np.array([1e-3, 0, 0]))
+    other = replace(POLICY, **{field: 1.5 * getattr(POLICY, field)})
+
+    def guesses(policy):
+        return [child(still, PARENTS, seed, number, policy) for seed in range(20)]
+
+    assert any(
+        a.q.tobytes() + a.t.tobytes() != b.q.tobytes() + b.t.tobytes()
+        for a, b in zip(guesses(POLICY), guesses(other), strict=True)
+    )

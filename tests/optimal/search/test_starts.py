@@ -9,13 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.search.starts import spline, via_guesses
+from armdyn.optimal.search.starts import spline, swing_up_guesses, swinging_time, via_guesses
 from armdyn.optimal.task.policy.policy import Policy
+from armdyn.optimal.task.policy.search import SearchPolicy
 from oracles import PinDynamics
 from problems import POSES, cart, paper_problem
 
 arm_problem = cache(paper_problem)
 ANGLE = st.floats(-3, 3)
+SWINGS = (SearchPolicy.swing_ups, SearchPolicy.swing_up_distance)
 
 
 @pytest.mark.parametrize("arm", POSES)
@@ -49,7 +51,7 @@ def test_an_inertial_torque_meets_its_limit():
 
 
 @pytest.mark.parametrize(("duration_factor", "takes"), [(0.5, 0.5), (2.0, 2.0)])
-def test_a_hasty_guess_goes_the_same_way_in_a_part_of_the_time(duration_factor, takes):
+def test_a_faster_guess_has_the_same_path(duration_factor, takes):
     problem, via = paper_problem("rr"), [np.array([0.5, -1.0])]
     plain, hasty = spline(problem, via), spline(problem, via, duration_factor)
     assert hasty.duration == pytest.approx(takes * plain.duration, rel=1e-12)
@@ -58,7 +60,7 @@ def test_a_hasty_guess_goes_the_same_way_in_a_part_of_the_time(duration_factor, 
     np.testing.assert_array_equal(hasty.tau, plain.tau)
 
 
-def test_no_guess_is_hastier_than_velocity_limits_allow():
+def test_no_guess_is_faster_than_velocity_limits_allow():
     problem = paper_problem("rr", velocity_limit=2.0)
     assert spline(problem, [], 0.01).duration == pytest.approx(problem.duration_bound(), rel=1e-12)
 
@@ -131,3 +133,51 @@ def test_ways_of_a_problem_with_via_points_pass_them():
         assert len(way) == 3
         rows = [list(q) for q in way]
         assert [row for row in rows if row in via] == via
+
+
+def cart_pole(goal, **more):
+    return ad.MinimumTimeProblem(ad.Robot.from_library("cart_pole"), q_start=[0, 0], q_goal=goal, **more)
+
+
+def test_swing_up_guesses_swing_to_both_sides_with_growing_amplitude():
+    ways = swing_up_guesses(cart_pole([0.0, np.pi]), np.random.default_rng(0), 30, *SWINGS)
+    assert [len(way) for way in ways[:6]] == list(SearchPolicy.swing_ups)
+    for way in ways:
+        poses = np.array(way)
+        assert np.all(np.abs(poses[:, 0]) <= 2)  # the rail's end
+        assert np.all(np.sign(poses[:, 1]) == [(-1) ** (len(way) - j) for j in range(len(way))])
+        assert poses[-1, 1] < 0  # the last swing is away from the goal
+    means = np.mean([np.abs(np.array(way)[:, 1]) for way in ways if len(way) == 3], axis=0)
+    np.testing.assert_allclose(means, np.pi * np.array([1, 2, 3]) / 4, rtol=0.5)  # five ways, 30 % each
+
+
+def test_no_swing_up_guesses_without_passive_joints():
+    assert swing_up_guesses(cart_pole([1.0, 0.0]), np.random.default_rng(0), 4, *SWINGS) == []
+    assert swing_up_guesses(paper_problem("rr"), np.random.default_rng(0), 4, *SWINGS) == []
+
+
+def test_the_straight_way_stays_the_first_guess_and_half_of_the_others_swing():
+    ways = via_guesses(cart_pole([0.0, np.pi]), 0, 9)
+    assert ways[0] == [] and len(ways) == 9
+    assert [len(way) for way in ways[1:]] == [1, 1, 1, 2, 1, 3, 1, 4]
+    again = via_guesses(cart_pole([0.0, np.pi]), 0, 9)
+    assert all(np.array_equal(one, other) for one, other in zip(ways, again, strict=True))
+
+
+def test_swinging_takes_the_time_of_a_pendulum():
+    """Of a small swing of the pole on a cart that stands: one period of sqrt(l / g)."""
+    problem = cart_pole([0.0, np.pi])
+    s = np.linspace(0, 1, 2001)
+    q = 1e-3 * np.sin(2 * np.pi * s)
+    inertia, weight = 0.3 * 0.5**2, 0.3 * 9.81 * 0.5
+    static, inertial = (np.stack([np.zeros_like(s), x], axis=1) for x in (weight * q, -inertia * (2 * np.pi) ** 2 * q))
+    assert np.isclose(swinging_time(problem, static, inertial), 2 * np.pi * np.sqrt(0.5 / 9.81), rtol=1e-9)
+    assert swinging_time(problem, static, -inertial) == 0  # gravity does the contrary
+
+
+def test_guesses_push_with_motors_only():
+    problem = cart_pole([0.0, np.pi])
+    for way in via_guesses(problem, 0, 8):
+        guess = spline(problem, way)
+        assert not np.any(guess.tau[:, 1]) and np.all(np.abs(guess.tau[:, 0]) <= 20)
+        assert 0 < guess.duration < 60

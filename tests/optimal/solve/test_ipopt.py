@@ -133,7 +133,7 @@ class _Breaks(Stop):
         raise KeyboardInterrupt
 
 
-def test_what_a_stop_raises_ends_the_solve_and_is_raised_without_a_word(capfd):
+def test_an_exception_of_a_stop_ends_the_solve_and_is_raised_silently(capfd):
     solver = Ipopt(valley(Shape(100.0)), SETTINGS)
     with pytest.raises(KeyboardInterrupt):
         solve(solver, stop=_Breaks())

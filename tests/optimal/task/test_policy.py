@@ -115,7 +115,7 @@ def test_the_scheme_is_the_options_unless_a_condition_forbids_it():
     assert (scheme.dynamics, scheme.method, scheme.control, scheme.compile) == ("inverse", "radau3", "constant", False)
 
 
-def test_what_is_no_group_has_no_rows():
+def test_a_number_is_no_group():
     with pytest.raises(TypeError, match="no group"):
         list(rows(1.0))
 

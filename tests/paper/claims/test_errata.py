@@ -85,7 +85,7 @@ def test_the_taylor_polynomial_of_equation_11_does_not_reach_the_goal():
 
 
 @pytest.mark.parametrize("payload", [0.0212, 0.1006, 1.0])
-def test_what_equation_15_calls_time_and_torque_are_neither(payload):
+def test_equation_15_gives_neither_a_time_nor_a_torque(payload):
     """Twice the density makes the same motion with twice the torque, and a pendulum that swings as before."""
     link = OneLink.of(payload)
     denser = OneLink(2 * link.inertia, 2 * link.gravity, 2 * link.torque_limit)

@@ -28,7 +28,7 @@ def test_transition_is_the_matrix_exponential(link, t):
     assert np.linalg.det(found) == pytest.approx(1, abs=1e-12)
 
 
-def test_flow_is_what_an_integrator_finds_with_the_affine_term():
+def test_flow_agrees_with_an_integrator_with_the_affine_term():
     link = OneLink.of(0.1006)
 
     def rate(t, x):  # equation (13) with the affine term as a vector

@@ -24,7 +24,7 @@ def check(item, words):
 
 
 @pytest.mark.slow
-def test_what_the_paper_says_of_one_link():
+def test_statements_on_one_link():
     items = by_topic("r")
     assert list(items) == TOPICS
     assert [item.item for item in items.values()] == ["(i)", "(ii)", "(iii)", "(iv)", "(v)"]

@@ -126,7 +126,7 @@ def test_a_singular_jacobian_is_reported():
     assert found.steps == 0 and len(calls) == 1
 
 
-def test_what_is_not_a_number_is_no_descent():
+def test_a_step_to_nan_is_rejected():
     equations, _ = system(lambda x: np.where(x < 0, np.nan, x - 1), lambda x: np.array([[1e-3]]))
     found = newton(equations, np.array([2.0]), **(HOW | {"shortest": 0.5}))
     assert found.status is Status.FAILED and "stuck" in found.reason

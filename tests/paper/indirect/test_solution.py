@@ -91,7 +91,7 @@ def test_torque_cost_and_h_of_an_extremal():
 
 
 @pytest.mark.parametrize(("value", "duration"), [(np.nan, 4.0), (1.0, -1.0), (1.0, np.nan)])
-def test_what_is_no_motion_shows_the_guess(value, duration):
+def test_a_failed_solution_shows_the_guess(value, duration):
     problem = cart_problem(effort_weight=1.0)
     boundary, found = extremal(problem, np.full((4, 7), value), duration)
     solution = from_extremal(problem, boundary, replace(found, status=Status.FAILED), OPTIONS, None)

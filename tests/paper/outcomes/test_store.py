@@ -155,7 +155,7 @@ def test_a_motion_of_another_arm_or_run_is_damage(tmp_path, outcome, seal):
     assert load_outcome(tmp_path, CASE) is None
 
 
-def test_what_is_sealed_and_right_is_read(tmp_path, outcome):
+def test_a_sealed_and_valid_outcome_is_read(tmp_path, outcome):
     edited(save_outcome(tmp_path, outcome), lambda content: content.update(message="other words"), seal=True)
     assert load_outcome(tmp_path, CASE).message == "other words"
 

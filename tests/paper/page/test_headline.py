@@ -70,7 +70,7 @@ def test_the_payloads_that_can_be_held_are_said(rows):
     assert "1.086 kg (R), 0.466 kg (RR), 0.237 kg (RRR)" in printed  # as docs/paper.md and its tests
 
 
-def test_what_comes_out_again_is_said(rows):
+def test_the_number_of_reproduced_values_is_stated(rows):
     assert "of 3 within 0.01 s" in words(evidence(rows, outcomes()))
     assert "come out again" not in words(evidence([], []))
     assert "The paper has no number for the computed cases." in words(lead([], outcomes()))

@@ -68,7 +68,7 @@ def test_verdicts_are_in_words_with_their_reasons(written):
     assert "maxReλ = -1.053 1/s" in html.unescape(reasons)
 
 
-def test_what_failed_is_said_of_the_papers_numbers_and_not_of_ours(written):
+def test_failures_are_ascribed_to_the_papers_numbers_and_not_to_ours(written):
     folder, _ = written
     page = text_of(folder / "index.html")
     assert "<h1>The paper’s numbers do not follow from its own data</h1>" in page

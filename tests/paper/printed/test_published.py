@@ -23,7 +23,7 @@ def test_every_table_has_the_ten_payloads_and_no_other():
     assert published.switching(0.3) is None and published.total_torque(1, 0.2) is None
 
 
-def test_tables_cut_off_what_the_text_gives_with_four_digits():
+def test_tables_truncate_the_four_digits_of_the_text():
     for example in (1, 2, 3):
         table, text = published.printed_time(example, 0.1006), published.time_in_text(example)
         assert 0 < text.value - table.value < table.unit

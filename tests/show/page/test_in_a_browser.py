@@ -15,7 +15,7 @@ from oracles import robot_named
 from show.browser import left_the_page, open_page, screenshot, seek, wait_until
 from show.motions import HANGING, RAISED, quintic
 from show.page.runs import judged
-from show.page.test_report_page import EVIL
+from show.page.test_report import EVIL
 
 pytestmark = pytest.mark.slow
 

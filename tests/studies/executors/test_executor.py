@@ -22,7 +22,7 @@ def test_each_case_begins_with_the_nearest_motion_that_is_there():
     assert [one.result.facts["begun"] for one in done] == [9.0, 3.0, 9.0]
 
 
-def test_what_is_not_begun_in_time_is_left_out_but_for_the_first():
+def test_cases_not_begun_in_time_are_left_out_except_the_first():
     task = Square(seconds=0.05)
     assert [one.k for one in run_in_turn(task, cases(1, 2, 3), 0.0)] == [1]
     done = list(run_in_turn(task, cases(*range(100)), 0.12))

@@ -117,7 +117,7 @@ def test_misfits_are_refused_in_a_row(settings, words):
     assert outcome.status == "refused" and words in outcome.message and not outcome.good and seconds >= 0
 
 
-def test_what_json_and_sqlite_cannot_say_is_made_sayable():
+def test_values_that_json_or_sqlite_cannot_hold_are_converted():
     class Odd:
         def work(self, settings, guess, revisit=False):
             facts = {"a": float("nan"), "b": np.float64(2.0), "c": np.bool_(True), "d": float("inf"), "e": "f"}

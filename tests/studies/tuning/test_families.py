@@ -60,6 +60,6 @@ def test_the_duration_of_a_ramp_is_chosen_too():
         (lambda: ad.ControllerFamily.pid(ROBOT, GOAL, gravity=True), "compensates gravity itself"),
     ],
 )
-def test_what_makes_no_family_is_refused(make, message):
+def test_invalid_families_are_refused(make, message):
     with pytest.raises(ProblemError, match=message):
         make()

@@ -41,7 +41,7 @@ def test_values_are_within(middle, radius, where):
     assert np.all(np.abs(value - linear) <= forms.rest + ROUNDING)
 
 
-def test_what_affine_forms_leave_is_of_second_order():
+def test_the_remainder_of_affine_forms_is_of_second_order():
     enclosed = EnclosedFunction.of(FUNCTION)
     middle = np.array([[0.3], [-0.7], [1.1]])
     rests = [np.max(enclosed.forms(Interval(middle - r, middle + r)).rest) for r in (1e-2, 1e-3)]
@@ -123,7 +123,7 @@ def test_boxes_do_not_touch_each_other(boxes):
             np.testing.assert_array_equal(many[..., k], one[..., 0])
 
 
-def test_what_overflows_may_be_anything():
+def test_an_overflow_is_enclosed_by_infinity():
     huge = Interval(np.full((2, 1), 1e200), np.full((2, 1), 2e200))
     found, form = SUMS.over(huge), SUMS.forms(huge)
     for product in (2, 3):

@@ -69,7 +69,7 @@ def test_hyperbolic_tangents_hold_their_values(pair):
     assert -1 <= found.lower.item() <= np.tanh(x) <= found.upper.item() <= 1
 
 
-def test_what_is_in_both_is_never_empty():
+def test_the_intersection_is_never_empty():
     beside = Interval(np.array([0.0]), np.array([1.0])).meet(Interval(np.array([1.5]), np.array([2.0])))
     assert beside.lower.item() <= beside.upper.item()
 

@@ -57,7 +57,7 @@ def test_it_equals_another_integrator(arm):
     np.testing.assert_allclose(end[:, -1], other, rtol=1e-10, atol=1e-10)  # the other's tolerance, over some steps
 
 
-def test_what_it_answers_to_its_start_and_to_a_torque_are_differences():
+def test_sensitivities_agree_with_differences():
     x, small, duration = np.array([0.3, -0.5, 1.0, 2.0]), 1e-6, 0.02
     _, _, (end, slopes, torque_sensitivities, rates) = rolled_out("rr", duration, x)
     state_transition = np.eye(4)

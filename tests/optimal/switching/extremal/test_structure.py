@@ -53,7 +53,7 @@ def test_a_segment_that_is_taken_out_keeps_its_neighbours():
     assert [arc.modes for arc in in_one_piece.arcs(1e-7)] == [(U, L), (L, L), (U, L)]
 
 
-def test_what_is_left_of_a_carried_contact_without_length_is_the_other_joints_switch():
+def test_a_carried_contact_without_length_becomes_the_other_joints_switch():
     held = [(1.0, Change(0, P, carrier=Carrier(1, U, U)), np.zeros(4)), (1.5, Change(0, L), np.zeros(4))]
     given = structure([Arc(1.0, (U, L)), Arc(2.0, (U, U))]).without_changes([0]).with_changes(held)
     assert given.modes() == [(U, L), (P, U), (L, U)]

@@ -46,7 +46,7 @@ def test_where_there_is_no_room_the_plane_is_followed():
     np.testing.assert_allclose(y, [-np.sqrt(0.5), np.sqrt(0.5)], atol=1e-6)
 
 
-def test_what_planes_hold_back_is_no_slope():
+def test_planes_remove_their_part_of_the_gradient():
     multiplier, left = held_back(np.array([2.0, 1.0]), np.array([[1.0, 0.0], [0.0, -1.0]]))
     np.testing.assert_allclose(multiplier, [2.0, 0.0])  # the second would have to pull
     assert left == pytest.approx(1.0)
