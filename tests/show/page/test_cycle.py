@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from show.page.test_report import EVIL
 
 import armdyn as ad
 from armdyn.show.page.cycle import CarriedPart, parts_in, shown_parts, step_data, steps_section
@@ -13,6 +12,7 @@ from armdyn.trajectory import Load
 from problems import paper_arm
 from show.browser import open_page
 from show.motions import quintic
+from show.page.test_report import EVIL
 
 PART = {
     "mass": 0.1,
