@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from armdyn.arguments import path as path_of
-from armdyn.errors import ArmdynError, DiskFullError, FileError, ResultError
+from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError, ResultError
 
 Value = Any
 """A setting's value, as JSON has it: a number, a text, or a list or table of these."""
@@ -30,7 +30,7 @@ _SHOWN = 4
 _LOCK_TIMEOUT = 5.0
 """Time [s] for the workers of a killed study to end: they hold its lock for a moment."""
 _TABLES = (
-    "CREATE TABLE study (request TEXT NOT NULL, armdyn TEXT NOT NULL)",
+    "CREATE TABLE study (asked TEXT NOT NULL, armdyn TEXT NOT NULL)",
     "CREATE TABLE rows (k INTEGER PRIMARY KEY, status TEXT NOT NULL, good INTEGER NOT NULL, message TEXT NOT NULL, "
     "settings TEXT NOT NULL, facts TEXT NOT NULL, seconds REAL NOT NULL, attempts INTEGER NOT NULL, "
     "worker TEXT NOT NULL, begun_from INTEGER)",
@@ -214,10 +214,13 @@ def _connected(path: Path) -> AbstractContextManager[sqlite3.Connection]:
 
 def _begin(connection: sqlite3.Connection, path: Path, description: Mapping[str, object], replace: bool) -> None:
     """Make the tables of a new file, or check that an old one belongs to the same study."""
-    here = json.loads(json.dumps(description, allow_nan=False))
+    try:
+        here = json.loads(json.dumps(description, allow_nan=False))
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"the study's description is no JSON: {error}") from None
     if connection.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]:
         _check_kind(connection, path)
-        there = json.loads(connection.execute("SELECT request FROM study").fetchone()[0])
+        there = json.loads(connection.execute("SELECT asked FROM study").fetchone()[0])
         different = list(differences(there, here))
         if not different:
             return

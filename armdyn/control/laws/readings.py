@@ -63,8 +63,14 @@ def table(columns: Mapping[str, Array]) -> Array:
 
     Args:
         columns: each of shape (n, width), or (width,) where it is the same in all rows; one at least of the former.
+
+    Raises:
+        ProblemError: columns of different lengths.
     """
-    count = max(len(column) for column in columns.values() if column.ndim == 2)
+    lengths = {name: len(column) for name, column in columns.items() if column.ndim == 2}
+    count = max(lengths.values())
+    if min(lengths.values()) < count:
+        raise ProblemError(f"columns of a law have different numbers of rows: {lengths}")
     return np.hstack([np.broadcast_to(column, (count, column.shape[-1])) for column in columns.values()])
 
 

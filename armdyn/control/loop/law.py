@@ -63,6 +63,30 @@ def expect_controller(controller: object, name: str = "controller") -> Controlle
     return expect(controller, Controller, name, _SUCH_AS)  # type: ignore[type-abstract]
 
 
+def law_of(controller: Controller, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
+    """A controller's law, with the sizes that the loop expects.
+
+    Args:
+        controller: the controller.
+        robot: its model of the arm.
+        ticks: the reference.
+        loop: connection to the arm.
+
+    Raises:
+        ProblemError: the controller does not fit, or its law has other sizes.
+    """
+    name, law = f"{type(controller).__name__}.law", controller.law(robot, ticks, loop)
+    if not isinstance(law, Law):
+        raise ProblemError(f"{name} returned {shown(law)}; it must return a Law")
+    nv, width = robot.nv, law.rows.shape[-1]
+    sizes = {"q": nv, "v": nv, "integral": nv, "pending": loop.delay * nv, "row": width, "tau": nv, "integral_gain": nv}
+    function = law.function
+    found = [*map(function.numel_in, range(function.n_in())), function.numel_out(0), law.integral_gain.size]
+    if found != [*sizes.values()]:
+        raise ProblemError(f"{name}: sizes of {', '.join(sizes)} are {found}; they must be {[*sizes.values()]}")
+    return law
+
+
 def expect_motors(robot: Robot, what: str) -> None:
     """Raise unless every joint has a motor.
 

@@ -12,7 +12,7 @@ from armdyn.arguments import expect, one_of
 from armdyn.arrays import Array
 from armdyn.control.laws.linear import linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
-from armdyn.control.loop.law import Controller, Law, expect_controller
+from armdyn.control.loop.law import Controller, Law, expect_controller, law_of
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.references import Ticks, set_point
 from armdyn.dynamics import inverse_dynamics
@@ -134,7 +134,7 @@ class Rest:
         goal = pose_given(robot, q_goal, "q_goal")
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(arm)(goal, rest, rest)
-        law = expect_controller(controller).law(robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
+        law = law_of(expect_controller(controller), robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
         return cls(
             LinearPlant(*linearised(arm, goal, rest, holding)),
             LinearPlant(*linearised(robot, goal, rest, holding)),

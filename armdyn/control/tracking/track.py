@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, number
 from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors
+from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors, law_of
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import sampled_stability
@@ -106,7 +106,7 @@ class Setup:
             )
         tolerance = number(tolerance, "tolerance", unit="rad", sign="positive")
         with one_blas_thread():  # a regulator's solves many small systems
-            made = {id(one): controller.law(one, ticks, loop) for one in robots}
+            made = {id(one): law_of(controller, one, ticks, loop) for one in robots}
         laws = tuple(made[id(one)] for one in robots)
         begins = (one.start - reference.t[0] for one in reference.own_pieces)
         starts = tuple(int(np.ceil(begin * loop.rate - 1e-9)) for begin in begins)

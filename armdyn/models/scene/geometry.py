@@ -6,8 +6,9 @@ from typing import Any
 import coal
 import numpy as np
 
+from armdyn.arguments import shown
 from armdyn.arrays import Array, Index
-from armdyn.errors import BridgeError
+from armdyn.errors import BridgeError, ProblemError
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tree import Tree
@@ -47,6 +48,23 @@ def body_solid(body: Body) -> dict[str, Any]:
     centers, ball = body.balls
     own = _solid(body.geometry, body.placement, body.points, body.radius)
     return own | {"joint": body.joint, "centers": np.ascontiguousarray(centers), "ball": ball}
+
+
+def expected_solids(obstacle: Obstacle) -> list[tuple[Array, Any]]:
+    """Solids of an obstacle.
+
+    Raises:
+        ProblemError: one is no pair of a placement and a geometry of coal.
+    """
+    solids = obstacle.solids()
+    for solid in solids:
+        pair = isinstance(solid, tuple) and len(solid) == 2
+        if not (pair and np.shape(solid[0]) == (4, 4) and isinstance(solid[1], coal.CollisionGeometry)):
+            raise ProblemError(
+                f"a solid of {type(obstacle).__name__} is {shown(solid)}; it must be a placement of shape (4, 4) and a "
+                "geometry of coal"
+            )
+    return solids
 
 
 def obstacle_solid(placement: Array, geometry: Any) -> dict[str, Any]:
@@ -121,7 +139,7 @@ def scene_geometry(
     Raises:
         ProblemError: the robot has no geometry, or a mesh of it cannot be read.
     """
-    own, others = bodies(robot), [(one.name, solid) for one in obstacles for solid in one.solids()]
+    own, others = bodies(robot), [(one.name, solid) for one in obstacles for solid in expected_solids(one)]
     pairs = list(separable_pairs(robot)) if self_collision else []
     pairs += [(i, len(own) + k) for i, body in enumerate(own) if body.joint for k in range(len(others))]
     names = [*(body.name for body in own), *(name for name, _ in others)]

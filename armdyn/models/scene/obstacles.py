@@ -108,7 +108,10 @@ def _members(entries: object, folder: str | os.PathLike[str] | None) -> list[Obs
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
     """An obstacle as `obstacle_from` takes it, and JSON says it."""
-    entry: dict[str, Any] = {"type": next(kind for kind, made in SHAPES.items() if type(obstacle) is made)}
+    kinds = [kind for kind, made in SHAPES.items() if type(obstacle) is made]
+    if not kinds:
+        raise ProblemError(f"{type(obstacle).__name__} has no name for files: add it to `SHAPES`")
+    entry: dict[str, Any] = {"type": kinds[0]}
     for field in fields(obstacle):  # type: ignore[arg-type]  # it is a dataclass
         value = getattr(obstacle, field.name)
         if field.name == "placement":

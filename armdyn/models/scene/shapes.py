@@ -35,7 +35,7 @@ class Obstacle:
 
     def solid(self) -> tuple[Array, Any]:
         """The placement in the world, shape (4, 4) [m], and coal's geometry, of a shape that is one convex solid."""
-        raise NotImplementedError
+        raise NotImplementedError(f"{type(self).__name__} has neither `solid` nor `solids`")
 
     def solids(self) -> list[tuple[Array, Any]]:
         """Convex solids that it consists of, each as `solid` returns it."""

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
+from armdyn.errors import ProblemError
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Block, Nlp, build_nlp
 from armdyn.optimal.program.interval import CollocationInterval, IntervalFunctions, IntervalView, differentiated
@@ -107,6 +108,8 @@ def _stage_functions(rows: StageRows, place: IntervalView) -> IntervalFunctions:
     p, name = ca.vertcat(one.p, numbers), rows.expression.__name__.strip("_")
     q, v, a = (ca.SX.sym(letter, *one.q.shape) for letter in "qva")
     column = rows.expression(replace(one, q=q, v=v, a=a), numbers, *rows.of)
+    if not column.is_column():
+        raise ProblemError(f"rows of {rows.expression.__name__} have shape {column.shape}; they must be one column")
     if ca.depends_on(column, one.y):
         return differentiated(name, one.y, p, rows.expression(one, numbers, *rows.of), None, place.compile)
     motion, inner = (ca.vertcat(*map(ca.vec, part)) for part in ((q, v, a), (one.q, one.v, one.a)))

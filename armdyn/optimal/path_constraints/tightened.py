@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint, RequiredDistances
@@ -112,14 +113,19 @@ class TightenedConstraints:
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))
 
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """Parameters and bounds of these rows."""
-        return tuple(values for constraint in self.path_constraints for values in constraint.values(problem))
+        """Parameters and bounds of these rows.
+
+        Raises:
+            ProblemError: a constraint's values do not fit its rows.
+        """
+        return tuple(values for constraint in self.path_constraints for values in constraint.values_of_rows(problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
         """Check all path constraints along a motion; `passing`: times of the via points [s]."""
-        return ConstraintReports(
-            tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
-        )
+        reports = tuple(constraint.check(problem, motion, passing) for constraint in self.path_constraints)
+        for constraint, report in zip(self.path_constraints, reports, strict=True):
+            expect(report, ConstraintReport, f"result of {type(constraint).__name__}.check", "self.report(…)")
+        return ConstraintReports(reports)
 
     def tightened(self, problem: MinimumTimeProblem, reports: ConstraintReports) -> Self:
         """Tighten each path constraint that the motion has violated."""

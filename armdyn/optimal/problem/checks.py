@@ -120,6 +120,10 @@ def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec
                 f"path_constraints[{i}] = {shown(constraint)} is no path constraint; give values such as "
                 "FrameSpeedLimit(0.25) or TorqueRateLimit(50.0)"
             )
+        if not getattr(constraint, "name", ""):
+            raise ProblemError(
+                f'{type(constraint).__name__} has no name: give its class one, such as "tip-speed limits"'
+            )
         found.append(constraint)
     return tuple(found)
 

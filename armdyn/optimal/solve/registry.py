@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 from armdyn.codegen.deadline import NoTimeError, until
+from armdyn.errors import ProblemError
 from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt
@@ -47,4 +48,6 @@ def in_time(task: Task, build: Callable[[Scheme], S]) -> S:
 
 @built_once(maxsize=_KEPT)
 def _built(name: str, settings: SolverSettings, build: Callable[..., P], arguments: tuple[Hashable, ...]) -> Solver[P]:
+    if name not in SOLVERS:
+        raise ProblemError(f"there is no solver {name!r}; known: {', '.join(SOLVERS)}")
     return SOLVERS[name](build(*arguments), settings)

@@ -9,6 +9,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from armdyn.arguments import expect
 from armdyn.errors import ArmdynError, ArmdynWarning, ProblemError
 from armdyn.files import as_json
 from armdyn.models.robots.robot import Robot
@@ -77,7 +78,7 @@ def result_of(
     with warnings.catch_warnings(record=True) as caught:  # thousands of cases would flood the terminal
         warnings.simplefilter("always", ArmdynWarning)
         try:
-            result = task.work(settings, guess, revisit)
+            result = expect(task.work(settings, guess, revisit), CaseResult, "result of work", "CaseResult(status=…)")
         except ArmdynError as error:
             result = CaseResult(status="refused", message=str(error))
         except Exception as error:  # the row has the error; the other cases continue

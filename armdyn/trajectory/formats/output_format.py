@@ -38,8 +38,11 @@ def register(kind: type[OutputFormat]) -> None:
     """Add a format to `FORMATS`.
 
     Raises:
-        TrajectoryError: another format has its name.
+        TrajectoryError: another format has its name, or the class is incomplete.
     """
+    missing = [name for name in ("name", "suffix", "summary", "text") if not hasattr(kind, name)]
+    if missing:
+        raise TrajectoryError(f"{kind.__name__} is no output format: it has no {', '.join(missing)}")
     if FORMATS.setdefault(kind.name, kind) is not kind:
         raise TrajectoryError(f"there is a format {kind.name!r} already, {FORMATS[kind.name].__name__}")
 
