@@ -1,5 +1,6 @@
 """The code of docs/extending.md works as it stands there."""
 
+import ast
 import json
 import re
 from dataclasses import replace
@@ -45,6 +46,17 @@ def test_the_python_of_every_section_is_run():
     with_code = [name for name in re.findall("(?m)^## (.*)", DOCS) if "```python" in section(name)]
     assert with_code == re.findall(r'[=d] shown\("(.*)"\)', Path(__file__).read_text())
     assert sum(section(name).count("```python") for name in with_code) == DOCS.count("```python")
+
+
+def test_the_first_code_of_every_section_fits_into_the_package():
+    """It imports no registry, which imports it."""
+    registries = (
+        r"^(?:from|import) (armdyn|\S*\.registry|armdyn\.trajectory\.formats|armdyn\.models\.scene\.obstacles)\b(?!\.)"
+    )
+    for name in re.findall("(?m)^## (.*)", DOCS):
+        first = re.search(r"```python\n(.*?)```", section(name), re.S)[1]
+        assert not re.findall(registries, first, re.M), name
+        ast.parse(first)
 
 
 @pytest.fixture
