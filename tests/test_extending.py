@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as ca
 import coal
 import numpy as np
 import pinocchio as pin
@@ -13,15 +14,24 @@ import pytest
 
 import armdyn as ad
 from armdyn.cli.options.path_constraints import obstacles_of
+from armdyn.control.laws.readings import table
 from armdyn.control.laws.registry import CONTROLLERS
+from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models.scene.collision import collision_model
-from armdyn.models.scene.obstacles import SHAPES
+from armdyn.models.scene.obstacles import SHAPES, obstacle_entry
+from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
 from armdyn.optimal.path_constraints.registry import path_constraints_of
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.program.interval import CollocationInterval
+from armdyn.optimal.search.starts import spline
+from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.solve.registry import SOLVERS
+from armdyn.optimal.task.task import Task
 from armdyn.show.visuals import obstacle_shapes
 from armdyn.studies.tasks.registry import TASKS
-from armdyn.trajectory.formats import FORMATS
+from armdyn.studies.tasks.task import result_of
+from armdyn.trajectory.formats import FORMATS, register
 from cli.command import answer, run_here
 from problems import paper_arm
 
@@ -198,3 +208,86 @@ def test_an_obstacle_shape(wedge, tmp_path):
         obstacles_of(["wedge:0.1@0,0,0"])
     with pytest.raises(ProblemError, match="length of obstacle 'wedge' is 0"):
         wedge(0, 1, 1, [0, 0, 0])
+
+
+def test_a_constraint_with_a_mistake_is_refused_with_its_class():
+    class Wrong(FrameSpeedLimit):
+        def values(self, problem):
+            return ()
+
+        def check(self, problem, motion, passing):
+            return None
+
+    class Unnamed(FrameSpeedLimit):
+        name = ""
+
+    def of(limit):
+        return ad.MinimumTimeProblem(paper_arm("r"), q_start=[-1.0], q_goal=[0.5], path_constraints=[limit])
+
+    problem = of(Wrong(1.0))
+    constraints = TightenedConstraints.of(Task.of(problem))
+    with pytest.raises(ProblemError, match=r"Wrong\.values returns RowValues with \[\] numbers; its rows have \[1\]"):
+        constraints.values(problem)
+    with pytest.raises(ProblemError, match=r"result of Wrong\.check is None; it must be a ConstraintReport"):
+        constraints.check(problem, spline(problem, []), np.empty(0))
+    with pytest.raises(ProblemError, match="Unnamed has no name"):
+        of(Unnamed(1.0))
+    rows = replace(constraints.rows(problem)[0], expression=lambda *_: ca.SX(2, 3))
+    with pytest.raises(ProblemError, match=r"rows of <lambda> have shape \(2, 3\)"):
+        rows.functions(CollocationInterval(Dynamics(problem.robot, free_last_body=True), Task.of(problem).scheme))
+
+
+def test_a_solver_that_is_not_registered_is_refused_by_name():
+    task = Task.of(ad.MinimumTimeProblem(paper_arm("r"), q_start=[-1.0], q_goal=[0.5]))
+    task = replace(task, policy=task.policy.changed("program", solver="ipot"))
+    with pytest.raises(ProblemError, match="there is no solver 'ipot'; known: ipopt"):
+        solve_on_mesh(task, spline(task.problem, []), 10, task.alone())
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda law: None, "law returned None; it must return a Law"),
+        (lambda law: replace(law, rows=law.rows[:, :-1]), r"integral_gain are \[2, 2, 2, 2, \d+, 2, 2\]; they must be"),
+        (lambda law: replace(law, integral_gain=np.zeros(1)), r"2, 1\]; they must be"),
+    ],
+)
+def test_a_law_of_other_sizes_is_refused_with_these(change, words):
+    class Wrong(ad.ComputedTorque):
+        def law(self, robot, ticks, loop):
+            return change(super().law(robot, ticks, loop))
+
+    robot = paper_arm("rr")
+    with pytest.raises(ProblemError, match=words):
+        ad.track(robot, ad.ramp(robot, [0.0, 0.0], [0.1, 0.0], 0.1), Wrong())
+    with pytest.raises(ProblemError, match=words):
+        ad.sampled_stability(robot, [0.1, 0.0], Wrong(), ad.Loop())
+    with pytest.raises(ProblemError, match=r"different numbers of rows: \{'q': 5, 'v': 6\}"):
+        table({"q": np.zeros((5, 2)), "v": np.zeros((6, 2))})
+
+
+def test_an_incomplete_format_is_refused():
+    with pytest.raises(TrajectoryError, match="Wrong is no output format: it has no suffix, summary, text"):
+        register(type("Wrong", (), {"name": "wrong"}))
+
+
+@pytest.mark.parametrize("solid", [None, (np.zeros(3), coal.Sphere(0.1)), (np.eye(4), "box")])
+def test_an_obstacle_with_a_mistake_is_refused_with_its_class(solid):
+    class Wrong(ad.Sphere):
+        def solid(self):
+            return solid
+
+    one = Wrong((0.3, 0.0, 0.0), 0.05)
+    with pytest.raises(ProblemError, match=r"a solid of Wrong is .*; it must be a placement of shape \(4, 4\)"):
+        collision_model(paper_arm("r"), (one,), False)
+    with pytest.raises(ProblemError, match="Wrong has no name for files"):
+        obstacle_entry(one)
+
+
+def test_a_task_without_a_result_is_a_refused_case():
+    class Wrong:
+        def work(self, settings, guess, revisit=False):
+            return None
+
+    result, _ = result_of(Wrong(), {}, b"")
+    assert result.status == "refused" and "result of work is None; it must be a CaseResult" in result.message
