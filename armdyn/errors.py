@@ -39,7 +39,7 @@ class ArmdynError(Exception):
     """Root of all errors that armdyn raises on purpose. Its message is bounded, and can be written anywhere."""
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Arguments with which another process makes the error again."""
+        """Support pickling: the arguments that rebuild the error in another process."""
         return _made_again, (type(self), self.args), vars(self)
 
     def __str__(self) -> str:

@@ -159,7 +159,7 @@ def attributes(value: object, *names: str) -> dict[str, Any]:
 
 
 def csv_text(rows: Iterable[Iterable[object]]) -> str:
-    """Rows of cells as CSV; Python's floats with as many digits as they need, None as an empty cell."""
+    """Format rows as CSV: floats with the shortest exact digits, None as an empty cell."""
     content = io.StringIO(newline="")
     csv.writer(content, lineterminator="\n").writerows(rows)
     return content.getvalue()
@@ -283,7 +283,7 @@ def write_sealed(path: str | os.PathLike[str], data: bytes) -> Path:
 
 
 def read_sealed(path: str | os.PathLike[str], limit: int) -> bytes | None:
-    """The data that `write_sealed` wrote under this name; None where there is anything else, or nothing.
+    """Read data written by `write_sealed`; None if the file is missing, damaged or another one.
 
     Anything else: no regular file, a link, another user's file, one that others can write, one that cannot be read, is
     too long, has another name than it was written under, or is damaged. It never waits, as for a pipe's other end.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def facade(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
-    """`__getattr__`, `__dir__` and `__all__` of a package whose names are defined in other modules.
+    """`__getattr__`, `__dir__` and `__all__` of a package that imports its names lazily.
 
     The names are those of its type stub, the file `__init__.pyi`: a line `from MODULE import NAME as NAME` each. A
     module of the package, too, is found as its attribute, as if it had been imported with the package.

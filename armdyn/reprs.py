@@ -96,7 +96,7 @@ def several_numbers(array: Any) -> str:
 
 
 def _joined(head: str, parts: list[str], end: str) -> str:
-    """Head, as many of the parts as there is room for, and the end."""
+    """Join head, as many parts as fit on the line, and end."""
     line = head
     for i, part in enumerate(parts):
         more = f"{', ' if i else ''}{part}"

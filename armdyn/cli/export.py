@@ -208,22 +208,24 @@ def export(
     """
     with answering(json) as answer:
         kind = rows.kind
-        made = fields.fill(kind)
+        output_format = fields.fill(kind)
         mujoco.expect_format(kind)
         if kind is Mujoco and controller.read() is not None:
             raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
         motion, target = rows.motion(file), rows.target(file)
         preset = None if kind is Mujoco else preset_of(file, controller)
-        usual = _MODEL_RATE if mujoco.model else usual_rate(kind)
-        samples, ticks, deviation = sampled(made, motion, rows.rate, usual if preset is None else preset.chosen.rate)
-        found = None if preset is None else check_samples(preset, samples, isinstance(made, Ros2))
+        default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
+        samples, ticks, deviation = sampled(
+            output_format, motion, rows.rate, default_rate if preset is None else preset.chosen.rate
+        )
+        found = None if preset is None else check_samples(preset, samples, isinstance(output_format, Ros2))
         if found is not None and not found.ok and controller.preset is not None:
             answer.failed("refused", f"not written: {found}", NOT_USABLE)
             answer.facts["controller"] = found.facts()
             show_check(found, target.name)
             console.print("[red]not written[/]; without --preset it is, for simulations and figures")
             return
-        content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else made.text(samples)
+        content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
         target.parent.mkdir(parents=True, exist_ok=True)
         write_whole(target, content.encode())
         count, duration = samples.t.size, motion.duration
@@ -281,7 +283,7 @@ def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: 
 
 
 def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
-    """The arm that moved, from the result next to the file or as the user names it.
+    """Arm of the exported motion: from the result next to the file, or from the options.
 
     Raises:
         ArmdynError: it is not at hand, or another one moved.
@@ -308,23 +310,23 @@ def usual_rate(kind: type[OutputFormat]) -> float:
 
 
 def sampled(
-    made: OutputFormat, motion: Trajectory, rate: str | None, usual: float
+    output_format: OutputFormat, motion: Trajectory, rate: str | None, default_rate: float
 ) -> tuple[Samples, float | None, float | None]:
     """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.
 
     Args:
-        made: the format.
+        output_format: the format.
         motion: the motion.
         rate: value of --rate.
-        usual: rate without --rate [Hz].
+        default_rate: rate without --rate [Hz].
 
     Raises:
         TrajectoryError: the deviation is above the tolerance, and the rate was given.
     """
-    ticks = usual if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
+    ticks = default_rate if rate is None else number(rate, "--rate") if rate.strip() != "own" else None
     while True:
         samples = motion.resample(ticks)
-        deviation = getattr(made, "deviation", None)
+        deviation = getattr(output_format, "deviation", None)
         try:
             return samples, ticks, None if deviation is None else deviation(samples, motion)
         except TrajectoryError:

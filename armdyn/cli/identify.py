@@ -175,7 +175,7 @@ def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path)
 
 
 def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder: Path) -> list[Path]:
-    """The files: the identified robot with its likely arms, the report, the facts."""
+    """Write the identified robot with its likely arms, the report and the facts."""
     from armdyn.show.identification import write_identification
     from armdyn.show.page.facts import Facts
     from armdyn.show.results import result_head, save_results

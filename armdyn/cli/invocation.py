@@ -140,7 +140,7 @@ def _word(value: object) -> str:
 
 
 def plain(value: object) -> object:
-    """A value as JSON says it."""
+    """Convert a value to JSON types."""
     if isinstance(value, (list, tuple)):
         return [plain(one) for one in value]
     if isinstance(value, Enum):

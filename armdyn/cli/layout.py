@@ -52,7 +52,7 @@ class Command(TyperCommand):
 
 
 def _parse_then(ctx: Any) -> None:
-    """Parse the command after --then now, not when the first one is done, with a word for the arm that is to come."""
+    """Parse the command after --then before the first one runs, with a placeholder for its robot."""
     try:
         words = shlex.split(ctx.params["then"])
     except ValueError as error:

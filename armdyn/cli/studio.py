@@ -146,7 +146,7 @@ def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
 
 
 def _print_address(as_json: bool, folder: Path, host: str, requested: int, restored: bool, port: int) -> None:
-    """Say where the page is."""
+    """Print the page's address."""
     from armdyn.show.studio.origins import is_loopback
     from armdyn.show.studio.session import STATE_FILE
 

@@ -88,11 +88,11 @@ def compiled(
         return [ca.external(function.name(), library) for function in functions]
 
     size = sum(function.n_instructions() for function in functions)
-    return _had(_Recipe.of(compiler, generator.dump(), size, loaded), compile_mode, later) or functions
+    return _library_of(_Recipe.of(compiler, generator.dump(), size, loaded), compile_mode, later) or functions
 
 
 def compiled_library(source: str, instructions: int, compile_mode: bool | None = None) -> ctypes.CDLL | None:
-    """A library of C as `compiled` makes one of functions.
+    """Compile C sources into a cached library, like `compiled` for Functions.
 
     Args:
         source: in C.
@@ -112,7 +112,7 @@ def compiled_library(source: str, instructions: int, compile_mode: bool | None =
     compiler = _compiler()
     if compile_mode is False or compiler is None:
         return None
-    return _had(_Recipe.of(compiler, source, instructions, loaded), compile_mode)
+    return _library_of(_Recipe.of(compiler, source, instructions, loaded), compile_mode)
 
 
 def _compiler() -> str | None:
@@ -120,7 +120,7 @@ def _compiler() -> str | None:
     return shutil.which(os.environ.get("CC") or "cc") or shutil.which("gcc")
 
 
-def _had(recipe: "_Recipe[T]", compile_mode: bool | None, later: bool = False) -> T | None:
+def _library_of(recipe: "_Recipe[T]", compile_mode: bool | None, later: bool = False) -> T | None:
     """Load or build a recipe's library; None: continue without machine code."""
     build = bool(compile_mode) or (recipe.instructions <= _WORTH_IT and not later)
     later = not build

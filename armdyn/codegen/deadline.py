@@ -10,7 +10,7 @@ _stopped: ContextVar[Callable[[], bool]] = ContextVar("stopped", default=lambda:
 
 
 class NoTimeError(Exception):
-    """There is no time to compile: build without. It never leaves a solve."""
+    """Too little time is left to compile. Caught within every solve, which continues without machine code."""
 
 
 @contextmanager

@@ -276,7 +276,7 @@ class Cycle:
 
 @contextmanager
 def naming_step(step: int, name: str) -> Iterator[None]:
-    """Within it, errors say the step's number and name."""
+    """Context that adds a step's number and name to errors."""
     try:
         yield
     except CycleError:

@@ -1,4 +1,4 @@
-"""Cycle files: a cycle in TOML, by the names that it has in Python. docs/cycles.md says how."""
+"""Cycle files: a `Cycle` in TOML with the names of its Python arguments; see docs/cycles.md."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class CycleFile:
 
 
 def read_cycle(path: str | os.PathLike[str]) -> Cycle:
-    """The cycle that a file describes; docs/cycles.md says how.
+    """Read a cycle from a TOML file; see docs/cycles.md.
 
     The file may be untrusted: it is read up to a size, files that it names are inside its own folder, and
     nothing is downloaded.

@@ -163,7 +163,7 @@ class CycleGraph:
         return order_of_many(_nearest(between))[1]
 
     def _between(self, lengths: dict[Arc, Array]) -> list[list[Array]]:
-        """Lengths between the ends of jobs, as `best_order` takes them."""
+        """Lengths between the ends of jobs, the input of `best_order`."""
         cycle, jobs = self.cycle, _moves_of_jobs(self.cycle)
         first = len(self.positions[0])
         rows = []
@@ -200,7 +200,7 @@ def _back(cycle: Cycle) -> int | None:
 
 
 def _sequence(cycle: Cycle, order: Sequence[int]) -> list[Arc]:
-    """The arcs of a cycle whose jobs are done in an order."""
+    """Arcs of a cycle for one order of its jobs."""
     jobs, back = _moves_of_jobs(cycle), _back(cycle)
     moves = [move for job in order for move in jobs[job]] + ([] if back is None else [back])
     return list(zip([0, *(move + 1 for move in moves[:-1])], moves, strict=True))

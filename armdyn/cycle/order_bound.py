@@ -19,7 +19,7 @@ from armdyn.optimal.task.policy.bound import BoundPolicy
 
 
 def order_bound(graph: CycleGraph, enough: float, effort: Effort) -> float:
-    """Lower bound on the time of all moves in any order [s]; 0 says nothing.
+    """Lower bound on the time of all moves in any order [s]; 0 if none is known.
 
     Args:
         graph: graph of a cycle in free order.

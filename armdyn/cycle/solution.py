@@ -172,7 +172,7 @@ class CycleSolution:
 
     @property
     def decides(self) -> tuple[tuple[str, float], ...]:
-        """Names of the limits that decide the duration, and of the rests, and their shares in it, most first."""
+        """Active limits and rests by name, each with its share of the cycle's duration, largest first."""
         rests = [("rests", self.cycle.dwell / self.duration)] if self.cycle.dwell and self.legs else []
         return tuple(sorted([*((one.name, one.part) for one in self.shares), *rests], key=lambda one: -one[1]))
 

@@ -193,7 +193,7 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> flo
 
 
 def _why(graph: CycleGraph) -> str:
-    """Reason that there is no tour: the message of the first infeasible move."""
+    """Reason for a missing tour: the message of the first infeasible move."""
     moves = graph.cycle.moves
     reasons: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
     for edge, one in graph.solutions.items():

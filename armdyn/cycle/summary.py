@@ -56,7 +56,7 @@ def cycle_summary(solution: CycleSolution, before: Cycle, costs: Sequence[CycleC
 
 
 def _numbers(before: Cycle, cycle: Cycle) -> list[int]:
-    """Numbers that the steps of an ordered cycle had before."""
+    """Original numbers of the steps of an ordered cycle."""
     left = dict(enumerate(before.steps, start=1))
     found = []
     for step in cycle.steps:
@@ -80,7 +80,7 @@ def _cost(cost: CycleCost, number: int) -> dict[str, Any]:
 
 
 def _steps(solution: CycleSolution, costs: Sequence[CycleCost], order: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Steps in the order of the motion, with the way back, as far as they are solved."""
+    """Solved steps in the order of the motion, with the return to the start."""
     cycle, legs = solution.cycle, {leg.leg.step: leg for leg in solution.legs}
     begin, last = 0.0, max(legs, default=0)
     for k in range(1, max(len(cycle.steps), last) + 1):

@@ -20,7 +20,7 @@ _library = cache(compiled_library)
 
 
 class Plant(NamedTuple):
-    """An arm whose last body and friction are numbers, so that all its payloads share one function."""
+    """Forward dynamics with payload and friction as parameters, so that all payloads share one function."""
 
     function: ca.Function
     """a(q, v, tau, p)."""
@@ -125,7 +125,7 @@ def drive(
 
 @built_once(maxsize=256)
 def _callable(function: ca.Function) -> Any:
-    """A Function for the bridge: in machine code where there is a compiler."""
+    """CasADi Function for the bridge, compiled if a compiler is available."""
     import _armdyn_bridge as bridge
 
     generator = ca.CodeGenerator("armdyn.c", {"with_header": False})

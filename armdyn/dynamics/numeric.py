@@ -38,7 +38,7 @@ def bridge_arm(robot: Robot) -> Any:
 
 @built_once(maxsize=16)
 def _arguments(robot: Robot) -> dict[str, Any]:
-    """Arguments of the bridge's `Arm`, which accelerates as `pin.aba` says."""
+    """Constructor arguments of the bridge's `Arm`, whose acceleration equals `pin.aba`."""
     import _armdyn_bridge as bridge
 
     friction, n = robot.friction, robot.nv

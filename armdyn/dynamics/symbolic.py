@@ -216,7 +216,7 @@ def _functions(tree: Tree, payload_joint: int) -> dict[str, ca.Function]:
 def _with_friction(
     tree: tuple[Tree, int], damping: bytes, coulomb: bytes, width: float | bytes
 ) -> dict[str, ca.Function]:
-    """The Functions of a tree whose joints lose damping v + coulomb tanh(v / width)."""
+    """Dynamics of a tree with joint friction damping v + coulomb tanh(v / width)."""
     smooth = dict(_functions(*tree))
     viscous, dry = (ca.DM(np.frombuffer(data)) for data in (damping, coulomb))
     over = ca.DM(np.frombuffer(width)) if isinstance(width, bytes) else width

@@ -21,7 +21,7 @@ changes the torque of the joint with most load by less."""
 
 
 def check_log(robot: Robot, log: Log, signals: Signals) -> None:
-    """Refuse a log that does not fit the arm.
+    """Raise unless a log fits the arm.
 
     Args:
         robot: the arm.

@@ -192,7 +192,7 @@ def _systems(
 
 
 def _fitted(systems: list[_System], options: IdentifyOptions) -> tuple[Equations, Fit]:
-    """The equations whose widths of Coulomb friction leave each joint the least residuals, and their fit."""
+    """Fit with the widths of Coulomb friction that minimise each joint's residuals; the equations and the fit."""
     best = systems[0]
     if len(systems) > 1:
         noise = np.array([one.fit(FitOptions(weights=(1.0,), rounds=2)).noise for one in systems])

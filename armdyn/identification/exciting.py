@@ -211,7 +211,7 @@ class _Search:
         return prove_clearance(self.collision, self.motion(coefficients), self.options.clearance)[0].sure
 
     def condition(self, coefficients: Array) -> float:
-        """Condition number of the scaled regressor on the combinations that motions tell."""
+        """Condition number of the scaled regressor, restricted to the identifiable combinations."""
         every = max(1, self.t.size // 150)
         q, v, a = (one[::every] for one in self.states(coefficients))
         columns, _ = self.equations.at(q, v, a, every=1)

@@ -161,7 +161,7 @@ def fit(unknowns: Unknowns, columns: Array, torque: Array, options: FitOptions) 
 def _best_weight(
     unknowns: Unknowns, columns: Array, torque: Array, weights: Array, normal: Normal, options: FitOptions
 ) -> float:
-    """The weight of the divergence that predicts left-out parts of the data best."""
+    """Weight of the divergence from the prior, chosen by cross-validation."""
     parts = np.array_split(np.arange(len(torque)), options.folds)
     left_out = [Normal.of(columns[part], torque[part], weights[part]) for part in parts]
     errors = np.zeros(len(options.weights))

@@ -71,7 +71,7 @@ class _Batch:
         self._known, self._usable, self._began = dict[int, Solution](), 0, time.monotonic()
 
     def solve(self, k: int, stop: Stop) -> None:
-        """Solve a problem in this process, unless it is solved or does not exist."""
+        """Solve one problem in this process, unless it is already solved or past the end."""
         if stop or k in self._known or k >= len(self.problems):
             return
         solution = _solved(self.problems[k], self.options)

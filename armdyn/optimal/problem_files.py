@@ -146,7 +146,7 @@ def _arguments(table: Table, robot: Robot) -> dict[str, Any]:
 
 
 def only_tables(file: Table, own: Sequence[str]) -> None:
-    """Refuse tables that a file does not have: of a file of another kind the message names the command that takes it.
+    """Raise for unknown tables; for a file of another kind the message names its command.
 
     Args:
         file: whole.

@@ -64,5 +64,5 @@ def position(text: str, what: str, slides: bool | None = False, *, degrees: bool
 
 
 def unit_said(text: str) -> bool:
-    """Whether a position says its unit, or is a part of pi."""
+    """Whether a position has a unit, or is a fraction of pi."""
     return bool(_WITH_UNIT.fullmatch(text.strip())) or "pi" in text

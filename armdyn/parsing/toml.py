@@ -114,11 +114,11 @@ class Table:
                 raise self.error(key, f"no {what} {shown(key)} {where}{meant}")
 
     def called(self, key: str) -> str:
-        """A key as messages say it: the names on the way to it."""
+        """Full name of a key for messages, with the tables that contain it."""
         return ".".join((*self.within, key))
 
     def table(self, key: str) -> Table:
-        """A table within this one; an empty one where there is none.
+        """Subtable by its key; empty if missing.
 
         Raises:
             ProblemError: it is something else.
@@ -129,7 +129,7 @@ class Table:
         return Table(self.path, value, self.lines, (*self.within, key))
 
     def tables(self, key: str) -> list[Table]:
-        """The tables of an array of tables within this one, [[key]]; none where there is none.
+        """Tables of an array of tables, [[key]]; empty if missing.
 
         Raises:
             ProblemError: it is something else.
@@ -143,7 +143,7 @@ class Table:
         ]
 
     def text(self, key: str, default: str, known: tuple[str, ...] = ()) -> str:
-        """A text, one of those that are known if there are any.
+        """Text of a key, restricted to the known values if any are given.
 
         Raises:
             ProblemError: it is something else.

@@ -63,7 +63,7 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 
 
 def _verdict(estimate: Estimate) -> tuple[str, str, str]:
-    """Level, headline and sentence."""
+    """Verdict on an identification: level ("good", "fair" or "bad"), headline and sentence."""
     if estimate.warnings:
         text = estimate.warnings[0]
         return "fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}."

@@ -130,7 +130,7 @@ def run_handles(captions: Sequence[str]) -> list[Line2D]:
 
 
 def switches(trajectory: Trajectory) -> tuple[tuple[float, ...], ...]:
-    """Times at which each joint's torque changes sides [s]; small steps of a mesh or a controller are left out.
+    """Switching times of each joint's torque [s]; small steps of a mesh or a controller are ignored.
 
     A change of sides is a jump by more than 0.4 of the torque's range.
     """

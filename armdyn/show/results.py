@@ -81,7 +81,7 @@ def source_name(source: str) -> str:
 
 
 def _file_from(folder: Path, source: str) -> str:
-    """Path from a folder to the file that a robot was read from; empty: it comes with a package, or is of no file.
+    """Relative path from a folder to a robot's file; empty for robots of packages or without a file.
 
     Args:
         folder: of the result.

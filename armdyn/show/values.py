@@ -131,7 +131,7 @@ def _card(title: str, facts: Mapping[str, str], *parts: Html) -> Html:
 
 
 def _joints(names: Sequence[str], limits: JointLimits, more: Mapping[str, Array] | None = None) -> Html:
-    """A row for each joint, of its limits and other numbers [rad or m, and so on]."""
+    """Table of the joints: limits and further numbers, one row per joint."""
     more = more or {}
     head = ("joint", *more, "position [rad or m]", "velocity [rad/s or m/s]", "torque [N m or N]")
     rows = [

@@ -1,4 +1,4 @@
-"""Random arms: ranges in which they differ from a controller's model, samples, and the arms that these make."""
+"""Monte Carlo over plants: parameter ranges about a controller's model, samples, and the sampled arms."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ class PlantSample:
     likely: int | None = None
 
     def arm(self, robot: Robot, likely: Sequence[Robot] = ()) -> Robot:
-        """The arm with these differences from a model, or from the likely arm that was drawn."""
+        """Arm of a sample: a model, or a drawn likely arm, with the sampled differences."""
         robot = robot if self.likely is None else likely[self.likely]
         damping, coulomb = robot.friction.per_joint(robot.nv)
         arm = robot if self.payload == 1 else with_payload_times(robot, self.payload)

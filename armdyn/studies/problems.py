@@ -159,7 +159,7 @@ def with_checksum(robot: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def place_of(values: Any, name: str, joints: Sequence[str]) -> tuple[Any, Any]:
-    """The table or list in which a setting stands, and its key there.
+    """Container of a setting, and its key in it.
 
     The way goes through keys of tables, and through lists by numbers from 0, by the names of joints, or by the names
     of members; of a cycle's moves by theirs.

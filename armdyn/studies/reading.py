@@ -93,7 +93,7 @@ def _study(table: Table, task: StudyTask, axes: Sequence[Axis]) -> Study:
 
 
 def _flat(table: Table, into: tuple[str, ...] | None, way: str = "") -> Iterator[tuple[Table, str, Any]]:
-    """Settings by their whole names, with the table that each stands in.
+    """Settings by their full names, each with its table.
 
     Args:
         table: of settings; a name may lead into tables, `q_goal.joint2 = …`.
@@ -115,7 +115,7 @@ def _is_range(value: Mapping[str, Any]) -> bool:
 
 
 def _named_poses(table: Table) -> dict[str, tuple[str, ...]]:
-    """Poses that cases set by their names, as `[vary] q_goal = ["ready", "up"]` does."""
+    """Poses set by name in cases, such as `[vary] q_goal = ["ready", "up"]`."""
     found: dict[str, tuple[str, ...]] = {}
     for own in (table.table("fixed"), table.table("vary")):
         for pose in POSES:

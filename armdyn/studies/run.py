@@ -1,4 +1,4 @@
-"""Engine of all studies: an executor does the cases, and each has a row as soon as it has ended."""
+"""Engine of all studies: an executor runs the cases, and each result is stored as a row at once."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SURE = 2.0
 
 
 class TimeLeft:
-    """Estimate by the mean and variance of the cases that have ended.
+    """Estimate of the remaining time from the mean and variance of the ended cases.
 
     A case's time is taken as a random number with the mean and variance seen. That is wrong where later cases are
     harder than earlier ones, as along a grid's axis: the estimate then lags behind, and its range is too narrow.
@@ -115,7 +115,7 @@ class StudyRun:
 
 
 class ChainTask(StudyTask, Protocol):
-    """Task whose cases are tried again with the motions of later ones."""
+    """Task whose cases are solved again from the motions of later cases."""
 
     def promising(self, row: StudyRow, later: StudyRow) -> bool:
         """Whether the motion of a later case may improve a row."""

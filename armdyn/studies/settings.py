@@ -53,7 +53,7 @@ def label(name: str) -> str:
 
 
 def check_setting(name: str, value: object, signs: Mapping[str, Sign], problems: ArmProblems) -> Value:
-    """Value of a setting, if there is such a setting.
+    """Check name and value of a setting.
 
     Args:
         name: of the setting; with dots it leads into lists and tables of [problem].

@@ -1,4 +1,4 @@
-"""A study: a task, the settings that vary, and the cases that they make."""
+"""Study: a task and the settings that vary; each combination is a case."""
 
 import hashlib
 import json

@@ -31,7 +31,7 @@ def flat(row: StudyRow) -> dict[str, Any]:
 
 
 def study_table(file: str | os.PathLike[str]) -> list[dict[str, Any]]:
-    """All rows of a study's file as `flat` gives them, in memory; `pandas.DataFrame` takes them.
+    """All rows of a study's file as flat dictionaries, ready for `pandas.DataFrame`.
 
     Raises:
         FileError: there is no such file.

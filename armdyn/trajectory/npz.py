@@ -91,7 +91,7 @@ def opened(path: str | os.PathLike[str]) -> Iterator[zipfile.ZipFile]:
 
 
 def is_own(path: str | os.PathLike[str]) -> bool:
-    """Whether a file looks like one that `write` wrote; its content is not checked."""
+    """Whether a file has the member names of `write`; its content is not checked."""
     try:
         with opened(path) as file:
             return "format.npy" in file.namelist()

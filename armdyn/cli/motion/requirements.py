@@ -34,7 +34,7 @@ class Requirement:
 
 
 def requirements_of(texts: Sequence[str]) -> tuple[Requirement, ...]:
-    """Requirements as --require says them.
+    """Parse the requirements of --require.
 
     Raises:
         ProblemError: a text is no requirement.

@@ -120,7 +120,7 @@ def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
 
 
 def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:
-    """Torque-speed curves as options say them, by the names of joints; None: no option was given."""
+    """Parse the options of torque-speed curves, by joint name; None without such an option."""
     curves: dict[str, list[list[float]]] = {}
     for text in texts or ():
         name, _, points = text.partition("=")

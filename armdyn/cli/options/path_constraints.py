@@ -149,7 +149,7 @@ class PathConstraintOptions(SceneOptions):
 
 
 def obstacles_of(texts: Sequence[str], option: str = "--obstacle") -> tuple[Obstacle, ...]:
-    """Obstacles as --obstacle says them, or shapes of another option.
+    """Parse obstacles of --obstacle, or shapes of another option.
 
     Raises:
         ProblemError: a text is no shape and no file, or the file has none.

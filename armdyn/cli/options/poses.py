@@ -141,7 +141,7 @@ class GoalOptions:
 
 
 def goal_pose_of(text: str) -> ad.GoalPose:
-    """A goal pose as --goal-pose says it.
+    """Parse a goal pose of --goal-pose.
 
     Raises:
         ProblemError: the text is no goal pose.

@@ -100,7 +100,7 @@ class ProblemOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ArmOptions:
-    """An arm that goes from rest at one pose to rest at another, or a problem file instead of a robot."""
+    """Options of a rest-to-rest motion: robot or problem file, start and goal."""
 
     poses: PoseOptions
     payload: PayloadOptions

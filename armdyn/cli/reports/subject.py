@@ -125,7 +125,7 @@ def _is_file(name: str) -> bool:
 
 
 def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
-    """The robot as it was when it moved; unless the user names it, it is searched in the library only."""
+    """Robot of a saved motion, with its payload and options; without --robot it is searched in the library only."""
     options, model = facts.part("request").part("options"), facts.part("model")
     payload, tool = (model.part(part).given() for part in ("payload", "tool"))
     carried = spec.payload or (payload_from(payload) if payload else None)

@@ -15,7 +15,7 @@ from armdyn.errors import ProblemError
 
 @dataclass(frozen=True)
 class NamedController:
-    """A controller made of numbers.
+    """Controller that is made from numbers on the command line or in a study file.
 
     Attributes:
         settings: signs of the numbers by name, in the order of `armdyn track --gains`.

@@ -37,7 +37,7 @@ class Law:
 
 @runtime_checkable
 class Controller(Protocol):
-    """A controller: numbers, and the law that they make for a robot, a reference and a loop."""
+    """Protocol of controllers: parameters and a control law for a robot, a reference and a loop."""
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
         """The law along a reference.

@@ -115,7 +115,7 @@ def _widened(table: Array, none: Array) -> Array:
 
 
 def _arm(arms: Sequence[Plant]) -> Plant:
-    """Arms chosen by the torques behind those of the joints."""
+    """Dynamics that select the arm by indices appended to the joint torques."""
     functions = [one.function for one in arms]
     nv, more = functions[0].size1_out(0), len(arms)
     q, v, tau = (ca.SX.sym(name, nv + more) for name in ("q", "v", "tau"))

@@ -120,7 +120,7 @@ def _unholdable(robot: Robot, goal: Array) -> list[str]:
 
 
 def pid_summary(run: Run) -> dict[str, object]:
-    """A run of `simulate_pid` as JSON says it: success is that it arrived; units as in `Run`."""
+    """Summary of a run of `simulate_pid` for JSON: success means that it arrived; units as in `Run`."""
     return {
         "success": run.arrival_time is not None,
         "status": str(run.status),

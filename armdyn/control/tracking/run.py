@@ -115,7 +115,7 @@ class Run:
         }
 
     def summary(self) -> dict[str, object]:
-        """A run as JSON says it: success is that it settled; units as above."""
+        """Summary of the run for JSON: success means that it settled; units as above."""
         errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time", "overshoot")
         own = attributes(self, "message", "settled_time", *errors)
         facts = {"success": self.settled, "status": str(self.status), **own}

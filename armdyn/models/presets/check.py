@@ -74,7 +74,7 @@ def commands_of(motion: Trajectory | Planned, rate: float) -> Commands:
 
 
 def _rounding(q: Array) -> float:
-    """Largest decimal step, 1e-3 to 1e-8 rad, of which all positions are multiples; 0: there is none."""
+    """Rounding of the positions: the largest decimal step, 1e-3 to 1e-8 rad, that divides all of them; 0: none."""
     moving = q[:, np.ptp(q, axis=0) > 0]
     for step in (10.0**-digits for digits in range(3, 9)):
         if moving.size and np.allclose(moving / step, np.round(moving / step), rtol=0, atol=1e-4):
@@ -119,7 +119,7 @@ REST_ACCELERATION = 1e-2
 
 @dataclass(frozen=True)
 class ConditionCheck:
-    """One condition on one joint.
+    """Check of one condition of a controller preset on one joint.
 
     Attributes:
         condition: name of the condition, a key of `interface.UNITS`.
@@ -160,7 +160,7 @@ class ConditionCheck:
 
     @property
     def first_shown(self) -> str:
-        """`first_value` with five digits, or as many as tell it from the limit; empty: the condition is kept."""
+        """`first_value` with five digits, or enough to differ from the limit; empty if the condition is satisfied."""
         if self.first_value is None:
             return ""
         candidates = (f"{self.first_value:.{digits}g}" for digits in range(5, 10))

@@ -94,7 +94,7 @@ class ControllerPreset:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Self:
-        """A preset of a TOML file; docs/presets.md says how. The file may be untrusted: it is bounded and checked.
+        """Read a preset from a TOML file; see docs/presets.md. The file may be untrusted: it is bounded and checked.
 
         Raises:
             FileError: the file cannot be read, or is too large.
@@ -116,7 +116,7 @@ class ControllerPreset:
 
     @classmethod
     def from_table(cls, table: Table, key: str) -> Self:
-        """A preset as a key of a file says it: "franka-panda", "franka-panda:torque", a file, or a table.
+        """Preset of a key in a file: "franka-panda", "franka-panda:torque", a path, or a table.
 
         Raises:
             ProblemError: the preset is unknown or malformed; the message has the line.
@@ -195,7 +195,7 @@ class ControllerPreset:
         return self.limits.taper if "velocity" in self.chosen.conditions else None
 
     def expect_joints(self, joints: Sequence[str], whose: str = "the robot") -> None:
-        """Refuse a robot or a motion whose joints are not the preset's.
+        """Raise unless a robot's or motion's joints are the preset's.
 
         Raises:
             ProblemError: another number of joints, or other names.

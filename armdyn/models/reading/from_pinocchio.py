@@ -36,7 +36,7 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """An arm as it was read from a file or a model.
+    """Result of reading an arm from a file or a Pinocchio model.
 
     Attributes:
         model: of the moving joints only.

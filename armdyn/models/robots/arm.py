@@ -141,7 +141,7 @@ class Arm:
 
     @property
     def attached(self) -> tuple[Payload, ...]:
-        """The tool and the payload, as far as there are any."""
+        """Tool and payload, each only if present."""
         return tuple(body for body in (self.options.tool, self.payload) if body is not None)
 
     @property
@@ -191,7 +191,7 @@ class Arm:
         return replace(self, limits=replace(limits, actuators=own if own.curves else ConstantTorque(*ends)))
 
     def with_passive(self, joints: Iterable[str]) -> Self:
-        """This robot with no motor at some more of its joints, by their names.
+        """Copy of the robot with further joints without a motor, by name.
 
         Raises:
             SpecError: there is no such joint.

@@ -123,7 +123,7 @@ def reversed_motion(robot: Robot, motion: Trajectory) -> Trajectory:
 
 
 def _bare(load: Load | None) -> Load | None:
-    """The load as it changes the equations of motion."""
+    """The load without its name and geometry: what the equations of motion depend on."""
     return load if load is None else replace(load, at_flange=None) if load.mass else Load(0.0)
 
 

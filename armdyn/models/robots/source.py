@@ -59,7 +59,7 @@ class RobotSource:
 
     @classmethod
     def named(cls, name: str) -> RobotSource:
-        """The source that a name stands for: r, rr or rrr, a file, a name of robot_descriptions, or of the library.
+        """Source of a robot by its name: r, rr or rrr, a file, a name of robot_descriptions, or one of the library.
 
         Raises:
             UnknownRobotError: there is no robot of that name.

@@ -59,7 +59,7 @@ def _arguments(entry: Mapping[str, Any], what: str, folder: str | os.PathLike[st
 
 
 def payload_entry(body: Payload) -> dict[str, Any]:
-    """A payload as `payload_from` takes it, or a tool as `tool_from`."""
+    """Entry of a payload or tool for files, the inverse of `payload_from` and `tool_from`."""
     entry: dict[str, Any] = {"mass": body.mass, "com": list(body.com), "inertia": list(body.inertia)}
     entry |= {} if body.frame is None else {"frame": body.frame}
     entry |= {} if body.name == "payload" else {"name": body.name}

@@ -40,7 +40,7 @@ class Clearance:
     points: tuple[Point, Point] | None = None
 
     def bodies(self) -> str:
-        """The distance in words."""
+        """The two bodies and their distance in words."""
         if abs(self.distance) < _TOUCHES:
             return f"{self.body!r} touches {self.other!r}"
         how = f"{1e3 * self.distance:.1f} mm from" if self.distance > 0 else f"{-1e3 * self.distance:.1f} mm inside"
@@ -220,7 +220,7 @@ class CollisionModel:
 
 
 def _poses(q: ArrayLike) -> Array:
-    """Joint positions, shape (poses, nv), as C++ takes them."""
+    """Joint positions as a contiguous array for C++, shape (poses, nv)."""
     return np.atleast_2d(np.ascontiguousarray(q, dtype=float))
 
 

@@ -1,4 +1,4 @@
-"""Solids of an arm among obstacles as `_collision/`, in C++, takes them, and the pairs of them that could touch."""
+"""Solids of an arm and of obstacles for the C++ module in `_collision/`, and the pairs that could touch."""
 
 from collections.abc import Collection, Sequence
 from typing import Any
@@ -122,7 +122,7 @@ _MOUNTED = 0.01
 def scene_geometry(
     robot: Robot, obstacles: Sequence[Obstacle], self_collision: bool, allowed: Collection[tuple[str, str]]
 ) -> tuple[list[str], list[dict[str, Any]], Index]:
-    """Solids of a scene and the pairs of them whose distance counts.
+    """Solids of a scene, and the pairs whose distance is computed.
 
     Pairs of links are those of `apart`; links that do not move are not compared with obstacles.
 

@@ -54,7 +54,7 @@ def read_planning_scene(file: Path, frames: Mapping[str, pin.SE3 | None]) -> Rea
 
 
 def _refuse(scene: Mapping[str, Any], world: Mapping[str, Any]) -> None:
-    """Complain of parts of a scene that would be left out."""
+    """Raise if a scene has parts that would be ignored."""
     octomap = world.get("octomap") or {}
     if _table(_table(octomap, "octomap").get("octomap") or octomap, "octomap").get("data"):
         raise ProblemError("world.octomap has data, which is not read: give its points as a PointCloud")

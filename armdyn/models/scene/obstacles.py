@@ -1,4 +1,4 @@
-"""Obstacles: the shapes that there are, from JSON and TOML and back, and the checks of a scene of them."""
+"""Registry of obstacle shapes; obstacles in JSON and TOML; checks of a scene."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _members(entries: object, folder: str | os.PathLike[str] | None) -> list[Obs
 
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
-    """An obstacle as `obstacle_from` takes it, and JSON says it."""
+    """Entry of an obstacle for JSON and TOML files, the inverse of `obstacle_from`."""
     kinds = [kind for kind, made in SHAPES.items() if type(obstacle) is made]
     if not kinds:
         raise ProblemError(f"{type(obstacle).__name__} has no name for files: add it to `SHAPES`")
@@ -130,7 +130,7 @@ def _plain(value: Any) -> Any:
 
 
 def load_obstacles(path: str | os.PathLike[str]) -> tuple[Obstacle, ...]:
-    """Obstacles from a JSON file: a list of objects as `obstacle_from` takes them.
+    """Read obstacles from a JSON file: a list of entries of `obstacle_from`.
 
     Raises:
         ProblemError: the file cannot be read, or says something else.

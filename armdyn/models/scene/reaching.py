@@ -74,7 +74,7 @@ class GoalPose:
 
     @cached_property
     def oriented(self) -> bool:
-        """Whether it says an orientation, too."""
+        """Whether the goal pose has an orientation."""
         return not np.all(np.isinf(self.deviations[3:]))
 
     @cached_property
@@ -184,7 +184,7 @@ def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
 
 
 def approached(robot: Robot, goal: GoalPose, near: Array, limits: JointLimits) -> tuple[Array, Array]:
-    """Joint positions, from nearby ones, that bring a frame to a goal, or as near as the way there leads.
+    """Inverse kinematics from nearby joint positions: the solution, or the nearest position reached.
 
     Args:
         robot: the arm.

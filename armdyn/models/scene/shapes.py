@@ -17,7 +17,7 @@ from armdyn.models.values.placement import Placement, Point, homogeneous, point
 
 
 class Obstacle:
-    """A body that stands in the world: a frozen dataclass of numbers in metres.
+    """Obstacle: a body fixed in the world, a frozen dataclass with lengths in metres.
 
     A new shape is a subclass with `solid`, or `solids` if it is not convex, and its line in `obstacles.SHAPES`. Fields
     are points or numbers, or `placement`, a pose.
@@ -211,7 +211,7 @@ class Box(Obstacle):
 
 
 def primitive(kind: str, sizes: Array, pose: Array, name: str) -> Obstacle:
-    """A shape as URDFs and MoveIt say it: around the origin of a pose, round ones along its z axis.
+    """Shape by the convention of URDF and MoveIt: centred at a pose, with round shapes along its z axis.
 
     Args:
         kind: "box", "sphere", "cylinder" or "capsule".

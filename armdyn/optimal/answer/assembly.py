@@ -160,7 +160,7 @@ def with_certificate(solution: Solution, certificate: Certificate) -> Solution:
 
 
 def _judged(task: Task, optimum: Optimum, bound: float | None) -> Optimum:
-    """Add to the certificate of a landed optimum the lower bound, and for an extremal the adjoint equations' error."""
+    """Complete a landed optimum's certificate: lower bound and, for an extremal, the error of the adjoint equations."""
     certificate = replace(optimum.certificate, landing=task.options.replay_tolerance)
     certificate = certificate.bounded(None if task.problem.pays_effort else bound, optimum.trajectory.duration)
     return with_adjoint_check(task, replace(optimum, certificate=certificate))

@@ -1,4 +1,4 @@
-"""Arcs of known structure as one nonlinear program whose durations are unknown.
+"""Nonlinear program of arcs with known structure and unknown durations.
 
 Every arc is a phase of five-stage Radau IIA collocation on which the torque (or the velocity, or the position)
 of each joint stays on its limit. The unknowns are the durations: within a phase the motion

@@ -61,7 +61,7 @@ class LinearProgram:
         return first + np.arange(right.size).reshape(right.shape)
 
     def diagonal(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: ArrayLike) -> None:
-        """Add one entry for each row."""
+        """Add coefficients elementwise: one unknown per row."""
         self.entries.append((rows.ravel(), unknowns.ravel(), np.broadcast_to(values, rows.shape).ravel()))
 
     def blocks(self, rows: NDArray[np.intp], unknowns: NDArray[np.intp], values: Array) -> None:

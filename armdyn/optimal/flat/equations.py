@@ -235,7 +235,7 @@ def end_torque_rows(problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
 
 
 def end_torque_values(problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-    """Torque limits over half the torques' ranges."""
+    """Bounds of `end_torque_rows`: the torque limits divided by half the torque range."""
     actuators = problem.limits.actuators
     bounds = RowValues(actuators.lower / actuators.half_range, actuators.upper / actuators.half_range)
     return (bounds,) * len(end_torque_rows(problem))

@@ -1,4 +1,4 @@
-"""Initial curves of a live motion: the rest of the last one, bent to the new goal, and a direct one."""
+"""Initial curves of a live motion: the rest of the last motion, deformed to the new goal, and a direct one."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Base of all path constraints, as the problem knows them."""
+"""Base class of path constraints in a problem: name, checks, entry in files."""
 
 from typing import Any, ClassVar, Self
 
@@ -8,7 +8,7 @@ from armdyn.models.robots.robot import Robot
 
 
 class PathConstraintSpec:
-    """A path constraint, as `MinimumTimeProblem.path_constraints` takes it: derive from `PathConstraint`.
+    """Element of `MinimumTimeProblem.path_constraints`; new constraints derive from `PathConstraint`.
 
     Attributes:
         name: plural, for messages: "torque-rate limits".

@@ -59,7 +59,7 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
 
     def refined_further(k: int) -> _Reached:
         begun = _Reached(attempts[k], shared or ResolvedMotions(meshes), left=numbers.budget * 2 / 3 ** (k + 1))
-        return _up(task, few if k else many, _on(task, options.intervals, begun))
+        return _on_finer_meshes(task, few if k else many, _on_mesh(task, options.intervals, begun))
 
     optima: list[Optimum] = []
     cutoff = np.inf
@@ -67,7 +67,7 @@ def refined(task: Task, found: SearchResult) -> tuple[list[Optimum], bool]:
     jobs = [partial(refined_further, k) for k in range(len(attempts))]
     for k, reached in enumerate(in_processes(jobs, 1 if alone else task.workers, first_here=True)):
         landed = any(optimum.landed(options.replay_tolerance) for optimum in optima)
-        optima.append(_optimum(task, reached if landed else _up(task, many, reached)))
+        optima.append(_optimum(task, reached if landed else _on_finer_meshes(task, many, reached)))
         if shared and optima[k].certificate.ok:
             shared.best = min(shared.best, optima[k].cost)
         if optima[k].usable(options.replay_tolerance):
@@ -106,8 +106,8 @@ class _Reached:
     left: float = np.inf
 
 
-def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
-    """Refine on a further mesh; on the first mesh a solution of the search is used unchanged."""
+def _on_mesh(task: Task, mesh: int, step: _Reached) -> _Reached:
+    """Refine on a mesh of given size; a solution of the search on that mesh is used unchanged."""
     attempt, iterations = step.guess, step.iterations
     if step.mesh or attempt.intervals != mesh:
         attempt = solve_quickly(task, step.guess.trajectory, mesh, task.fine())
@@ -121,13 +121,13 @@ def _on(task: Task, mesh: int, step: _Reached) -> _Reached:
     return replace(step, guess=attempt, mesh=mesh, best=best, iterations=iterations, failure=("", None), left=left)
 
 
-def _up(task: Task, finest: int, step: _Reached) -> _Reached:
+def _on_finer_meshes(task: Task, finest: int, step: _Reached) -> _Reached:
     """Refine on finer meshes until an optimum reaches the goal within its limits or is certified."""
     while not (_enough(task, step) or task.stop):
         finer = doubled(step.mesh, finest)
         if finer is None or (step.best is None and step.mesh > task.options.intervals):
             break
-        step = _on(task, finer, step)
+        step = _on_mesh(task, finer, step)
     return step
 
 

@@ -43,17 +43,17 @@ def time_energy(task: Task) -> tuple[list[Optimum], SearchResult]:
     attempts = _searched(task, task.policy.search.guesses(options, numbers.starts))
     coarse = _distinct(task, attempts)[: task.policy.search.refinements(options, numbers.refined)]
     found = [_Candidate(numbers.optimism * trajectory_cost(motion, weight), motion) for motion in coarse]
-    settling = _Settling(task, [*given, *found])
+    queue = _BestFirst(task, [*given, *found])
     landed: list[Optimum] = []
-    for phases in settling.optima():
+    for phases in queue.optima():
         paid = cost(task.problem, phases)
         task.progress(f"replaying an optimum of J = {paid:.4f} s")
         landed.append(replace(_landed(task, phases), cost=paid))
         if landed[-1].landed(options.replay_tolerance) or task.stop:
             break
-    failed = attempts if landed else _none_of(task, attempts, settling.failed)
+    failed = attempts if landed else _none_of(task, attempts, queue.failed)
     iterations = sum(attempt.iterations for attempt in attempts)
-    return landed, SearchResult((), failed=tuple(failed), listed=settling.durations, iterations=iterations)
+    return landed, SearchResult((), failed=tuple(failed), listed=queue.durations, iterations=iterations)
 
 
 def _landed(task: Task, phases: Phases) -> Optimum:
@@ -150,8 +150,8 @@ class _Candidate:
     motion: Trajectory | Phases
 
 
-class _Settling:
-    """Best-first refinement of leads: the one of least promise is solved again until none promises less J.
+class _BestFirst:
+    """Best-first refinement of candidates by estimated cost J, until no estimate is below the best refined J.
 
     Coarse meshes underestimate J, and only the best promise is worth a finer mesh.
 
@@ -167,7 +167,11 @@ class _Settling:
     @property
     def durations(self) -> tuple[float, ...]:
         """Durations of all optima met, resolved or not, except guesses from other problems [s]."""
-        coarse = (lead.motion for lead in self._waiting if lead.promise and isinstance(lead.motion, Trajectory))
+        coarse = (
+            candidate.motion
+            for candidate in self._waiting
+            if candidate.promise and isinstance(candidate.motion, Trajectory)
+        )
         return (*(phases.duration for phases in self._resolved), *(motion.duration for motion in coarse))
 
     def optima(self) -> Iterator[Phases]:
@@ -179,16 +183,16 @@ class _Settling:
         for _ in range(numbers.steps + len(self._waiting)):
             if not self._waiting or self._task.stop:
                 break
-            lead = min(self._waiting, key=lambda lead: lead.promise)
-            self._waiting = [other for other in self._waiting if other is not lead]
-            best = lead.motion
+            candidate = min(self._waiting, key=lambda candidate: candidate.promise)
+            self._waiting = [other for other in self._waiting if other is not candidate]
+            best = candidate.motion
             if isinstance(best, Trajectory):
-                self._resolve(best, lead.promise)
+                self._resolve(best, candidate.promise)
             elif (error := _hamiltonian_error(self._task.problem, best)) <= numbers.settled:
                 yield best
             else:
                 self._improve(best, error)
-        waiting = [lead.motion for lead in self._waiting if isinstance(lead.motion, Phases)]
+        waiting = [candidate.motion for candidate in self._waiting if isinstance(candidate.motion, Phases)]
         yield from self._sorted(self._left)[:2] or self._sorted(waiting)[:1]
 
     def _sorted(self, optima: Sequence[Phases]) -> list[Phases]:

@@ -18,7 +18,7 @@ P_co = TypeVar("P_co", bound=Program, covariant=True)
 
 @dataclass(frozen=True, eq=False)
 class NlpData:
-    """A program in numbers.
+    """Numbers of one nonlinear program: initial unknowns, parameters, bounds.
 
     Attributes:
         x: unknowns initial unknowns.

@@ -41,5 +41,5 @@ def one_panel(title: str | None, height: float = 4.4) -> tuple[Figure, Axes]:
 
 
 def literal(text: str) -> str:
-    """The text as it is: matplotlib hides labels that start with _, and reads $...$ as mathematics."""
+    """Escape a label for matplotlib, which hides labels that start with _ and reads $...$ as mathematics."""
     return text.replace("$", r"\$").lstrip("_") or "-"

@@ -8,13 +8,13 @@ _CLOSING = re.compile(r"</script|<!--", re.IGNORECASE)
 
 
 def asset(name: str) -> str:
-    """A file of `show/assets`, with no link to the outside in it: a comment's https:// goes."""
+    """Read a file of `show/assets` without the external links in its comments."""
     text = files("armdyn.show").joinpath("assets", *name.split("/")).read_text("utf-8")
     return re.sub(r"https?://", "", text)
 
 
 def script(name: str) -> str:
-    """A script of `show/assets`, fit to stand between script tags.
+    """Read a script of `show/assets`, escaped for a script element.
 
     Raises:
         RuntimeError: it contains a closing script tag.
@@ -23,7 +23,7 @@ def script(name: str) -> str:
 
 
 def viewer_script() -> str:
-    """The bundle of meshcat, fit to stand between script tags of a page that links nowhere.
+    """Meshcat's script bundle, escaped for a script element, without external links.
 
     Raises:
         RuntimeError: it contains a closing script tag.

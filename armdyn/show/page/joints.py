@@ -153,7 +153,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
 
 
 def most_used(x: Array, lower: Array, upper: Array) -> float | None:
-    """Largest used share of a quantity's limit; None where there is no limit.
+    """Largest share of a limit that a joint uses; None without a limit.
 
     Args:
         x: numbers over time, shape (n,) of one joint or (n, nv).

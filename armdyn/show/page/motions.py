@@ -1,4 +1,4 @@
-"""Positions, velocities and torques over time, as the report's plots take them."""
+"""Curves of the report's plots: positions, velocities and torques over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -194,7 +194,7 @@ def _merged(pieces: Sequence[Segment]) -> list[Segment]:
 
 
 def _kept(facts: Facts, joints: int) -> dict[str, list[float]] | None:
-    """Parts of velocity and torque limits that are left to feedback; None if none are."""
+    """Reserves for feedback as parts of the velocity and torque limits; None without reserves."""
     reserve = facts.part("reserve")
     parts = {name: reserve.numbers(given) for name, given in (("v", "velocity"), ("tau", "effort"))}
     if any(len(each) != joints for each in parts.values()):

@@ -215,7 +215,7 @@ def model_section(name: str, facts: Facts) -> Section:
 
 
 def making_section(facts: Facts, suffix: str = "", of: str = "") -> Section | None:
-    """The command that made it, its options, and the versions at work; see `verdict_section`."""
+    """Section on the report's origin: command, options and versions."""
     parts: list[Html] = []
     request = facts.part("request")
     if command := request.text("command"):

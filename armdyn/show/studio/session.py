@@ -60,7 +60,7 @@ class SessionSetup:
         return cls(problem, options, fitting_presets(problem))
 
     def solve(self, state: StudioState) -> Solution | str:
-        """The fastest motion of a state, or the reason why there is none."""
+        """Solve the state's problem: the fastest motion, or the reason for a failure."""
         try:
             problem, _ = posed(self.problem, carrying(self.problem.robot, state.payload), state, self.presets)
             return solve_minimum_time(problem, replace(self.options, calm=state.calm))

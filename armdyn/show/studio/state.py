@@ -192,7 +192,7 @@ def placement_of(obstacle: Obstacle) -> pin.SE3 | None:
 
 
 def moved(obstacle: Obstacle, to: pin.SE3) -> Obstacle:
-    """The obstacle at another `placement_of`.
+    """Copy of an obstacle at another placement of its gizmo.
 
     Raises:
         ArmdynError: the placement is not finite.

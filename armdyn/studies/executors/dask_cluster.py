@@ -1,4 +1,4 @@
-"""Cases done by the workers of a Dask cluster that runs already."""
+"""Executor on the workers of a running Dask cluster."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ class DaskCluster:
                 return found
 
     def _check_workers(self) -> None:
-        """Count the workers: they come and go.
+        """Update the number of workers.
 
         Raises:
             ClusterError: there has been none for long, or the scheduler is gone.
@@ -287,7 +287,7 @@ def _do(task: StudyTask, cases: Sequence[StudyCase], time_limit: float) -> tuple
 
 
 def _to_repeat(cases: Sequence[StudyCase]) -> list[Ended]:
-    """Reports that have the engine give cases again."""
+    """Reports that make the engine submit cases again."""
     return [Ended(k=case.k, result=CaseResult(status=INTERRUPTED)) for case in cases]
 
 

@@ -1,4 +1,4 @@
-"""Executors do the cases of a study; a worker goes through some of them in turn."""
+"""Protocol of executors, which run the cases of a study; sequential execution in one worker."""
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -71,7 +71,7 @@ class Executor(Protocol):
         """
 
     def give(self, cases: Sequence[StudyCase]) -> None:
-        """Send cases to one worker, which does one after the other."""
+        """Submit cases to one worker, which runs them in sequence."""
 
     def ended(self, seconds: float) -> list[Ended]:
         """Wait for reports, at most this time [s]."""
@@ -101,7 +101,7 @@ def run_in_turn(task: StudyTask, cases: Sequence[StudyCase], time_limit: float) 
 
 
 def _nearest(case: StudyCase, motions: Mapping[int, bytes]) -> tuple[int | None, bytes]:
-    """Number and motion of the nearest case, of those done here and the one given."""
+    """Number and motion of the nearest case, among those solved by this worker and the submitted guess."""
     for k in case.near:
         if k == case.begun_from:
             break

@@ -77,7 +77,7 @@ class InProcess:
         return min(left, 1 - len(self._waiting))
 
     def give(self, cases: Sequence[StudyCase]) -> None:
-        """Keep cases until `ended` does them."""
+        """Queue cases, which `ended` runs."""
         self._waiting.extend(cases)
 
     def ended(self, seconds: float) -> list[Ended]:

@@ -14,7 +14,7 @@ from armdyn.studies.tasks.task import CaseResult
 
 @dataclass(frozen=True, kw_only=True)
 class TrackTask(ClosedLoopTask):
-    """One arm, which settings "plant_…" make different from the controller's model."""
+    """Tracking by one arm; settings "plant_…" change it against the controller's model."""
 
     name: ClassVar = "track"
     section: ClassVar = "track"

@@ -1,4 +1,4 @@
-"""Controllers to choose from: numbers within bounds, and the controller that they make."""
+"""Families of controllers: bounded parameters and the controller of each choice."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def tune(
 
 @dataclass(eq=False)
 class GainSearch(OwnTask):
-    """Study whose cases are the controllers that a search tries, generation by generation; also their task."""
+    """Search for gains as a study: each case is a controller, each generation of the search a batch of cases."""
 
     robot: Robot
     reference: Trajectory | Ramps
@@ -251,7 +251,7 @@ class GainSearch(OwnTask):
         return "converged" if found.success else "generations"
 
     def _cost(self, row: StudyRow) -> float:
-        """Cost of a controller that was run, which may be the best."""
+        """Cost of a simulated controller; updates the best one so far."""
         if row.status != "run":
             self.refused = row.message
             return _NEVER

@@ -60,7 +60,7 @@ def _attribute(name: str) -> str:
 
 
 def xml_name(name: str) -> str:
-    """The name, which XML can say.
+    """Check that XML can hold a name.
 
     Raises:
         TrajectoryError: it cannot.

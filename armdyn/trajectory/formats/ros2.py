@@ -121,7 +121,7 @@ def _quoted(text: str) -> str:
 
 
 def _decimal(value: float) -> str:
-    """A float with a point, and as many digits as it needs."""
+    """Format a float with a decimal point and the shortest exact digits."""
     short = repr(value)
     return short.replace("e", ".0e") if "e" in short and "." not in short else short
 
