@@ -29,7 +29,7 @@ MAX_CORNERS = 20_000
 _MAX_BYTES = 64 * 2**20
 _LOOSE = 1.25
 """Ratio of the convex parts' volume to the body's, above which a grid is tried: its hollows would be filled."""
-_FARTHEST = 100.0
+_MAX_COORDINATE = 100.0
 """Largest distance of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
 
 
@@ -137,7 +137,7 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
         raise ProblemError(f"{what} has {count} triangles; it may have {MAX_TRIANGLES}: simplify the mesh")
     parts: list[Array] = []
     for mesh in meshes:
-        if np.max(np.abs(mesh.vertices)) > _FARTHEST:
+        if np.max(np.abs(mesh.vertices)) > _MAX_COORDINATE:
             largest = float(np.max(np.abs(mesh.vertices)))
             raise ProblemError(f"{what} reaches {largest:.4g} m; a mesh in millimetres is read with scale 0.001")
         if not mesh.is_watertight:

@@ -25,7 +25,7 @@ from armdyn.models.values.placement import Placement, Point, homogeneous
 from armdyn.reprs import brief
 
 _MAX_BYTES = 64 * 2**20
-_FARTHEST = 2**20
+_MAX_CELL_INDEX = 2**20
 """Largest distance from the origin, in cells."""
 _MOST_CELLS = 2**26
 """Largest grid [bytes]."""
@@ -57,7 +57,7 @@ class PointCloud(Obstacle):
         if points.ndim != 2 or points.shape[1] != 3:
             raise ProblemError(f"{what} have shape {points.shape}; it must be (n, 3)")
         points = points[~np.any(np.isnan(points), axis=1)]
-        if not len(points) or not np.max(np.abs(points)) < _FARTHEST * self.size:
+        if not len(points) or not np.max(np.abs(points)) < _MAX_CELL_INDEX * self.size:
             far = f"reach {np.max(np.abs(points)):.4g} m, too far for a size of {self.size:g} m" if len(points) else ""
             raise ProblemError(f"{what} {far or 'are none, or all NaN'}")
         cells = np.unique(np.floor(points / self.size).astype(int), axis=0)
@@ -155,7 +155,7 @@ class HeightMap(Obstacle):
         self._check(points=["origin"], lengths=["size", "step"])
         what = f"heights of obstacle {self.name!r}"
         heights = numbers(self.heights, what, "heights [m], shape (nx, ny)")
-        if heights.ndim != 2 or not np.all(np.abs(heights) < _FARTHEST * self.step):
+        if heights.ndim != 2 or not np.all(np.abs(heights) < _MAX_CELL_INDEX * self.step):
             raise ProblemError(
                 f"{what} have shape {heights.shape}; they must be finite, of shape (nx, ny), and not a million times "
                 f"the step of {self.step:g} m: write the greatest height that is possible where it is unknown"

@@ -13,7 +13,7 @@ from armdyn.arrays import Array
 Entries = tuple[NDArray[np.intp], NDArray[np.intp], Array]
 """Rows, columns and values of a matrix's entries."""
 
-_FURTHEST = 100.0
+_LARGEST_UNKNOWN = 100.0
 """Bound of unbounded unknowns: all unknowns are scaled to about 1."""
 _MOST = 60
 """Iteration limit; solves that converge take 12 to 25."""
@@ -76,7 +76,7 @@ class LinearProgram:
         Args:
             tolerance: tolerance of the cost, relative to 1 and to its size.
         """
-        bounds = np.clip(np.concatenate(self.bounds), -_FURTHEST, _FURTHEST)
+        bounds = np.clip(np.concatenate(self.bounds), -_LARGEST_UNKNOWN, _LARGEST_UNKNOWN)
         order = np.argsort(np.concatenate(self.places, axis=None), kind="stable")
         right, matrix = np.concatenate(self.right, axis=None)[order], _matrix(self.entries, len(bounds))[order]
         found, marginals = marginals_in_boxes(matrix.tocsc(), right, np.concatenate(self.costs), bounds, tolerance)
