@@ -17,26 +17,26 @@ from armdyn.cli.options.groups import with_options
 
 _HELP = """Time-optimal and closed-loop motion of robot arms, from a URDF.
 
-[dim]The fastest motion of an arm of the paper's, as a report, figures, numbers:[/]
+[dim]The fastest motion of one of the paper's arms, with report, figures, numbers:[/]
     armdyn mintime rr --payload 0.1006
-[dim]Of your own arm, or of one that has a name; poses by name or in degrees:[/]
+[dim]Your own arm, or one from the library; poses by name or in degrees:[/]
     armdyn mintime my_arm.urdf --q-start 0,0,0 --q-goal 1,0.5,-1.2
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0
-[dim]A page in the browser, on which you drag start and goal:[/]
+[dim]A page in the browser where you drag start and goal:[/]
     armdyn studio panda
-[dim]A pick-and-place cycle from a file, and a file to begin with:[/]
+[dim]An example file of a pick-and-place cycle, and its fastest motion:[/]
     armdyn cycle --example
     armdyn cycle cell.toml
-[dim]A controller along the motion, sampled, on an arm with another payload than its model:[/]
+[dim]A sampled controller along the motion, on an arm with another payload than its model:[/]
     armdyn track rr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
-[dim]How much time any planner's motion leaves:[/]
+[dim]How much slower any planner's motion is than the fastest:[/]
     armdyn optimality panda planned.csv
 [dim]Whether the robot's controller accepts it:[/]
     armdyn check planned.csv --preset franka-panda
-[dim]The arms that have a name; a check of your URDF:[/]
+[dim]The robot library; a check of your URDF:[/]
     armdyn robots
     armdyn doctor my_arm.urdf
-[dim]For a robot or a simulator; for a script:[/]
+[dim]Export for a robot or a simulator; JSON for a script:[/]
     armdyn export results/mintime-rr/trajectory.npz --rate 1000 --format ros2
     armdyn mintime rr --json
 

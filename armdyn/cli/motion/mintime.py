@@ -36,7 +36,7 @@ class SolverOptions:
 
     search: SearchLevel = option(
         "HOW",
-        "How much is searched: normal, quick (a third of it), or thorough, which takes five times as long and "
+        "Extent of the search: normal, quick (a third of it), or thorough, which takes five times as long and "
         "misses less.",
         default="normal",
     )
@@ -45,9 +45,9 @@ class SolverOptions:
         "Guesses of the global search, whatever the level; by default as many as suit the robot "
         "(armdyn doctor ROBOT --policy).",
     )
-    time_limit: float = option("S", "For the whole solve \\[s].", default=300.0)
-    max_intervals: int = option("N", "Of the finest mesh, where a coarser one is not enough.", default=160)
-    seed: int = option("N", "Of the guesses after the first.", default=0)
+    time_limit: float = option("S", "Time limit of the whole solve \\[s].", default=300.0)
+    max_intervals: int = option("N", "Intervals of the finest mesh, used where a coarser one is not enough.", default=160)
+    seed: int = option("N", "Seed of the random guesses.", default=0)
 
     def over(self, options: Mapping[str, Any]) -> Self:
         """The options of a problem file, overridden by those of the command line."""

@@ -72,7 +72,7 @@ class SceneOptions:
     allow_contact: list[str] | None = option(
         "A,B", "Names of a link and an obstacle, or of two links, that may touch. May be given again."
     )
-    clearance: float = option("M", "From obstacles, and between links \\[m].", default=0.005)
+    clearance: float = option("M", "Least distance from obstacles, and between links \\[m].", default=0.005)
 
     def expect_bodies(self) -> None:
         """Refuse a clearance from nothing.

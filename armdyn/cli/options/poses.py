@@ -94,10 +94,10 @@ class GoalOptions:
         "its z axis. The fastest end is chosen.",
     )
     goal_tolerance: str | None = option(
-        "X,Y,Z,RX,RY,RZ", "How far the end may be from --goal-pose either way, along and about its own axes \\[m, rad]."
+        "X,Y,Z,RX,RY,RZ", "Tolerance of --goal-pose in either direction, along and about its own axes \\[m, rad]."
     )
     v_start: str | None = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
-    v_goal: str | None = option("V,V,…", "At the goal, like --v-start.")
+    v_goal: str | None = option("V,V,…", "Joint velocities at the goal, like --v-start.")
     wrap: bool = flag(
         "Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round."
     )

@@ -56,7 +56,7 @@ class SweepOptions:
     panel: ClassVar[str] = SOLVER
 
     starts: int | None = option("N", "Guesses of every search; by default the first has mintime's, the others few.")
-    time_limit: float = option("S", "For each payload \\[s].", default=300.0)
+    time_limit: float = option("S", "Time limit for each payload \\[s].", default=300.0)
 
     def options(self, of_file: Mapping[str, Any]) -> ad.MinimumTimeOptions:
         """Options of every search.

@@ -34,14 +34,14 @@ class ControllerOptions:
     controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
     weights: str | None = option(
         "E,T,I",
-        "Of lqr: error worth half the torque range \\[rad], weight of a velocity error against it \\[s], and "
+        "For lqr: error worth half the torque range \\[rad], weight of a velocity error against it \\[s], and "
         "its integral \\[1/s].",
     )
-    bandwidth: str | None = option("W", "Of computed-torque: its natural frequency \\[rad/s].")
-    gains: str | None = option("KP,KI,KD", "Of pid and others, the same for every joint \\[N m/rad and so on].")
+    bandwidth: str | None = option("W", "For computed-torque: natural frequency of the error \\[rad/s].")
+    gains: str | None = option("KP,KI,KD", "For pid and others: gains, the same for every joint \\[N m/rad and so on].")
     form: str | None = option(
         "FORM",
-        "Of pid: torque (default), computed_torque or acceleration; the units of gains are those of armdyn tune --form "
+        "For pid: torque (default), computed_torque or acceleration; the units of gains are those of armdyn tune --form "
         "FORM.",
     )
 
@@ -72,14 +72,14 @@ class LoopOptions:
     panel: ClassVar[str] = "Loop"
 
     rate: float = option("HZ", "Samples per second \\[Hz].", default=1000.0)
-    delay: int = option("TICKS", "From a reading to its torque \\[ticks].", default=1)
+    delay: int = option("TICKS", "Delay from a reading to its torque \\[ticks].", default=1)
     encoder: float = option("RAD", "Step of the encoders \\[rad]; 0: none.", default=1e-4)
     velocity: str = option(
         "HOW", "filtered (differences of readings), observer (Luenberger) or exact.", default="filtered"
     )
-    cutoff: float = option("HZ", "Of the filter or the observer \\[Hz].", default=80.0)
+    cutoff: float = option("HZ", "Cutoff frequency of the filter or the observer \\[Hz].", default=80.0)
     noise: float = option("RAD", "Standard deviation of each reading \\[rad].", default=0.0)
-    seed: int = option("N", "Of the noise.", default=0)
+    seed: int = option("N", "Seed of the noise.", default=0)
     antiwindup: str = option(
         "HOW", "conditional, back_calculation or none: the integral at a torque limit.", default="conditional"
     )

@@ -33,7 +33,7 @@ class ArmsOptions:
     friction_range: str = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
     damping_range: str = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
     start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
-    arms_seed: int = option("N", "Of the draws: arm k of a seed is always the same.", default=0)
+    arms_seed: int = option("N", "Seed of the random arms: arm k of a seed is always the same.", default=0)
 
     def plants(self, robot: ad.Robot, likely: tuple[ad.Robot, ...] = ()) -> ad.Plants:
         """The ranges, for a model or the likely arms of an identification.
@@ -73,7 +73,7 @@ class CountOptions:
 
     count: int = option("N", "Arms.", default=1000)
     within: float | None = option("S", "That an arm has to settle \\[s]; by default --duration.")
-    at_least: float | None = option("PART", "Of the arms that must settle, 0 to 1, or the exit code is 4.")
+    at_least: float | None = option("PART", "Fraction of the arms that must settle, 0 to 1; else the exit code is 4.")
 
     def time(self, duration: float) -> float:
         """Time that an arm has to settle [s], of a simulation of `duration` [s].

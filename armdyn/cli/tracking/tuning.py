@@ -31,8 +31,8 @@ class FamilyOptions:
     panel: ClassVar[str] = "Controllers"
 
     controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
-    form: str = option("FORM", "Of pid: computed_torque, torque or acceleration.", default="computed_torque")
-    per_joint: bool = flag("Of pid: gains of each joint, which take a longer search.")
+    form: str = option("FORM", "For pid: computed_torque, torque or acceleration.", default="computed_torque")
+    per_joint: bool = flag("For pid: tune gains of each joint, which takes a longer search.")
     ramp_range: str = option("A,B", "Duration of the quintic ramp \\[s].", default="0.1,1.0")
 
     def family(self, robot: ad.Robot, q_goal: list[float]) -> ad.ControllerFamily:
@@ -61,12 +61,12 @@ class TuningOptions:
 
     index: str = option("NAME", "settled, itae or ise: of the worst arm.", default="settled")
     overshoot: float = option("PART", "Past the goal at most, of the largest travel of a joint.", default=0.05)
-    duration: float = option("S", "How long each arm is watched \\[s].", default=1.5)
-    tolerance: float = option("RAD", "From the goal, to be settled \\[rad].", default=0.005)
+    duration: float = option("S", "Simulated time of each arm \\[s].", default=1.5)
+    tolerance: float = option("RAD", "Largest error from the goal at which an arm has settled \\[rad].", default=0.005)
     members: int = option("N", "Controllers per generation and parameter.", default=8)
     generations: int = option("N", "Most of them.", default=60)
-    time_limit: float = option("S", "Of the search \\[s].", default=300.0)
-    search_seed: int = option("N", "Of the search.", default=0)
+    time_limit: float = option("S", "Time limit of the search \\[s].", default=300.0)
+    search_seed: int = option("N", "Seed of the search.", default=0)
     held_out: int = option("N", "Random arms, or likely ones of a file, on which only the result is run.", default=100)
 
     def options(self) -> ad.TuneOptions:
