@@ -42,7 +42,7 @@ def doctor(
         "the background."
     ),
     repair: bool = flag(
-        "Repair a URDF: the least change that makes each inertia physical, folders of its packages, joints to lock, the "
+        "Repair a URDF: the least change that makes each inertia physical, package folders, joints to lock, the "
         "tip, missing limits. Nothing is written without --out."
     ),
     out: Path | None = option("FILE", "With --repair: write the URDF with physical inertias, marked as repaired."),

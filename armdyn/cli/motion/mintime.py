@@ -46,7 +46,9 @@ class SolverOptions:
         "(armdyn doctor ROBOT --policy).",
     )
     time_limit: float = option("S", "Time limit of the whole solve \\[s].", default=300.0)
-    max_intervals: int = option("N", "Intervals of the finest mesh, used where a coarser one is not enough.", default=160)
+    max_intervals: int = option(
+        "N", "Intervals of the finest mesh, used where a coarser one is not enough.", default=160
+    )
     seed: int = option("N", "Seed of the random guesses.", default=0)
 
     def over(self, options: Mapping[str, Any]) -> Self:

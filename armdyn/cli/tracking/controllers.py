@@ -41,8 +41,7 @@ class ControllerOptions:
     gains: str | None = option("KP,KI,KD", "For pid and others: gains, the same for every joint \\[N m/rad and so on].")
     form: str | None = option(
         "FORM",
-        "For pid: torque (default), computed_torque or acceleration; the units of gains are those of armdyn tune --form "
-        "FORM.",
+        "For pid: torque (default), computed_torque or acceleration; gains have the units of armdyn tune --form FORM.",
     )
 
     def chosen(self) -> Controller:
