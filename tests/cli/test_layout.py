@@ -85,7 +85,7 @@ def test_the_examples_of_commands_are_of_commands_and_options_that_there_are():
 
 def test_words_of_a_table_stay_whole_in_a_narrow_terminal(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "60")
-    heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
+    heads = ("motion", ">arrival", ">slower", ">work", ">speed", ">torque", "verdict")
     rows = [("PID (acceleration)", "4.5535 s", "+2061.4 %", "2.115 J", "0.249 %", "47.2 %", "Certified"), ("toppra",)]
     Terminal().print(table("motions", heads, rows))
     printed = capsys.readouterr().out.split()

@@ -125,7 +125,7 @@ def test_side_by_side(tracked, loop, tmp_path):
     page = (tmp_path / "report.html").read_text()
     assert "Side by side" in page and "Checks: PID (acceleration)" in page
     words = run_here("compare", tracked, loop, "--out", tmp_path).stdout
-    assert "later than the first" in words and "figure.svg" in words
+    assert "slower: than the first motion" in words and "figure.svg" in words
 
 
 def planned(tracked, folder):

@@ -155,8 +155,8 @@ def _table(title: str, rows: Sequence[Compared]) -> Table:
         )
         for k, row in enumerate(rows)
     ]
-    heads = ("motion", ">at the goal", ">later", ">work", ">fastest", ">strongest", "verdict")
-    caption = "later than the first; fastest, strongest: the most that a joint takes of its limit"
+    heads = ("motion", ">arrival", ">slower", ">work", ">speed", ">torque", "verdict")
+    caption = "slower: than the first motion; speed, torque: largest share of a joint's limit that is used"
     return table(title, heads, cells, caption=caption)
 
 

@@ -39,7 +39,7 @@ def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits,
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
     lower, upper = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
-    words = ("joint", "from", "to", "fastest", "of its limit", "strongest", "of its limit", "jumps")
+    words = ("joint", "from", "to", "peak speed", "of its limit", "peak torque", "of its limit", "jumps")
     head = [th(word) for word in words]
     rows = []
     for j, name in enumerate(joints):
@@ -135,7 +135,7 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
     """Several motions side by side; empty for one motion."""
     if len(rows) < 2:
         return None
-    words = ("motion", "at the goal", "against the first", "recorded", "work", "fastest", "strongest", "verdict")
+    words = ("motion", "arrival", "against the first", "recorded", "work", "peak speed", "peak torque", "verdict")
     body = [
         [
             th(one.name, "row"), td(seconds(one.there)),
@@ -145,8 +145,8 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
         for k, one in enumerate(rows)
     ]  # fmt: skip
     note = (
-        "Work is ∫ Σ |τ q̇| dt, given and taken by the joints; fastest and strongest: the largest part of its limit "
-        "that a joint uses. A closed loop is at the goal when it has come to stay, by its own rule."
+        "Arrival: time at which the goal is reached; a closed loop has arrived when it stays there, by its own rule. "
+        "Work is ∫ Σ |τ q̇| dt. Peak speed and torque: the largest share of a joint's limit that is used."
     )
     parts = [stacked([th(word) for word in words], body), element("p", note, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)

@@ -135,7 +135,9 @@ def path_constraint_section(facts: Facts) -> Section | None:
     rows: list[tuple[str, str]] = []
     near = facts.part("clearance")
     if (distance := near.number("distance")) is not None:
-        between = f"{near.text('body')} and {near.text('other')}, {distance:.4f} m at {seconds(near.number('time'))}"
+        between = (
+            f"{near.text('body')} and {near.text('other')}, {1e3 * distance:.1f} mm at {seconds(near.number('time'))}"
+        )
         rows.append(("nearest", between + ("" if near.true("sure") else " (not proven between samples)")))
     if via := [x for x in facts.numbers("via_times") if x is not None]:
         rows.append(("via points", "at " + ", ".join(f"{t:.4f}" for t in via) + " s"))

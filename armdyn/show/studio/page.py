@@ -86,6 +86,7 @@ class Page:
         self._selected: str | None = None
         self._time, self._playing, self._frames = 0.0, True, 0
         server.request_share_url = lambda verbose=True: None  # nothing leaves this machine
+        # The theme is the server's, one for all browsers, and does not follow theirs: it stays light.
         server.gui.configure_theme(show_share_button=False, show_logo=False, brand_color=(30, 110, 200))
         self.view = SceneView(server.scene, session)
         self._look()
