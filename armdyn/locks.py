@@ -31,7 +31,7 @@ os.register_at_fork(
 
 
 class cached_property(_cached_property[Value]):  # noqa: N801  # as Python's
-    """Python's, without the lock that it has before 3.12.
+    """`functools.cached_property` without the lock of Python versions before 3.12.
 
     That lock is one for all instances of a class: a fork while another thread computes leaves it taken in the
     child for ever. Two threads that read one instance at once may both compute; the values are the same.
@@ -43,7 +43,7 @@ class cached_property(_cached_property[Value]):  # noqa: N801  # as Python's
 
 
 def built_once(maxsize: int) -> Callable[[Callable[Parameters, Built]], Callable[Parameters, Built]]:
-    """A decorator: the same hashable arguments give the same object, which one thread builds while others wait.
+    """Decorator that caches results by hashable arguments; one thread builds a result while others wait.
 
     Args:
         maxsize: number of objects kept.

@@ -47,7 +47,7 @@ def line_of(value: Any) -> str:
 
 
 def called(name: object) -> str:
-    """A name in quotation marks, on one line whatever it has in it, and cut off where it is long."""
+    """Quote a name for messages: on one line, cut off where it is long."""
     text = repr(str(name)[:_MOST_OF_A_NAME])  # repr escapes line breaks and characters that cannot be printed
     return _cut(text, _MOST_OF_A_NAME)
 

@@ -124,7 +124,7 @@ class Answer:
 
 
 def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary's facts, those that change where Ctrl-C came after the motion was found: during costs, or reserves.
+    """Facts of a summary; changed if Ctrl-C came after the motion was found, during costs or reserves.
 
     Args:
         summary: of the result; its "status" says whether the solve itself was interrupted.

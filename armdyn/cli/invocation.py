@@ -119,7 +119,7 @@ def invocation() -> dict[str, object]:
 
 
 def _typed(flag: str, value: object) -> list[str]:
-    """Words of the command line that give an option, or the argument if the flag is empty, its value."""
+    """Command-line words that set an option, or the argument if the flag is empty."""
     values = list(value) if isinstance(value, (list, tuple)) else [value]
     if not flag:
         return [_word(one) for one in values]

@@ -88,7 +88,7 @@ class CycleLeg:
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration of the move [s]."""
         return self.solution.duration
 
 

@@ -61,7 +61,7 @@ def _rubbing(dynamics: Dynamics) -> ca.Function:
 
 
 class Tables(NamedTuple):
-    """Tables of a loop: see `_bridge/loop.hpp`."""
+    """Input arrays of the C++ loop; see `_bridge/loop.hpp`."""
 
     plant_parameters: Array
     model_parameters: Array

@@ -108,7 +108,7 @@ class Collocation:
     """
 
     def __init__(self, robot: Robot, tableau: Sequence[Array], tolerance: float, stalled: float, most: int) -> None:
-        """Prepare steps of a robot.
+        """Set up integration steps of a robot's equations of motion.
 
         Args:
             robot: the arm.

@@ -49,7 +49,7 @@ class Table:
     within: tuple[str, ...] = ()
 
     def error(self, key: str, why: str) -> ProblemError:
-        """A complaint about a key, with its line; of a key that is not there with that of the table.
+        """Error about a key, with its line, or the table's line if the key is missing.
 
         A complaint that has its line already stays unchanged.
         """

@@ -124,7 +124,7 @@ class PlantOptions:
         return arm.with_friction(damping, friction, None)
 
     def _likely(self, arms: Sequence[ad.Robot]) -> ad.Robot:
-        """The likely arm of the option's number."""
+        """Likely arm selected by the option's number."""
         if self.plant_payload is not None:
             raise ProblemError("--plant-likely and --plant-payload: give one of them; a likely arm has its own payload")
         if not arms:

@@ -303,7 +303,7 @@ def _measured(
 
 
 def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
-    """A share is 0 in the middle of the range, and 1 at its ends."""
+    """Check of positions: a share is 0 in the middle of the range, and 1 at its ends."""
     above, below = q - upper, lower - q
     half = (upper - lower) / 2
     shares = np.maximum(0, 1 + np.maximum(above, below) / np.where(np.isfinite(half), half, 1.0))

@@ -311,7 +311,7 @@ def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
 
 
 def expect_robot(robot: object, name: str = "robot") -> Robot:
-    """The robot.
+    """Return the argument if it is a `Robot`; raise otherwise.
 
     Raises:
         ProblemError: the value is no robot; the message names the readers.

@@ -97,7 +97,7 @@ def _solid(geometry: Any, placement: Array, points: Array, radius: float) -> dic
 
 
 def _shape(geometry: Any) -> Any:
-    """A convex geometry of coal's Python as that of its C++."""
+    """Convert a convex geometry of coal's Python module for the C++ module."""
     import _armdyn_collision as collision
 
     if isinstance(geometry, coal.Box):

@@ -34,7 +34,7 @@ def paper_column(row: Row) -> str:
 
 
 def our_column(row: Row) -> str:
-    """Setup of a row's number."""
+    """Model and arrival rule behind our number in a row."""
     if row.table == 3:
         formula = {"switch_interval_s": "π/√|r|", "switch_torque_nm": "τ limit"}[row.quantity]
         return f"{'as printed' if row.variant == 'printed' else formula}, {row.reading}"

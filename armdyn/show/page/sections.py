@@ -33,7 +33,7 @@ class Section:
 
 
 def verdict_section(verdict: Verdict, suffix: str = "", of: str = "") -> Section | None:
-    """Checks and remedies; None for a bare motion.
+    """Section of the report with checks and remedies; None for a motion without a result.
 
     Args:
         verdict: on a motion.

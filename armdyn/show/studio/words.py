@@ -56,5 +56,5 @@ def warnings_of(session: Session) -> list[str]:
 
 
 def note_html(words: str) -> str:
-    """A line next to the buttons that save."""
+    """HTML of the line below the save buttons."""
     return str(element("div", words, role="status", style="padding:0 .8em;font-size:.85em;overflow-wrap:anywhere"))
