@@ -13,7 +13,6 @@ from typing import ClassVar, Self
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance, CollisionModel
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows
 from armdyn.optimal.problem.constraint_spec import PathConstraintSpec
@@ -151,20 +150,6 @@ class PathConstraint(PathConstraintSpec, ABC):
     def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
         """Parameters and bounds of each of `rows`."""
         return ()
-
-    def values_of_rows(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        """`values`, checked against `rows`.
-
-        Raises:
-            ProblemError: another number of rows or parameters.
-        """
-        values, sizes = self.values(problem), [rows.numbers for rows in self.rows(problem)]
-        found = [one.numbers.size for one in values]
-        if found != sizes:
-            raise ProblemError(
-                f"{type(self).__name__}.values returns RowValues with {found} numbers; its rows have {sizes}"
-            )
-        return values
 
     def report(
         self, share: float, words: str, reason: str, worst: tuple[str, str, float], name: str = "", order: int = 1

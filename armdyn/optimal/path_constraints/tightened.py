@@ -8,6 +8,7 @@ import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
+from armdyn.errors import ProblemError
 from armdyn.models.scene.collision import Clearance
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint, RequiredDistances
 from armdyn.optimal.path_constraints.registry import path_constraints_of
@@ -118,7 +119,7 @@ class TightenedConstraints:
         Raises:
             ProblemError: a constraint's values do not fit its rows.
         """
-        return tuple(values for constraint in self.path_constraints for values in constraint.values_of_rows(problem))
+        return tuple(values for constraint in self.path_constraints for values in _values_of(constraint, problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReports:
         """Check all path constraints along a motion; `passing`: times of the via points [s]."""
@@ -139,6 +140,21 @@ class TightenedConstraints:
     def on_finer_mesh(self) -> Self:
         """Path constraints and correction for a mesh twice as fine, with smaller misses."""
         return replace(self, path_constraints=tuple(each.on_finer_mesh() for each in self.path_constraints), aim=Aim())
+
+
+def _values_of(constraint: PathConstraint, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
+    """Parameters and bounds of a constraint's rows, checked against the rows.
+
+    Raises:
+        ProblemError: another number of rows or parameters.
+    """
+    values, sizes = constraint.values(problem), [rows.numbers for rows in constraint.rows(problem)]
+    found = [one.numbers.size for one in values]
+    if found != sizes:
+        raise ProblemError(
+            f"{type(constraint).__name__}.values returns RowValues with {found} numbers; its rows have {sizes}"
+        )
+    return values
 
 
 def row_bounds(
