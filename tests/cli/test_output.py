@@ -29,7 +29,7 @@ COMMANDS = {
 WORK = {
     "mintime": "armdyn.solve_minimum_time",
     "pid": "armdyn.simulate_pid",
-    "sweep": "armdyn.studies.continuation.chain",
+    "sweep": "armdyn.cli.sweeps.payloads.chain",
     "replay": "armdyn.show.replay.write_html",
     "export": "armdyn.cli.export.write_whole",
     "reproduce": "armdyn.paper.reproduce.run_case",
@@ -139,7 +139,7 @@ def test_a_full_disk_is_exit_5(command, here, monkeypatch):
 def test_files_written_before_the_disk_was_full_are_whole(tiny_disk):
     answer = run("pid", "r", "--no-figure", "--out", tiny_disk / "run", code=5)
     assert answer["message"].startswith(f"disk full while writing {tiny_disk}/run/report.html")
-    assert [path.name for path in (tiny_disk / "run").iterdir()] == ["trajectory.npz"]
+    assert {path.name for path in (tiny_disk / "run").iterdir()} == {"trajectory.npz", "result.json"}
     assert ad.Trajectory.load(tiny_disk / "run" / "trajectory.npz").model_hash == Robot.from_spec(_r()).model_hash
 
 
