@@ -4,15 +4,21 @@ import copy
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from armdyn.errors import ProblemError, did_you_mean
+from armdyn.arguments import expect
+from armdyn.errors import ArmdynError, ProblemError, did_you_mean
+from armdyn.files import file_inside
+from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
+from armdyn.models.scene.obstacles import obstacle_entry, obstacle_from
+from armdyn.models.scene.scenes import load_scene
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.optimal import MinimumTimeProblem
 from armdyn.optimal.problem.robot_tables import robot_from
@@ -150,6 +156,56 @@ def _plain_robot(table: str, payload: float | None) -> Robot:
     """The robot of a table [robot] in JSON, with another mass of its payload [kg]; None: its own."""
     values = json.loads(table)
     return robot_from(Table(str(values.get("name", "robot")), values, None), payload)
+
+
+def without_files(table: Table) -> Table:
+    """A file's table with the obstacles and presets that it names as files, so that rows depend on it alone.
+
+    Raises:
+        ProblemError: a file is not inside the folder of the table's, or cannot be read.
+    """
+    try:
+        return replace(table, values=_read(table.values, "", table.path))
+    except ArmdynError as error:
+        raise ProblemError(f"{table.path}: {error}") from None
+
+
+def _read(given: Any, key: str, path: str) -> Any:
+    """A value of a key with the contents of its files, which lie in the folder of a file."""
+    if isinstance(given, list):
+        return [_read(one, key, path) for one in given]
+    if isinstance(given, Mapping):
+        if {"type", "file"} <= given.keys():
+            return obstacle_entry(obstacle_from(given, key, Path(path).parent))
+        return {name: _read(one, name, path) for name, one in given.items()}
+    if key == "preset" and isinstance(given, str) and ".toml" in given.lower():
+        return ControllerPreset.from_table(Table(path, {key: given}, None), key).to_table()
+    return given
+
+
+def with_scene(values: Mapping[str, Any], table: Table, robot: Robot) -> dict[str, Any]:
+    """Conditions with the obstacles and the allowed contacts of their scene instead of its name.
+
+    Args:
+        values: conditions of a motion.
+        table: that they are from.
+        robot: the arm.
+
+    Raises:
+        ArmdynError: the scene cannot be read; the message has the line.
+    """
+    found = dict(values)
+    if "scene" not in found:
+        return found
+    with table.at("scene"):
+        scene = load_scene(file_inside(Path(table.path).parent, found.pop("scene")), robot)
+    for name, more in (
+        ("obstacles", map(obstacle_entry, scene.obstacles)),
+        ("allowed_contacts", map(list, scene.allowed_contacts)),
+    ):
+        with table.at(name):
+            found[name] = [*expect(found.get(name, []), list, name), *more]
+    return found
 
 
 def with_checksum(robot: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.robot_tables import KEYS, robot_from, robot_table
 from armdyn.optimal.problem_files import PROBLEM, only_tables
 from armdyn.parsing.toml import Table, read_toml
-from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm
+from armdyn.studies.problems import ARM, POSES, ArmProblems, StudyArm, with_scene, without_files
 from armdyn.studies.rows import Value
 from armdyn.studies.settings import check_setting
 from armdyn.studies.study import MAX_AXES, METHODS, Axis, Study
@@ -42,7 +42,7 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         ProblemError: the file is no study; the message has the line and the remedy.
         ArmdynError: an arm cannot be read.
     """
-    table = read_toml(path)
+    table = without_files(read_toml(path))
     sections = {task.section: name for name, task in TASKS.items()}
     only_tables(table, ("task", "arms", "fixed", "vary", "sample", *sections))
     kind: Any = TASKS[table.text("task", "minimum-time", tuple(TASKS))]
@@ -159,7 +159,7 @@ def arms_of(table: Table, varied: Mapping[str, tuple[str, ...]]) -> Iterator[Stu
         raise table.error("", f"{len(table.values)} arms; a study has at most {MAX_ARMS}")
     for name in table.values:
         own = table.table(name)
-        own.only(("robot", *POSES, *KEYS, *PROBLEM))
+        own.only(("robot", *POSES, *KEYS, *PROBLEM, "scene"))
         with table.at(name):
             if not _NAME.fullmatch(name):
                 raise ProblemError(f"arm {shown(name)}: a name has letters, digits, dots, dashes, 64 at most")
@@ -173,7 +173,8 @@ def arms_of(table: Table, varied: Mapping[str, tuple[str, ...]]) -> Iterator[Stu
             described = robot_table(robot)
         with table.at(name):
             poses = {one: _positions(robot, one, pose) for pose, names in varied.items() for one in names}
-        problem = {key: value for key, value in own.values.items() if key in PROBLEM and key not in KEYS}
+        problem = {key: value for key, value in own.values.items() if key in (*PROBLEM, "scene") and key not in KEYS}
+        problem = with_scene(problem, own, robot)
         if "goal_pose" not in problem or "q_goal" in problem or "q_goal" in varied:
             problem["q_goal"] = _end(own, "q_goal", robot, poses, varied)
         problem["q_start"] = _end(own, "q_start", robot, poses, varied)

@@ -289,3 +289,25 @@ def test_a_search_for_gains_is_gone_on_with(tmp_path, monkeypatch):
     alone = ad.tune(robot, reference, family, [robot], options=replace(options, file=None))
     assert second.values == alone.values and second.history == alone.history
     assert there > 0 and len(ran) == 2 * alone.evaluations - there
+
+
+def test_files_of_obstacles_scenes_and_presets_are_read_with_the_study(study, tmp_path, monkeypatch):
+    monkeypatch.chdir("/")
+    names = ("scene.json", "seen.npy", "mine.toml")
+    (tmp_path / names[0]).write_text('[{"type": "sphere", "name": "ball", "center": [2, 0, 0], "radius": 0.05}]')
+    np.save(tmp_path / names[1], np.array([[0.0, 2.0, 0.0]]))
+    (tmp_path / names[2]).write_text(
+        'name = "mine"\njoints = 2\n[limits]\nvelocity = 9.0\n[interfaces.position]\nrate = 100\n'
+        'necessary = ["velocity"]\n'
+    )
+    seen = "obstacles = [{ type = 'point cloud', name = 'seen', file = 'seen.npy', size = 0.02 }]\n"
+    request = study(
+        ARM + f"scene = 'scene.json'\npreset = 'mine.toml'\n{seen}[vary]\nobstacles.ball.radius = [0.1, 0.2]\n"
+    )
+    for name in names:
+        (tmp_path / name).unlink()
+    problem = request.task.problems.problem(request.parameters(1))
+    assert [one.name for one in problem.obstacles] == ["seen", "ball"] and problem.obstacles[1].radius == 0.2
+    assert problem.preset.name == "mine"
+    with pytest.raises(ProblemError, match=r"study.toml: obstacles: 'seen.npy': no file inside"):
+        study(ARM + f"{seen}{VARY}")

@@ -13,7 +13,7 @@ from armdyn.files import file_inside
 from armdyn.optimal import MinimumTimeOptions
 from armdyn.optimal.problem.robot_tables import robot_from, robot_table
 from armdyn.parsing.toml import Table, read_toml
-from armdyn.studies.problems import place_of, with_checksum
+from armdyn.studies.problems import place_of, with_checksum, with_scene, without_files
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.minimum_time import result_with, torque_squared
 from armdyn.studies.tasks.task import CaseResult, Neighbours
@@ -24,8 +24,8 @@ class CycleTask:
     """Fastest cycle of every case.
 
     Attributes:
-        file: of the cycle: scenes and meshes that it names lie in its folder.
-        tables: of the file; the robot with the text of its file, so that workers need none.
+        file: of the cycle.
+        tables: of the file, with the contents of all files that it names, so that workers need none.
         options: of every solve, each in one process.
     """
 
@@ -51,7 +51,7 @@ class CycleTask:
             raise table.error("file", 'cycle.file is missing: a cycle file next to the study, such as "cell.toml"')
         with table.at("file"):
             path = file_inside(Path(table.path).parent, table.values["file"])
-        own = read_toml(path)
+        own = without_files(read_toml(path))
         own.only(TABLES)
         robot = robot_from(own.table("robot"))
         cycle_from(own, robot)
@@ -59,7 +59,9 @@ class CycleTask:
         with table.locating_errors():
             options = MinimumTimeOptions(**{**own.table("options").values, **given})
         tables = {key: value for key, value in own.values.items() if key != "options"}
-        return cls(file=str(path), tables=tables | {"robot": robot_table(robot)}, options=options)
+        conditions = own.table("cycle")
+        tables |= {"robot": robot_table(robot), "cycle": with_scene(conditions.values, conditions, robot)}
+        return cls(file=str(path), tables=tables, options=options)
 
     def checked(self, name: str, value: Any) -> Value:
         """A setting's value, if there is such a place in the cycle file.

@@ -1,5 +1,7 @@
 """Study task "cycle": numbers of a cycle file vary."""
 
+import json
+
 import pytest
 
 import armdyn as ad
@@ -72,3 +74,17 @@ def test_a_move_s_end_is_no_range(study):
 def test_axes_have_units():
     assert label("parts.bolt.mass") == "parts.bolt.mass [kg]"
     assert label("steps.pick.to.position.0") == "steps.pick.to.position.0 [m]"
+
+
+def test_the_scene_is_a_part_of_the_study(study, tmp_path):
+    scene = tmp_path / "scene.json"
+    found = []
+    for radius in (0.05, 0.06):
+        scene.write_text(json.dumps([{"type": "sphere", "name": "ball", "center": [2, 0, 0], "radius": radius}]))
+        text = BOLT.replace("start = [0.1, 0.2]", 'start = [0.1, 0.2]\nscene = "scene.json"')
+        (tmp_path / "cell.toml").write_text(text)
+        (tmp_path / "study.toml").write_text(STUDY)
+        found.append(read_study(tmp_path / "study.toml"))
+    scene.unlink()  # workers need none
+    assert [one.description()["task"]["cycle"]["cycle"]["obstacles"][0]["radius"] for one in found] == [0.05, 0.06]
+    assert found[1].task.checked("cycle.obstacles.ball.radius", 0.1) == 0.1
