@@ -60,7 +60,7 @@ class CycleGraph:
     bounds: dict[Arc, Array]
     exact: dict[Arc, Flags]
     solutions: dict[Edge, Solution] = field(default_factory=dict)
-    refused: dict[Edge, CycleError] = field(default_factory=dict)
+    refused: dict[Edge, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, cycle: Cycle) -> CycleGraph:
@@ -117,9 +117,9 @@ class CycleGraph:
         try:
             return problem_of(self.cycle, self.cycle.moves[move], self.positions[stop][i], self.positions[move + 1][j])
         except CycleError as error:
-            self.refused[edge] = error
+            self.refused[edge] = str(error)  # whose traceback holds the problem's geometry
             self.learn(edge, np.inf, exact=True)
-            alike = [str(one) == str(error) for other, one in self.refused.items() if other[:2] == edge[:2]]
+            alike = [one == str(error) for other, one in self.refused.items() if other[:2] == edge[:2]]
             if sum(alike) >= CyclePolicy().alike and not any(other[:2] == edge[:2] for other in self.solutions):
                 self.lengths[edge[:2]][:] = np.inf
                 self.exact[edge[:2]][:] = True

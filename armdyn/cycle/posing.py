@@ -78,17 +78,17 @@ def check_paths(cycle: Cycle, positions: Sequence[Sequence[Array]]) -> None:
     for k, leg in enumerate(cycle.moves if cycle.order == "given" else ()):
         if _is_there_already(leg, cycle.stops[k + 1].target, positions[k]):
             raise CycleError(leg.step, leg.name, "the arm is there already: leave the step out, or give it a way point")
-        refused = None
+        refused = ""
         for ends in islice(product(positions[k], positions[k + 1]), CyclePolicy().alike):
             try:
                 _check_path(cycle, leg, ends)
                 break
             except ProblemError as error:
-                refused = error
+                refused = str(error)
                 if _exact(cycle.stops[k].target) and _exact(cycle.stops[k + 1].target):
-                    raise CycleError(leg.step, leg.name, str(error)) from None
+                    raise CycleError(leg.step, leg.name, refused) from None
         else:
-            raise CycleError(leg.step, leg.name, str(refused))
+            raise CycleError(leg.step, leg.name, refused)
 
 
 def _is_there_already(leg: Leg, target: Array | GoalPose, begins: Sequence[Array]) -> bool:

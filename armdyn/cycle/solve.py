@@ -195,7 +195,7 @@ def _lower_bound(graph: CycleGraph, found: CycleSolution, effort: Effort) -> flo
 def _why(graph: CycleGraph) -> str:
     """Reason for a missing tour: the message of the first infeasible move."""
     moves = graph.cycle.moves
-    reasons: dict[Edge, str] = {edge: str(error) for edge, error in graph.refused.items()}
+    reasons = dict(graph.refused)
     for edge, one in graph.solutions.items():
         if not one.usable:
             reasons[edge] = str(CycleError(moves[edge[1]].step, moves[edge[1]].name, one.message))

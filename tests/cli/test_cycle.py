@@ -14,7 +14,7 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.parallel import core_count
-from cli.command import COMMAND, answer, run_here, run_json
+from cli.command import COMMAND, answer, run, run_here, run_json
 from cycles import BOLT
 
 
@@ -140,3 +140,14 @@ def test_the_example_is_that_of_the_repository_and_overwrites_nothing(tmp_path):
     run_json("cycle", "other.toml", "--example", cwd=tmp_path)
     cycle = ad.read_cycle(tmp_path / "other.toml")
     assert cycle.closed and [arm.payload.mass for arm in cycle.arms if arm.payload] == [1.0, 1.0]
+
+
+@pytest.mark.slow
+def test_a_cycle_between_obstacles_that_is_infeasible_says_so_and_nothing_more(tmp_path):
+    file = tmp_path / "cell.toml"
+    ball = '{ type = "sphere", name = "ball", center = [0.34, 0, -0.12], radius = 0.05 }'
+    text = BOLT.replace("start = [0.1, 0.2]", f"start = [0.1, 0.2]\nobstacles = [{ball}]")
+    file.write_text(text.replace("[1.0, -0.4]", "[-0.6, 0.4]"))
+    done = run("cycle", file, "--no-figure", "--no-report", "--out", tmp_path)
+    assert done.returncode == 3 and "inside 'ball'" in " ".join(done.stdout.split())
+    assert not done.stderr  # such as nanobind's about geometry that is alive at the end
