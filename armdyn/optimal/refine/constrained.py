@@ -5,14 +5,16 @@ satisfies a constraint only at its points; the replay is checked everywhere, and
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armdyn.optimal.landing.pace import constraints_mended
+from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
+from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
+from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.attempt import Attempt
@@ -63,12 +65,23 @@ def with_clearances(task: Task, optima: Sequence[Optimum]) -> list[Optimum]:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """Specification of the next mesh: intervals, tightened constraints, duration and slowing of the mesh before."""
+    """Specification of the next mesh, with the results of the mesh before.
+
+    Attributes:
+        intervals: number of intervals.
+        constraints: tightened path constraints.
+        margins: margins of the limits.
+        duration: duration of the last motion without faults [s].
+        slowing: factor on the duration that the path constraints required of the mesh before.
+        missed: its goal error [rad or m].
+    """
 
     intervals: int
     constraints: TightenedConstraints
+    margins: MeshMargins = field(default_factory=MeshMargins)
     duration: float = np.inf
     slowing: float = np.inf
+    missed: float = np.inf
 
 
 def refined_again(task: Task, attempt: Attempt) -> Optimum:
@@ -86,7 +99,8 @@ def refined_again(task: Task, attempt: Attempt) -> Optimum:
         if mesh is None:
             break
         if k or attempt.intervals != mesh.intervals:
-            tried = solve_on_mesh(task, attempt.trajectory, mesh.intervals, again, mesh.constraints)
+            within = task if mesh.margins == MeshMargins() else mesh.margins.task_within(task)
+            tried = solve_on_mesh(within, attempt.trajectory, mesh.intervals, again, mesh.constraints)
             iterations += tried.iterations
             if not tried.usable:
                 break
@@ -108,25 +122,35 @@ def _next(task: Task, mesh: _Mesh, found: Optimum, replay: Trajectory, attempt: 
     if not any(_faults(task, found)):
         if finer is None or abs(duration / mesh.duration - 1) < numbers.settled:
             return None
-        return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration)
+        return _Mesh(finer, mesh.constraints.on_finer_mesh(), duration=duration)
+    margins = mesh.margins.wider(task, found) if _beyond(task, found) else mesh.margins
     constraints, slowing = mesh.constraints.tightened(problem, found.reports), found.reports.slowing
-    stuck = finer is not None and 0 < numbers.stuck * (mesh.slowing - 1) <= slowing - 1 < np.inf
-    if np.max(np.abs(replay.q[-1] - problem.q_goal)) <= numbers.far and not stuck:
-        return replace(mesh, constraints=constraints.aimed(problem, replay, attempt.passing), slowing=slowing)
+    missed = found.certificate.goal_error
+    stuck = 0 < numbers.stuck * (mesh.slowing - 1) <= slowing - 1 < np.inf
+    astray = missed > numbers.near and missed >= numbers.stuck * mesh.missed
+    if missed <= numbers.far and not (finer is not None and (stuck or astray)):
+        aimed = constraints.aimed(problem, replay, attempt.passing)
+        return replace(mesh, constraints=aimed, margins=margins, slowing=slowing, missed=missed)
     # Else the mesh's solution is no motion of the arm, or too coarse: no correction repairs it.
     return None if finer is None else replace(mesh, intervals=finer, constraints=constraints.on_finer_mesh())
 
 
-def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool]:
-    """Two flags: a constraint is violated beyond slowing down a little; the goal is missed."""
-    return not constraints_mended(
-        task, optimum.reports
-    ), optimum.certificate.goal_error > task.policy.path_constraints.near
+def _faults(task: Task, optimum: Optimum) -> tuple[bool, bool, bool]:
+    """Flags: a constraint is violated beyond slowing down a little; the goal is missed; `_beyond` limits."""
+    missed = not optimum.landed(task.policy.path_constraints.near)
+    return not constraints_mended(task, optimum.reports), missed, _beyond(task, optimum)
 
 
-def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, float]:
-    """Sort key: first the optima that satisfy the constraints, then those that reach the goal, then by duration."""
-    return (*_faults(task, optimum), optimum.trajectory.duration)
+def _beyond(task: Task, optimum: Optimum) -> bool:
+    """Whether an optimum exceeds limits of position, or of velocity where it cannot be slowed down."""
+    velocity, position = excess(task, optimum)
+    return position > 0 or (velocity > LIMIT_TOLERANCE and not can_be_slowed(task.problem))
+
+
+def _rank(task: Task, optimum: Optimum) -> tuple[bool, bool, bool, bool, float]:
+    """Sort key: kept constraints first, then motions that land, kept limits, goals met well, and durations."""
+    violated, missed, beyond = _faults(task, optimum)
+    return violated, not optimum.landed(task.options.replay_tolerance), beyond, missed, optimum.trajectory.duration
 
 
 def _replayed(task: Task, attempt: Attempt) -> Trajectory:

@@ -19,6 +19,7 @@ from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE, SAVING_TOLERANCE
 from armdyn.optimal.proof.mesh_costates import MeshCostates, mesh_costates
 from armdyn.optimal.proof.repeat import repeated
+from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.search.distinct import distinct
@@ -74,21 +75,6 @@ class ResolvedMotions:
         return None
 
 
-@dataclass(frozen=True)
-class _Margins:
-    """Margins by which a mesh's motion stays within its limits, for excesses between knots and for feedback.
-
-    Attributes:
-        velocity: margin of velocities, as a part of the limits.
-        position: margin of positions, as a part of the joints' ranges.
-        torque: margin of torques, as a part of the limits.
-    """
-
-    velocity: float = 0.0
-    position: float = 0.0
-    torque: float = 0.0
-
-
 class _Meshes:
     """Solver of meshes with small margins of the velocity limits.
 
@@ -103,7 +89,7 @@ class _Meshes:
 
     def finer(self, attempt: Attempt) -> Iterator[Attempt]:
         """Rough solutions of one optimum on successively finer meshes."""
-        numbers, within = self.task.policy.motion_mesh, self._within(_Margins())
+        numbers, within = self.task.policy.motion_mesh, self._within(MeshMargins())
         rough = replace(
             self.task.sharp(),
             tolerance=numbers.tolerance,
@@ -133,17 +119,17 @@ class _Meshes:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
         if not self.worth(rough.mesh) or self.task.stop:
             return rough
-        found = self._once(self._within(_Margins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
+        found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
         return found if found.usable else rough
 
-    def divided(self, attempt: Attempt, to_divide: Flags, margins: _Margins) -> Attempt | None:
+    def divided(self, attempt: Attempt, to_divide: Flags, margins: MeshMargins) -> Attempt | None:
         """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(to_divide, numbers.parts, 1))
         worth = np.any(to_divide) and knots.size <= numbers.most_further_knots and self.worth(knots)
         return self.again(attempt, knots, margins) if worth else None
 
-    def again(self, attempt: Attempt, knots: Array, margins: _Margins) -> Attempt | None:
+    def again(self, attempt: Attempt, knots: Array, margins: MeshMargins) -> Attempt | None:
         """Solve on other knots, with margins of the limits; None without convergence."""
         if self.task.stop:
             return None
@@ -185,20 +171,9 @@ class _Meshes:
         self.resolved.left -= found.iterations * size
         return found
 
-    def _within(self, margins: _Margins) -> Task:
-        problem, limits, reserves = self.task.problem, self.task.problem.limits, self.task.problem.reserves
+    def _within(self, margins: MeshMargins) -> Task:
         fast = self.task.policy.motion_mesh.inside + margins.velocity
-        weak = np.where(limits.actuators.lower * limits.actuators.upper < 0, margins.torque, 0.0)
-        whole, ends = limits.position_upper - limits.position_lower, problem.poses[[0, -1]]
-        room = margins.position * np.where(np.isfinite(whole), whole, 1.0)  # 1 rad, as in `excesses`
-        lower = np.minimum(limits.position_lower + room, np.min(ends, axis=0))
-        upper = np.maximum(limits.position_upper - room, np.max(ends, axis=0))
-        within = problem.variant(
-            velocity_reserve=reserves.velocity + (1 - reserves.velocity) * fast,
-            reserve=reserves.effort + (1 - reserves.effort) * weak,
-            **({"position_limit": (lower, upper)} if margins.position else {}),
-        )
-        return replace(self.task, problem=within)
+        return replace(margins, velocity=fast).task_within(self.task)
 
 
 def _finer(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
@@ -299,8 +274,8 @@ def _divided_until_certified(meshes: _Meshes, mesh: Attempt, remark: str) -> Opt
     if best is None:
         return None
     for k in range(numbers.further_meshes):
-        velocity, position = _excess(task, best.optimum)
-        margins = _Margins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
+        velocity, position = excess(task, best.optimum)
+        margins = MeshMargins(velocity if k else 0.0, position)  # shorter intervals: smaller excess
         divided = meshes.divided(mesh, best.to_divide, margins)
         found = None if divided is None else _judged(task, divided, remark)
         if divided is None or found is None or found.saving > max(best.saving, SAVING_TOLERANCE):
@@ -317,27 +292,19 @@ def _within_margins(meshes: _Meshes, mesh: Attempt, optimum: Optimum, remark: st
 
     An unstable motion can be repeated only under feedback, for which torques on their limits leave no range.
     """
-    task, margins, last, near = meshes.task, _Margins(), optimum, meshes.task.options.replay_tolerance
+    task, margins, last, near = meshes.task, MeshMargins(), optimum, meshes.task.options.replay_tolerance
     if meshes.resolved.usable_by(optimum.cost, near):
         return optimum
     for kept in task.policy.motion_mesh.kept:
         if last.usable(near):
             break
-        velocity, position = _excess(task, last)
-        torque = margins.torque if last.landed(near) else kept
-        margins = _Margins(margins.velocity + velocity, margins.position + position, torque)
+        margins = margins.wider(task, last, margins.torque if last.landed(near) else kept)
         again = meshes.again(mesh, mesh.mesh, margins)
         found = None if again is None else _judged(task, again, remark)
         if again is None or found is None:
             break
         mesh, last = again, found.optimum
     return last if last.usable(near) else optimum
-
-
-def _excess(task: Task, optimum: Optimum) -> tuple[float, float]:
-    """Excess over limits of velocity and of position, as parts of these; 0 for positions within tolerance."""
-    _, velocity, position = (one.share for one in excesses(task.problem.limits, optimum.trajectory))
-    return velocity, position if position > LIMIT_TOLERANCE else 0.0
 
 
 def _judged(task: Task, attempt: Attempt, remark: str) -> _Judged | None:

@@ -8,7 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
-from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _finer, _Margins, _Meshes, mesh_optimum
+from armdyn.optimal.refine.mesh_margins import MeshMargins
+from armdyn.optimal.refine.motion_mesh import ResolvedMotions, _finer, _Meshes, mesh_optimum
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.task.task import Task
 from problems import paper_arm
@@ -129,11 +130,26 @@ def test_a_motion_that_leaves_feedback_no_torque_is_planned_with_less(monkeypatc
 def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
     folded = FAST.variant(velocity_limit=30.0, position_limit=([-2.6, -1.6], [2.1, 1.1]))
     task = Task.of(folded, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=1e-3)).problem.limits
+    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(MeshMargins(position=1e-3)).problem.limits
     assert within.position_lower == pytest.approx([-2.6 + 4.7e-3, -1.6 + 2.7e-3])
     assert within.position_upper == pytest.approx([2.1 - 4.7e-3, 1.1 - 2.7e-3])
-    wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=0.1)).problem.limits
+    wide = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(MeshMargins(position=0.1)).problem.limits
     assert np.all(wide.position_lower <= folded.q_start) and np.all(wide.position_upper >= folded.q_goal)
+
+
+@pytest.mark.slow
+def test_a_goal_at_the_velocity_limit_is_reached():
+    limits = {"velocity_limit": 8.0, "v_goal": [8.0, 0.5]}
+    problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[-1.5, 0.0], q_goal=[0.2, -0.1], **limits)
+    # The margin of the mesh refused it: "beyond its limit 7.99996 rad/s".
+    assert ad.solve_minimum_time(problem, ad.MinimumTimeOptions(starts=1, workers=1)).certified
+
+
+def test_margins_leave_ends_in_flight_their_positions():
+    ends = {"q_start": [-2.5, -1.5], "q_goal": [2.0, 1.0], "v_goal": [-1.0, 1.0]}
+    problem = ad.MinimumTimeProblem(paper_arm("rr"), **ends, position_limit=([-2.6, -1.6], [2.001, 1.1]))
+    within = MeshMargins(position=1e-3).task_within(Task.of(problem, ad.MinimumTimeOptions())).problem.limits
+    assert within.position_upper == pytest.approx([2.001, 1.1 - 2.7e-3])
 
 
 @pytest.mark.filterwarnings("error")
@@ -141,7 +157,9 @@ def test_a_divided_mesh_stays_within_position_limits_by_the_excess():
 def test_a_mesh_without_position_limits_stays_without(margin):
     endless = FAST.variant(position_limit=(-np.inf, [np.inf, 2.0]))
     task = Task.of(endless, ad.MinimumTimeOptions(starts=4, workers=1))
-    within = _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(_Margins(position=margin)).problem.limits
+    within = (
+        _Meshes(task, ResolvedMotions(task.policy.motion_mesh))._within(MeshMargins(position=margin)).problem.limits
+    )
     assert within.position_lower.tolist() == [-np.inf, -np.inf]
     assert within.position_upper.tolist() == [np.inf, 2.0 - margin]
 

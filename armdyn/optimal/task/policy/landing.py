@@ -27,7 +27,7 @@ class PathConstraintPolicy:
 
     cases: ClassVar = "RR: spheres, boxes"
 
-    rounds: int = tuned(8, "rounds", "of meshes solved again", "RR: spheres, boxes; Panda: a post")
+    rounds: int = tuned(12, "rounds", "of meshes solved again", "RR, RRR: torque rates, dry friction; Panda: a post")
     near: float = tuned(1e-4, "rad or m", "of via points and goal: a further round gains too little", "RR, Panda")
     region_excess: float = tuned(1e-6, "m or rad", "largest deviation outside a region: the tolerance of all limits")
     region_part: float = tuned(
@@ -46,7 +46,10 @@ class PathConstraintPolicy:
         1e-4, "of a limit", "further tightening where the limits are tightened by the replay's excess", "UR5"
     )
     stuck: float = tuned(
-        0.9, "of the slowing", "required by the round before: where as much is left, the mesh is refined", "RR, jerk"
+        0.9,
+        "of the slowing",
+        "required by the round before, or of its miss: where as much is left, the mesh is refined",
+        "RR, jerk",
     )
     least_part: float = tuned(0.9, "of a limit", "in a program, at least: a mesh that needs less is too coarse", "RR")
     slower: float = tuned(
