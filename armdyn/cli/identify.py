@@ -23,6 +23,7 @@ from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, write_whole
+from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
     from armdyn.identification.equations import What
@@ -213,7 +214,7 @@ def _show(estimate: ad.Estimate, file: Path) -> None:
             (joint, *(f"{value:.3g}" for value in row))
             for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True)
         ]
-        title = "root mean square on the end of the logs [N m; of sliding joints N]"
+        title = f"root mean square on the end of the logs [{joint_unit(estimate.robot.slides, 'N m', 'N')}]"
         console.print(table(title, ("joint", ">torque", ">error before", ">after"), rows))
     measured = [one for one in estimate.parameters if one.measured]
     rows = [

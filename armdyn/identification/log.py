@@ -19,6 +19,7 @@ from armdyn.errors import ArmdynError, LogError, MissingPackageError, Trajectory
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory
+from armdyn.trajectory.npz import is_own
 from armdyn.trajectory.planned import read_planned
 
 BAGS = (".mcap", ".db3", ".bag")
@@ -146,7 +147,8 @@ class Log:
 
         Args:
             path: a table .csv, .tsv or .txt with named columns such as `t,q1,…,v1,…,tau1,…` or `time,position_elbow,
-                effort_elbow,…`, of degrees if the name says `[deg]`; an .npz of arrays t, q, v, tau; or a ROS bag
+                effort_elbow,…`, of degrees if the name says `[deg]`; an .npz of arrays t, q, v, tau, or of a
+                `Trajectory`, as `of` reads it; or a ROS bag
                 (.mcap, .db3, .bag, or a folder) of sensor_msgs/JointState, with the package rosbags.
             robot: whose joints are in it.
 
@@ -158,6 +160,8 @@ class Log:
         if os.path.isdir(file) or file.suffix.lower() in BAGS:  # noqa: PTH112  # False for a name that is too long
             return cls._of_bag(file, joint_names)
         try:
+            if file.suffix.lower() == ".npz" and file.is_file() and is_own(file):
+                return replace(cls.of(Trajectory.load(file)), name=file.name)
             found = read_planned(file, joint_names)
         except TrajectoryError as error:
             raise LogError(str(error)) from None

@@ -10,6 +10,7 @@ from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.files import write_whole
 from armdyn.identification.estimate import Estimate, Estimated, Judged
+from armdyn.reprs import joint_unit
 from armdyn.show.markup import Html, element, fill, join
 from armdyn.show.page.assets import asset
 from armdyn.show.page.facts import Facts
@@ -151,7 +152,8 @@ def _error_section(estimate: Estimate, judged: Judged) -> Section:
         torque, before, after = (one[j] for one in (judged.measured, judged.before, judged.after))
         share = td(f"{100 * after / torque:.3g} %" if torque else "–", **({"class_": "over"} if after > before else {}))
         rows.append([th(joint, "row"), *(td(f"{one:.3g}") for one in (torque, before, after)), share])
-    note = element("p", "Root mean square on data held out [N m; of sliding joints N].", class_="note")
+    unit = joint_unit(estimate.robot.slides, "N m", "N")
+    note = element("p", f"Root mean square on data held out [{unit}].", class_="note")
     return Section("errors", "Torque errors", join([note, stacked(head, rows)]))
 
 

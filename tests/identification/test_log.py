@@ -103,3 +103,10 @@ def test_bags(tmp_path):
     (tmp_path / "x.mcap").write_bytes(b"nothing")
     with pytest.raises(LogError, match="not a readable bag"):
         Log.load(tmp_path / "x.mcap", RRR)
+
+
+def test_a_run_s_file_is_the_log_of_the_run(tmp_path):
+    run = ad.track(RRR, ad.ramp(RRR, [0, 0, 0], [1.0, 0.5, -0.5], 0.3), ad.ComputedTorque())
+    own, read = Log.of(run.trajectory), Log.load(run.trajectory.save(tmp_path / "trajectory.npz"), RRR)
+    assert np.abs(own.tau - run.trajectory.tau).max() > 1e-3  # they are held from tick to tick
+    assert np.array_equal(read.tau, own.tau) and np.array_equal(read.q, own.q) and read.name == "trajectory.npz"
