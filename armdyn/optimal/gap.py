@@ -17,7 +17,7 @@ from armdyn.models.robots.loads import robots_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.arcs.arc import stretches
+from armdyn.optimal.arcs.arc import runs_of
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.rollout import expect_motion_of, replay_torques
 from armdyn.optimal.landing.segments import Segments
@@ -283,6 +283,6 @@ def _idle_times(limits: JointLimits, motion: Trajectory) -> tuple[Array, tuple[t
     stopped = (at.q <= limits.position_lower + AT_STOP) | (at.q >= limits.position_upper - AT_STOP)
     idle = ~(pushing | fast | stopped)
     lengths = np.diff(edges)
-    runs = [stretches(np.flatnonzero(mask)) for mask in idle.T]
+    runs = [runs_of(np.flatnonzero(mask)) for mask in idle.T]
     intervals = tuple(tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in each) for each in runs)
     return lengths @ idle / motion.duration, intervals

@@ -63,7 +63,7 @@ class Plan:
         """Payload of figures, replays and the examples' folders [kg]: the paper's, else the first requested."""
         return PAYLOAD if not self.payloads or PAYLOAD in self.payloads else self.payloads[0]
 
-    def wants(self, table: int) -> bool:
+    def includes(self, table: int) -> bool:
         """Whether a table is to be written: all, those named, or if none is named those that the examples fill."""
         named = [part for part in self.only if part.startswith("table")]
         return f"table{table}" in named if named else not self.only or table != 3

@@ -162,7 +162,7 @@ class _SoFar:
     def rows(self) -> tuple[Row, ...]:
         """Rows of the plan's tables."""
         rows = all_rows(self.outcomes, self._plan.payloads or PAYLOADS)
-        return tuple(row for row in rows if self._plan.wants(row.table))
+        return tuple(row for row in rows if self._plan.includes(row.table))
 
     def first(self) -> tuple[Outcome, ...]:
         """Once, when all with the figures' payload are there and drawn: those; else none."""

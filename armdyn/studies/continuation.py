@@ -19,7 +19,7 @@ from armdyn.studies.tasks.task import CaseResult
 
 
 @dataclass(frozen=True, eq=False)
-class GivenProblems:
+class ListedProblems:
     """Problems that are there already, by the value of one setting.
 
     Attributes:
@@ -54,7 +54,7 @@ def chain(
         progress: called with the progress of a search in words.
     """
     task = MinimumTimeTask(
-        problems=GivenProblems(setting, problems), options=options, neighbours="chain", progress=progress
+        problems=ListedProblems(setting, problems), options=options, neighbours="chain", progress=progress
     )
     return Study(task=task, axes=(Axis(name=setting, values=tuple(problems)),))
 

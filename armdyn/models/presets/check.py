@@ -85,11 +85,11 @@ def _rounding(q: Array) -> float:
 def _differences(t: Array, q: Array) -> tuple[Array, Array]:
     """Velocities and accelerations at both ends of a motion, by differences of its positions, each of shape (2, nv)."""
     h = np.diff(t)[:, None]
-    slopes = np.diff(q, axis=0) / h
-    if len(slopes) == 1:
-        return slopes[[0, 0]], np.zeros((2, q.shape[1]))
-    a = np.diff(slopes, axis=0)[[0, -1]] / ((h[1:] + h[:-1]) / 2)[[0, -1]]
-    return slopes[[0, -1]] + np.array([[-1.0], [1.0]]) * a * h[[0, -1]] / 2, a
+    velocities = np.diff(q, axis=0) / h
+    if len(velocities) == 1:
+        return velocities[[0, 0]], np.zeros((2, q.shape[1]))
+    a = np.diff(velocities, axis=0)[[0, -1]] / ((h[1:] + h[:-1]) / 2)[[0, -1]]
+    return velocities[[0, -1]] + np.array([[-1.0], [1.0]]) * a * h[[0, -1]] / 2, a
 
 
 def check_points(motion: Trajectory | Planned) -> None:

@@ -93,9 +93,9 @@ def _slid_end(
             or step < numbers.end_least
         ):
             break
-        slope = end_gradient(best.problem.robot, goal, q, best.phases)
-        steepest = float(np.linalg.norm(slope))
-        by = -min(step, numbers.end_largest) / steepest * slope
+        gradient = end_gradient(best.problem.robot, goal, q, best.phases)
+        steepest = float(np.linalg.norm(gradient))
+        by = -min(step, numbers.end_largest) / steepest * gradient
         moved = slid(best.problem.robot, goal, q, by, best.problem.limits)
         other = None if moved is None else solve(best, moved)
         if moved is None or other is None:
@@ -104,7 +104,7 @@ def _slid_end(
             step /= 4
             continue
         turned = end_gradient(best.problem.robot, goal, moved, other.phases)
-        away, curvature = moved - q, float((moved - q) @ (turned - slope))
+        away, curvature = moved - q, float((moved - q) @ (turned - gradient))
         step = float(away @ away) / curvature * float(np.linalg.norm(turned)) if curvature > 0 else 2 * step
         best = other
     return best

@@ -41,7 +41,7 @@ TOWARDS = {
 """Torque mode that presses a joint against its limit."""
 
 
-def stretches(places: Index) -> list[Index]:
+def runs_of(places: Index) -> list[Index]:
     """Split increasing integers into runs of consecutive ones; empty if there are none."""
     return np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if places.size else []
 

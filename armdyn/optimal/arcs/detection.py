@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Arc, Event, Mode, arcs_between, runs_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
 from armdyn.trajectory import Trajectory
@@ -48,10 +48,10 @@ def detect(
         # Constant torque cannot hold a limit exactly: an interval is on it if both its ends are near it.
         slow = np.minimum(np.abs(at_knots.v[:-1, i]), np.abs(at_knots.v[1:, i]))
         bounds = np.array([limits.position_lower[i], limits.position_upper[i]])
-        room = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
+        margin = np.min(np.abs(at_knots.q[:, i, None] - bounds), axis=1)
         scale = max(float(np.ptp(at_knots.q[:, i])), 0.1)
-        touching = room < numbers.touching * scale
-        near = room < numbers.in_contact * scale
+        touching = margin < numbers.touching * scale
+        near = margin < numbers.in_contact * scale
         contact = touching[:-1] | touching[1:] | (near[:-1] & near[1:])  # one end marks where contact begins or ends
         above = bounds[1] - middle.q[:, i] < middle.q[:, i] - bounds[0]
         fast = slow > limits.velocity[i] * (1 - numbers.near_speed)
@@ -68,7 +68,7 @@ def detect(
         events += _switches(runs, level[:, i], knots, i, switching)
         inner = np.flatnonzero(touching[1:-1]) + 1
         on_limit = [k for k in inner if modes[k] not in POSITION and modes[k - 1] not in POSITION]
-        for run in stretches(np.array(on_limit, int)):
+        for run in runs_of(np.array(on_limit, int)):
             k = int(run[len(run) // 2])
             side = Mode.POSITION_UPPER if at_knots.q[k, i] > np.mean(bounds) else Mode.POSITION_LOWER
             events.append(Event(float(knots[k]), i, side, touch=True))

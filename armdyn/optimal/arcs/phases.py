@@ -138,5 +138,5 @@ def motion_of(
 def _weights(steps: int) -> tuple[Array, Array, Array, Array]:
     """Points of an interval, and weights there of the stages, of start and stages, and of the curvature."""
     s = np.linspace(0, 1, steps + 1)
-    at_stages, slopes = lagrange(TABLEAU.c, s), differentiation(TABLEAU.c)
-    return s, at_stages, lagrange(np.append(0.0, TABLEAU.c), s), at_stages @ slopes @ slopes
+    at_stages, derivatives = lagrange(TABLEAU.c, s), differentiation(TABLEAU.c)
+    return s, at_stages, lagrange(np.append(0.0, TABLEAU.c), s), at_stages @ derivatives @ derivatives

@@ -114,8 +114,8 @@ def _density(t: Array, states: Array, stage_costate: Array, layers: Density | No
     """Mesh density from the curvature of states and costates, and from the layers of dry friction."""
     flat = states.reshape(*states.shape[:2], -1)
     costate = stage_costate / (TABLEAU.b[:, None] * np.diff(t)[:, None, None])
-    bends = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], least_density)
-    return bends if layers is None else bends.with_half_of(layers)
+    density = density_of(t, [(np.append(0, TABLEAU.c), flat), (TABLEAU.c, costate)], least_density)
+    return density if layers is None else density.with_half_of(layers)
 
 
 def _gradient(nlp: Nlp, nlp_data: ArcNlpData, result: NlpResult) -> Array:

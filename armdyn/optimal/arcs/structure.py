@@ -13,7 +13,7 @@ from armdyn.optimal.arcs.arc import (
     arcs_between,
     merged,
     outward,
-    stretches,
+    runs_of,
     without_short,
 )
 from armdyn.optimal.arcs.phases import TABLEAU, Phases
@@ -46,7 +46,7 @@ def with_overlooked(problem: MinimumTimeProblem, phases: Phases, numbers: ArcsPo
             held = (np.max(sign * multipliers[:, :, row], axis=1) * size > numbers.held * phases.duration) & ~named
             found = found or bool(np.any(held))
             for i in range(held.shape[1]):
-                for run in stretches(np.flatnonzero(held[:, i])):
+                for run in runs_of(np.flatnonzero(held[:, i])):
                     if row == 0 and run.size <= numbers.touch and not np.any(met[run, i]):
                         weight = np.maximum(sign * multipliers[run, :, row, i], 0)
                         touched.append(Event(float(np.average(times[run], weights=weight)), i, mode, touch=True))

@@ -103,7 +103,7 @@ class Cells:
         most = np.broadcast_to(leg.velocity, (len(lines), len(leg.velocity)))
         every, v = np.concatenate(lengths), Interval(-most, most)
         cells = cls(every, longest, tuple(lines), passed, stacked(boxes, 0), stacked(nodes, 0), v)
-        return cells.narrowed(leg, v) if cells.room > 0 else None
+        return cells.narrowed(leg, v) if cells.time_left > 0 else None
 
     @property
     def elastic(self) -> Flags:
@@ -121,14 +121,14 @@ class Cells:
         return np.concatenate([[0], np.cumsum(~self.elastic)])
 
     @property
-    def room(self) -> float:
+    def time_left(self) -> float:
         """Time that the longest motion has for the elastic cells [s]; not positive: no motion exists."""
         return float((Interval.at(self.longest) - Interval.at(self.lengths).sum(0)).upper)
 
     @property
     def times(self) -> Interval:
         """Lengths of all cells [s], shape (n,)."""
-        return Interval(self.lengths, np.where(self.elastic, self.room, self.lengths))
+        return Interval(self.lengths, np.where(self.elastic, self.time_left, self.lengths))
 
     @property
     def middle(self) -> int:

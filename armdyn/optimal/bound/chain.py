@@ -29,7 +29,7 @@ from armdyn.optimal.bound.goal_set import is_closed
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.passing import Passage
-from armdyn.optimal.bound.rates import soonest
+from armdyn.optimal.bound.rates import least_time
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.registry import path_constraints_of
@@ -222,7 +222,7 @@ class _Run:
         count, duration = len(self.legs), 0.0
         if not (isinstance(first, GoalPose) or isinstance(last, GoalPose)):
             fastest = np.max([leg.velocity for leg in self.legs], axis=0)
-            duration = float(soonest(Interval.at(first), Interval.at(last), fastest))
+            duration = float(least_time(Interval.at(first), Interval.at(last), fastest))
         nowhere = np.full((count + 1, self.legs[0].dynamics.nv), np.nan)
         return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
 

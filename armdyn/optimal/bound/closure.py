@@ -69,9 +69,9 @@ def _distances(dynamics: Dynamics, goal: GoalPose, q: ca.SX) -> list[ca.SX]:
         back = ca.SX(goal.pose.rotation.copy()) @ rotation.T
         outer = goal.pose.translation - back @ (origin - fixed[:, 3]) - dynamics.placements(q)[:, first + 3]
         row = ca.sumsqr(inner) - ca.sumsqr(outer)
-        slope = ca.Function("slope", [q], [ca.jacobian(row, q)])
-        slopes = [np.abs(slope(rng.uniform(-np.pi, np.pi, n)).full()[0]) for _ in range(_TRIALS)]
-        idle = [int(k) + 1 for k in np.flatnonzero(np.max(slopes, axis=0) < _IDLE)]
+        gradient = ca.Function("gradient", [q], [ca.jacobian(row, q)])
+        sizes = [np.abs(gradient(rng.uniform(-np.pi, np.pi, n)).full()[0]) for _ in range(_TRIALS)]
+        idle = [int(k) + 1 for k in np.flatnonzero(np.max(sizes, axis=0) < _IDLE)]
         found.append((n - len(idle), ca.substitute(row, q, _behind(q, idle))))
     return [row for count, row in found if 0 < count <= n - 2]
 

@@ -17,7 +17,7 @@ from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
-from armdyn.optimal.bound.rates import soonest
+from armdyn.optimal.bound.rates import least_time
 
 Place = Array | GoalPose
 
@@ -108,7 +108,7 @@ def _thinned(
     none = np.zeros(legs[0].dynamics.nv, dtype=bool)
     turning = np.any([none, *(goals.turning for goals in sets if goals is not None)], axis=0)
     pairs = zip(legs, boxes[:-1], boxes[1:], strict=True)
-    times = [soonest(a[:, None], b[None], leg.velocity, turning) for leg, a, b in polled(pairs, stop)]
+    times = [least_time(a[:, None], b[None], leg.velocity, turning) for leg, a, b in polled(pairs, stop)]
     forward, backward = [np.zeros(len(boxes[0].lower))], [np.zeros(len(boxes[-1].lower))]
     for each in times:
         forward.append(np.min(forward[-1][:, None] + each, axis=0, initial=np.inf))

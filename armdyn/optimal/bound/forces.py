@@ -53,9 +53,9 @@ class Forces:
         if steps is not None:
             steps = steps.spread(shape)
             linear = linear + self.terms.inertia.dot(steps)
-            turning = self.terms.inertia_slopes.dot(steps[:, None]).spread((boxes, nv, *shape[1:]))
+            turning = self.terms.inertia_gradient.dot(steps[:, None]).spread((boxes, nv, *shape[1:]))
         constant = self.torque - self.terms.gravity - self._tanh * Interval.at(coulomb)
-        weight = self.terms.gravity_slopes.times(w)
+        weight = self.terms.gravity_gradient.times(w)
         found = range_of(self.v, linear, self._squares(w), turning, -weight)
         return found + constant[:, None].times(w)[:, 0]
 
@@ -66,7 +66,7 @@ class Forces:
     def _squares(self, w: Array) -> Interval:
         """Coefficients of v_a v_b, a ≥ b, in ½ vᵀ (Σ w_k ∂M/∂q_k) v, shape (boxes, pairs, m)."""
         rows, columns = np.tril_indices(self.v.lower.shape[1])
-        sums, part = self.terms.bends.times(w), np.where(rows == columns, 0.5, 1.0)[:, None]
+        sums, part = self.terms.inertia_derivatives.times(w), np.where(rows == columns, 0.5, 1.0)[:, None]
         return Interval(sums.lower * part, sums.upper * part)  # exact
 
 

@@ -29,7 +29,7 @@ from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure.instructions import Affine
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, joined, rounding, up
-from armdyn.optimal.bound.rates import soonest
+from armdyn.optimal.bound.rates import least_time
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED
@@ -82,7 +82,7 @@ class Within:
         """
         total = np.zeros(len(boxes.lower))
         for q in self.ends:
-            total = total + soonest(Interval.at(q), boxes, self.velocity, turning)
+            total = total + least_time(Interval.at(q), boxes, self.velocity, turning)
         return np.maximum(down(total), 0.0)
 
 
@@ -188,7 +188,7 @@ class GoalSet:
             widest = np.max(reach, axis=1, initial=0.0)
             wide = widest > small
             # Bisect, among the wide joints, the one with the largest part in some equation's range.
-            shares = np.max(np.abs(forms.slopes[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
+            shares = np.max(np.abs(forms.gradient[..., left]) / (forms.far[:, None, left] + TOLERANCE), axis=0).T
             cut = (reach >= self.policy.cut * widest[:, None]) * (shares + TOLERANCE) * (now.upper - now.lower)
             kept.append(now[~wide])
             boxes = joined([later, *_halves(now[wide], np.argmax(cut[wide], axis=1))])
@@ -215,7 +215,7 @@ class GoalSet:
         """The equations over one box, shape (nv,), as affine forms that contain zero where the frame is at its goal."""
         forms = self._widened(closure(self.dynamics, self.goal).forms(box[:, None]))
         own = 3 if not self.goal.oriented else 12 if self.goal.axis is None else 6  # distances are redundant then
-        return Affine(forms.centre[:own], forms.slopes[:own], forms.rest[:own] + TOLERANCE)
+        return Affine(forms.centre[:own], forms.gradient[:own], forms.rest[:own] + TOLERANCE)
 
     def _widened(self, forms: Affine) -> Affine:
         """Closure equations whose remainder includes the goal's tolerances, so that they hold in all of its region."""
@@ -224,7 +224,7 @@ class GoalSet:
         most = self.goal.deviations
         sizes = np.linalg.norm(most[:3]), np.linalg.norm(most[3:][np.isfinite(most[3:])])
         by = np.where(np.arange(len(forms.rest)) < 3, *sizes)
-        return Affine(forms.centre, forms.slopes, forms.rest + by.reshape(-1, *(1,) * (forms.rest.ndim - 1)))
+        return Affine(forms.centre, forms.gradient, forms.rest + by.reshape(-1, *(1,) * (forms.rest.ndim - 1)))
 
 
 def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Interval, NDArray[np.intp]]:
@@ -237,17 +237,17 @@ def narrowed(boxes: Interval, forms: Affine, numbers: BoundPolicy) -> tuple[Inte
     """
     left = np.flatnonzero(np.all(np.abs(forms.centre) <= (forms.far + TOLERANCE) * (1 + 1e-12), axis=0))
     boxes, forms = boxes[left], Affine(*(part[..., left] for part in forms.parts))
-    centre, slopes = forms.centre.T, np.ascontiguousarray(forms.slopes.transpose(2, 0, 1))
-    rest, (m, nv) = forms.rest.T + TOLERANCE, slopes.shape[1:]
-    normal = slopes @ slopes.transpose(0, 2, 1)
+    centre, gradient = forms.centre.T, np.ascontiguousarray(forms.gradient.transpose(2, 0, 1))
+    rest, (m, nv) = forms.rest.T + TOLERANCE, gradient.shape[1:]
+    normal = gradient @ gradient.transpose(0, 2, 1)
     damping = numbers.damping * np.trace(normal, axis1=1, axis2=2) + 1e-30
     solved = np.linalg.solve(
-        normal + damping[:, None, None] * np.eye(m), np.concatenate([slopes, centre[..., None]], 2)
+        normal + damping[:, None, None] * np.eye(m), np.concatenate([gradient, centre[..., None]], 2)
     )
     # Any combinations are valid: per joint the one that solves for it, then that of the error, then single rows.
     w = np.concatenate([solved.transpose(0, 2, 1), np.broadcast_to(np.eye(m), (len(centre), m, m))], axis=1)
-    sizes = np.abs(centre) + np.sum(np.abs(slopes), axis=2) + rest
-    value, row, remainder = (w @ centre[..., None])[..., 0], w @ slopes, (np.abs(w) @ rest[..., None])[..., 0]
+    sizes = np.abs(centre) + np.sum(np.abs(gradient), axis=2) + rest
+    value, row, remainder = (w @ centre[..., None])[..., 0], w @ gradient, (np.abs(w) @ rest[..., None])[..., 0]
     remainder = remainder + rounding(2 * (m + nv), (np.abs(w) @ sizes[..., None])[..., 0])
     lower, upper = -np.ones((len(centre), nv)), np.ones((len(centre), nv))
     possible, sign = np.ones(len(centre), dtype=bool), np.sign(row)

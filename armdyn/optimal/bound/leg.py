@@ -52,21 +52,21 @@ class LegEnd:
         least = (Interval.at(weights) * self.q).sum(0).lower
         if self.equations is None or not np.any(weights):
             return float(least)
-        centre, slopes, rest = (part[..., 0] for part in self.equations.parts)
+        centre, gradient, rest = (part[..., 0] for part in self.equations.parts)
         scaled = Interval.at(weights) * Interval.at(self.q.radius)
-        w = _combination(scaled.centre, centre, slopes, rest) if combination is None else combination
-        left = (scaled - Interval.at(slopes.T).times(w[:, None])[:, 0]).magnitude
+        w = _combination(scaled.centre, centre, gradient, rest) if combination is None else combination
+        left = (scaled - Interval.at(gradient.T).times(w[:, None])[:, 0]).magnitude
         shift = Interval.at(left).sum(0) + (Interval.at(w) * Interval(centre - rest, centre + rest).outward()).sum(0)
         middle = (Interval.at(weights) * Interval.at(self.q.centre)).sum(0)
         return float(np.maximum(least, (middle - shift).lower))
 
 
-def _combination(sought: Array, centre: Array, slopes: Array, rest: Array) -> Array:
+def _combination(sought: Array, centre: Array, gradient: Array, rest: Array) -> Array:
     """The minimiser w of Σ |sought − Sᵀ w| + wᵀ centre + Σ rest |w|, shape (m,)."""
     count, size = len(sought), float(np.max(np.abs(sought)))
     if size == 0:
         return np.zeros_like(centre)
-    both = np.hstack([-slopes.T, slopes.T])
+    both = np.hstack([-gradient.T, gradient.T])
     found = linprog(
         np.concatenate([rest + centre, rest - centre, np.ones(count)]),
         A_ub=np.block([[both, -np.eye(count)], [-both, -np.eye(count)]]),
@@ -114,7 +114,7 @@ class BoundLeg:
     def inertia(self) -> Interval:
         """M at the start and at the goal [kg m²], enclosed over their boxes, shape (2, nv, nv)."""
         terms = terms_over(self.dynamics, joined([self.start.q[None], self.goal.q[None]]))
-        open_ = terms.inertia_slopes.magnitude
+        open_ = terms.inertia_gradient.magnitude
         radius = np.sum(open_, axis=1) + rounding(open_.shape[1], np.sum(open_, axis=1))
         return terms.inertia + Interval(-radius, radius)
 

@@ -79,7 +79,7 @@ def lower_bound(
     """
     stopped, numbers = stopper(stop), policy or BoundPolicy()
     if expect_problem(problem).goal_pose is None and len(problem.goals) > 1:
-        return _soonest(problem, stopped, numbers)
+        return _least_over_turns(problem, stopped, numbers)
     *legs, last = legs_of(problem, numbers)
     if problem.goal_pose is None:
         slowest, fastest = leg_bound(last, stopped), last.shortest
@@ -98,7 +98,7 @@ def lower_bound(
     )
 
 
-def _soonest(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: BoundPolicy) -> LowerBound | None:
+def _least_over_turns(problem: MinimumTimeProblem, stop: Callable[[], bool], numbers: BoundPolicy) -> LowerBound | None:
     """The least bound of all ways round, in the order of their kinematic bounds; None: one has no bound."""
     least: LowerBound | None = None
     alone = [problem.variant(q_goal=q, wrap=False) for q in problem.goals]

@@ -89,8 +89,10 @@ def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition
             phases[k] = replace(phases[k], line=passage.lines[k], box=event.line_box)
         others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
         if event.line_box is None:
-            soonest = _soonest(leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0))
-            phases[k] = replace(phases[k], least=max(phases[k].least, soonest))
+            least_time = _least_time_to(
+                leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0)
+            )
+            phases[k] = replace(phases[k], least=max(phases[k].least, least_time))
         least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
         phases[k] = replace(phases[k], least=max(phases[k].least, least))
     return phases
@@ -177,7 +179,7 @@ def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCond
     return None if found is None else found[0]
 
 
-def _soonest(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
+def _least_time_to(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
     """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
     never, reached = 0.0, most
     for _ in range(leg.policy.reach_rounds):

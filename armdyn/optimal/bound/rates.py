@@ -48,7 +48,7 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
     return np.where(way > 0, np.nan_to_num(found, nan=0.0, posinf=0.0), 0.0) * (1 - _ROUNDED)
 
 
-def soonest(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:
+def least_time(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:
     """Times by velocity limits from boxes to boxes [s], rounded down, of their broadcast shape without nv.
 
     Args:
@@ -83,12 +83,12 @@ def torques(leg: BoundLeg, cells: Cells) -> Interval:
         return found
     for end, since in zip((leg.start, leg.goal), _since_ends(cells), strict=True):
         terms = terms_over(leg.dynamics, end.q[None])
-        open_ = up(np.sum(terms.gravity_slopes.magnitude[0], axis=0))
+        open_ = up(np.sum(terms.gravity_gradient.magnitude[0], axis=0))
         hold = terms.gravity[0] + Interval(-open_, open_)
         held = (hold.lower >= actuators.lower) & (hold.upper <= actuators.upper)  # else any initial torque
         if end.at_rest and np.all(held):
-            room = up(since[:, None] * leg.torque_rate)
-            found = found.meet(Interval(hold.lower - room, hold.upper + room))
+            margin = up(since[:, None] * leg.torque_rate)
+            found = found.meet(Interval(hold.lower - margin, hold.upper + margin))
     return found.outward()
 
 

@@ -93,8 +93,8 @@ def by_momentum(leg: BoundLeg, end: End, times: Interval, forces: Forces) -> Int
 
 def _accelerated(end: End, times: Array, most: Array) -> Interval:
     """Bounds by the largest accelerations, shape (k, nv)."""
-    room = (Interval.at(times[:, None]) * Interval.at(np.minimum(most, _HUGE))).running().upper[1:]
-    return Interval.at(end.v) + Interval(-room, room)
+    margin = (Interval.at(times[:, None]) * Interval.at(np.minimum(most, _HUGE))).running().upper[1:]
+    return Interval.at(end.v) + Interval(-margin, margin)
 
 
 def multipliers(leg: BoundLeg, end: End) -> tuple[Array, NDArray[np.intp]]:

@@ -56,7 +56,7 @@ class BoundRegion:
         if along is not None and self.free is not None:
             middle[self.free], limit[self.free] = along.centre, along.radius
         own = np.flatnonzero(moving & np.isfinite(limit[:, 0]))
-        centre = Affine(middle, np.zeros_like(forms.slopes), limit + TOLERANCE)
+        centre = Affine(middle, np.zeros_like(forms.gradient), limit + TOLERANCE)
         return Affine(*(part[own] for part in (forms - centre).parts))
 
     def narrowed(

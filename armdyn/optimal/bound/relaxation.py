@@ -220,9 +220,9 @@ def _travel_rows(program: LinearProgram, leg: BoundLeg, cells: Cells, v: Indices
     program.diagonal(ways, np.repeat(made, nv), -leg.away.centre / scale)
     for end, sign in ((leg.start, -1.0), (leg.goal, 1.0)):
         if end.equations is not None:
-            place, slopes = program.unknown((1, nv), -1.0, 1.0), end.equations.slopes[:, :, 0]
+            place, gradient = program.unknown((1, nv), -1.0, 1.0), end.equations.gradient[:, :, 0]
             program.diagonal(ways, place, -sign * end.q.radius / scale)
-            program.blocks(program.rows(np.zeros((1, len(slopes)))), place, slopes[None])
+            program.blocks(program.rows(np.zeros((1, len(gradient)))), place, gradient[None])
     return ways
 
 
@@ -244,10 +244,10 @@ def _within_end(
         program.diagonal(ways[k : k + 1], at, radius / scale)
     if end.equations is None:
         return None
-    centre, slopes, rest = (part[..., 0] for part in end.equations.parts)
-    size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
+    centre, gradient, rest = (part[..., 0] for part in end.equations.parts)
+    size = np.abs(centre) + np.sum(np.abs(gradient), axis=1) + rest
     left = program.unknown((1, len(rest)), -rest / size, rest / size)
     rows = program.rows(-(centre / size)[None], place)
-    program.blocks(rows, at, (slopes / size[:, None])[None])
+    program.blocks(rows, at, (gradient / size[:, None])[None])
     program.diagonal(rows, left, 1.0)
     return rows[0], size

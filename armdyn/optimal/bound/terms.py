@@ -30,16 +30,16 @@ class Terms:
     Attributes:
         inertia: M at ε = 0 including its nonlinear part in ε [kg m²], shape (boxes, nv, nv).
         gravity: g at ε = 0, likewise [N m], shape (boxes, nv).
-        inertia_slopes: ∂M_ab/∂ε_k [kg m²], shape (boxes, k, a, b).
-        gravity_slopes: ∂g_a/∂ε_k [N m], shape (boxes, k, a).
-        bends: ∂M_ab/∂q_k for a ≥ b, row by row, anywhere in the box [kg m²/rad], shape (boxes, pairs, k).
+        inertia_gradient: ∂M_ab/∂ε_k [kg m²], shape (boxes, k, a, b).
+        gravity_gradient: ∂g_a/∂ε_k [N m], shape (boxes, k, a).
+        inertia_derivatives: ∂M_ab/∂q_k for a ≥ b, row by row, anywhere in the box [kg m²/rad], shape (boxes, pairs, k).
     """
 
     inertia: Interval
     gravity: Interval
-    inertia_slopes: Interval
-    gravity_slopes: Interval
-    bends: Interval
+    inertia_gradient: Interval
+    gravity_gradient: Interval
+    inertia_derivatives: Interval
 
     def __getitem__(self, boxes: slice | Indices) -> Terms:
         return Terms(**{name: part[boxes] for name, part in vars(self).items()})
@@ -51,24 +51,26 @@ def terms_over(dynamics: Dynamics, q: Interval) -> Terms:
     rows, columns = np.tril_indices(n)
     full = np.empty((n, n), dtype=np.intp)
     full[rows, columns] = full[columns, rows] = np.arange(len(rows))
-    values, slopes = _programs(dynamics)
+    values, derivatives = _programs(dynamics)
     turned = q.turned((1, 0))
-    forms, bends = values.forms(turned), slopes.forms(turned)
+    forms, inertia_derivatives = values.forms(turned), derivatives.forms(turned)
     at_centres = values.over(Interval.at(turned.centre))[: len(rows)]
-    better = _by_slopes(at_centres, bends, turned.radius)
+    better = _by_derivatives(at_centres, inertia_derivatives, turned.radius)
     inertia, fall = Affine(*(part[: len(rows)] for part in forms.parts)), Affine(*(p[len(rows) :] for p in forms.parts))
     narrower = better.rest < inertia.rest
     inertia = Affine(
         np.where(narrower, better.centre, inertia.centre),
-        np.where(narrower[:, None], better.slopes, inertia.slopes),
+        np.where(narrower[:, None], better.gradient, inertia.gradient),
         np.where(narrower, better.rest, inertia.rest),
     )
     return Terms(
         inertia=_constant(inertia)[full].turned((2, 0, 1)),
         gravity=_constant(fall).turned((1, 0)),
-        inertia_slopes=Interval.at(inertia.slopes)[full].turned((3, 2, 0, 1)),
-        gravity_slopes=Interval.at(fall.slopes).turned((2, 1, 0)),
-        bends=bends.interval.meet(slopes.over(turned)).shaped((n, len(rows), boxes)).turned((2, 1, 0)),
+        inertia_gradient=Interval.at(inertia.gradient)[full].turned((3, 2, 0, 1)),
+        gravity_gradient=Interval.at(fall.gradient).turned((2, 1, 0)),
+        inertia_derivatives=inertia_derivatives.interval.meet(derivatives.over(turned))
+        .shaped((n, len(rows), boxes))
+        .turned((2, 1, 0)),
     )
 
 
@@ -77,18 +79,18 @@ def _constant(forms: Affine) -> Interval:
     return Interval(forms.centre - forms.rest, forms.centre + forms.rest).outward()
 
 
-def _by_slopes(at_centres: Interval, slopes: Affine, radius: Array) -> Affine:
+def _by_derivatives(at_centres: Interval, derivatives: Affine, radius: Array) -> Affine:
     """Affine forms of functions by the mean value theorem: values at the centres, derivatives over the boxes.
 
     Args:
         at_centres: values at the centres, shape (functions, boxes).
-        slopes: affine forms of ∂/∂q_1 of all functions, then of ∂/∂q_2, …: nv times as many.
+        derivatives: affine forms of ∂/∂q_1 of all functions, then of ∂/∂q_2, …: nv times as many.
         radius: radii of the boxes, shape (nv, boxes).
     """
     count, (nv, boxes) = len(at_centres.lower), radius.shape
-    linear = slopes.centre.reshape(nv, count, boxes) * radius[:, None]
-    second = slopes.slopes.reshape(nv, count, nv, boxes) * radius[:, None, None]
-    left = np.sum(slopes.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
+    linear = derivatives.centre.reshape(nv, count, boxes) * radius[:, None]
+    second = derivatives.gradient.reshape(nv, count, nv, boxes) * radius[:, None, None]
+    left = np.sum(derivatives.rest.reshape(nv, count, boxes) * radius[:, None], axis=0)
     second = (second + second.transpose(2, 1, 0, 3)) / 4  # coefficients of ε_k ε_l, both orders
     squares = np.einsum("kckb->cb", second) / 2  # coefficients of ε_k², which is ½ ± ½
     half = np.einsum("kckb->cb", np.abs(second)) / 2
@@ -105,8 +107,8 @@ def _programs(dynamics: Dynamics) -> tuple[EnclosedFunction, EnclosedFunction]:
     inertia = dynamics.crba(q)
     triangle = ca.vertcat(*(inertia[int(a), int(b)] for a, b in zip(*np.tril_indices(dynamics.nv), strict=True)))
     values = ca.vertcat(triangle, dynamics.gravity(q))
-    slopes = ca.vec(ca.jacobian(triangle, q))
+    derivatives = ca.vec(ca.jacobian(triangle, q))
     return (
         EnclosedFunction.of(ca.Function("values", [q], [ca.cse(values)])),
-        EnclosedFunction.of(ca.Function("slopes", [q], [ca.cse(slopes)])),
+        EnclosedFunction.of(ca.Function("slopes", [q], [ca.cse(derivatives)])),
     )

@@ -19,7 +19,7 @@ from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.rates import soonest
+from armdyn.optimal.bound.rates import least_time
 from armdyn.optimal.bound.region import BoundRegion
 
 _SLACK = 1e-6
@@ -73,7 +73,7 @@ def tube(leg: BoundLeg, line: BoundRegion, plane: float, ends: tuple[LegEnd, Leg
 
 def _time(leg: BoundLeg, boxes: Sequence[Interval]) -> float:
     """Time from box to box by the velocity limits [s], rounded down."""
-    return sum_down([float(soonest(one, other, leg.velocity)) for one, other in pairwise(boxes)])
+    return sum_down([float(least_time(one, other, leg.velocity)) for one, other in pairwise(boxes)])
 
 
 def _slices(

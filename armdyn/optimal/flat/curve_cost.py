@@ -43,11 +43,11 @@ class CurveCost:
 
     def gradient(self, x: Array, at: TorqueParts) -> Array:
         """Gradient in the unknowns, with dependent torques, shape (unknowns,)."""
-        slope = self._prices(x) * at.tau
+        gradient = self._prices(x) * at.tau
         steps = self.steps[:, None] * np.diff(at.tau, axis=0)
-        slope[1:] += steps
-        slope[:-1] -= steps
-        out = self.moving @ x + at.jacobian.T @ slope.ravel()
+        gradient[1:] += steps
+        gradient[:-1] -= steps
+        out = self.moving @ x + at.jacobian.T @ gradient.ravel()
         out[self.durations] += 1
         np.add.at(out, self.duration, np.sum(self.effort * at.tau**2, axis=1) / 2)
         return np.asarray(out)

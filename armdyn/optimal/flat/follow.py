@@ -92,8 +92,8 @@ def _forced_snap(robot: Robot, leg: CurveLeg) -> Array:
     tau = inverse_dynamics(robot)(q, v, a) - robot.friction.torque(v)
     step = leg.duration * lengths[..., None] / (_CHECKS - 1)
     inner, acceleration = (q[:, 1:-1], v[:, 1:-1]), forward_dynamics(robot)
-    tau, bend = tau[:, 1:-1], np.diff(tau, 2, axis=1) / step**2
-    return acceleration(*inner, tau + bend) - acceleration(*inner, tau)
+    tau, second_difference = tau[:, 1:-1], np.diff(tau, 2, axis=1) / step**2
+    return acceleration(*inner, tau + second_difference) - acceleration(*inner, tau)
 
 
 def _lines(motion: Trajectory) -> Array:
@@ -102,6 +102,6 @@ def _lines(motion: Trajectory) -> Array:
     inner = np.flatnonzero(flows[1:] & flows[:-1]) + 1
     before, after = h[inner - 1][:, None], h[inner][:, None]
     slopes = np.diff(motion.tau, axis=0) / h[:, None]
-    bend = 2 * (slopes[inner] - slopes[inner - 1]) / (before + after)
-    tau[inner] -= (before**3 + after**3) / (before + after) / 12 * bend
+    second_difference = 2 * (slopes[inner] - slopes[inner - 1]) / (before + after)
+    tau[inner] -= (before**3 + after**3) / (before + after) / 12 * second_difference
     return tau

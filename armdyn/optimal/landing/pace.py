@@ -55,11 +55,11 @@ def least_factor(robot: Robot, limits: JointLimits, motion: Trajectory, toleranc
     q, v, tau = motion.q[beyond], motion.v[beyond], motion.tau[beyond]
     held = inverse_dynamics(robot)(q, np.zeros_like(v), np.zeros_like(v)) + robot.friction.torque(v)
     lower, upper = limits.actuators.range(q, v)
-    room = np.where(tau > upper, upper - held, held - lower)
+    margin = np.where(tau > upper, upper - held, held - lower)
     over = ~limits.actuators.allows(tau, q, v)
-    if np.any(room[over] <= 0):
+    if np.any(margin[over] <= 0):
         return np.inf
-    return max(factor, float(np.sqrt(np.max(np.abs(tau - held)[over] / room[over]))))
+    return max(factor, float(np.sqrt(np.max(np.abs(tau - held)[over] / margin[over]))))
 
 
 def paced(motion: Trajectory, factor: float) -> Trajectory:

@@ -17,7 +17,7 @@ from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import Checked, between_samples, check
 from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
-from armdyn.optimal.path_constraints.clearance import KeepsClear
+from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
@@ -40,14 +40,14 @@ class Distances:
     """
 
     problem: MinimumTimeProblem
-    constraint: KeepsClear
+    constraint: ClearanceConstraint
     policy: SequentialPolicy
     report: ConstraintReport | None = None
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, policy: SequentialPolicy) -> Self | None:
         """Distances that a problem requires; None: no distances."""
-        constraint = KeepsClear.from_problem(problem)
+        constraint = ClearanceConstraint.from_problem(problem)
         return None if constraint is None else cls(problem, constraint, policy)
 
     def rows(self, curve: Curve) -> ClearanceRows:

@@ -131,7 +131,7 @@ class StepProgram:
     def with_ends(self, points: Array, duration: float, ends: Ends) -> Array:
         """Control points within position limits of a curve from the start state to rest at the goal."""
         out = np.clip(points, self.limits.position_lower, self.limits.position_upper)
-        out[0], out[1] = ends.q, ends.q + self._lead(ends) * duration
+        out[0], out[1] = ends.q, ends.q + self._first_difference(ends) * duration
         out[-2:] = ends.goal
         return out
 
@@ -154,7 +154,7 @@ class StepProgram:
         x = np.zeros(self.layout.size)
         x[self._points], x[self._last] = points, duration
         rates, lead = [], np.zeros(x.size)
-        lead[self._points[1]] = self._lead(ends)  # the second control point moves with the duration
+        lead[self._points[1]] = self._first_difference(ends)  # the second control point moves with the duration
         for rows, bound in zip(self._rows, self._bounds, strict=False):
             most = np.tile(bound, rows.duration.size // bound.size)
             sides = rows.at(x, (-most, most))
@@ -195,7 +195,7 @@ class StepProgram:
         if at.near is not None:
             soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
         gradient = self._smoothing @ x
-        gradient[self._last] = 1.0 + gradient[self._points[1]] @ self._lead(ends)
+        gradient[self._last] = 1.0 + gradient[self._points[1]] @ self._first_difference(ends)
         found = solve_step(
             ConvexStep(
                 place=self._place,
@@ -225,7 +225,7 @@ class StepProgram:
         low[last], high[last] = -reach * policy.faster * at.duration, reach * policy.slower * at.duration
         return low, high
 
-    def _lead(self, ends: Ends) -> Array:
+    def _first_difference(self, ends: Ends) -> Array:
         """Distance of the second control point from the first over the duration [rad/s or m/s], shape (nv,)."""
         return np.asarray(ends.v / self.mesh.basis.factors(1)[0])
 

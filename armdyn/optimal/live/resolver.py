@@ -143,7 +143,7 @@ class Resolver:
         ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
         inertia = np.diag(arm.inertia(ends.q))
         distances = Distances.of(problem, policy.sequential)
-        if (rest := self._on_the_way(arm, ends, distances)) is not None:
+        if (rest := self._rest_of_last(arm, ends, distances)) is not None:
             return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
         found, draft = self._improved(arm, ends, inertia, distances, until)
         self._draft = draft if found is None else None  # the next call continues from it
@@ -187,7 +187,7 @@ class Resolver:
             known = self._arm = LimitedArm(self.robot, program, *functions, torques)
         return known
 
-    def _on_the_way(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
+    def _rest_of_last(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
         """Rest of the last motion if it leads to the goal, or a rest if the arm is at the goal; else None."""
         if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
             return at_rest(arm, ends.goal, distances)

@@ -52,9 +52,9 @@ class LastMotion:
             before, after = max(t - h, motion.t[0]), min(t + h, motion.t[-1])
             at = motion(np.array([before, t, after]))
             own, speed, a = at.q[1], at.v[1], (at.v[2] - at.v[0]) / (after - before)
-            slope = (q - own) @ speed + _SECONDS**2 * (v - speed) @ a
+            derivative = (q - own) @ speed + _SECONDS**2 * (v - speed) @ a
             size = speed @ speed + _SECONDS**2 * a @ a
-            t = float(np.clip(t + slope / size if size > 0 else t, motion.t[0], motion.t[-1]))
+            t = float(np.clip(t + derivative / size if size > 0 else t, motion.t[0], motion.t[-1]))
         return t
 
     def rest(self, q: Array, v: Array, policy: LivePolicy) -> Trajectory | None:

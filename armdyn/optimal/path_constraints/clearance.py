@@ -25,7 +25,7 @@ _NEARER = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class KeepsClear(PathConstraint):
+class ClearanceConstraint(PathConstraint):
     """Pairs of bodies keep `problem.clearance`.
 
     Attributes:

@@ -3,7 +3,7 @@
 from difflib import get_close_matches
 
 from armdyn.errors import ProblemError
-from armdyn.optimal.path_constraints.clearance import KeepsClear
+from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
@@ -18,7 +18,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
 
 PATH_CONSTRAINTS: tuple[type[PathConstraint], ...] = (
-    KeepsClear,
+    ClearanceConstraint,
     ViaPoints,
     AccelerationLimit,
     JerkLimit,

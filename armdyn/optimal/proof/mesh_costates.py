@@ -79,13 +79,13 @@ class _Limit:
         state: index of the state, from 0 to 2 nv.
         side: 1 for the upper limit, -1 for the lower one.
         size: size of the limit; for a position the joint's way.
-        room: distance from the limit at the knots, as a part of its size, shape (K + 1,).
+        margin: distance from the limit at the knots, as a part of its size, shape (K + 1,).
     """
 
     state: int
     side: float
     size: float
-    room: Array
+    margin: Array
 
     @classmethod
     def all(cls, limits: JointLimits, motion: Shooting) -> "list[_Limit]":
@@ -104,7 +104,7 @@ class _Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretches:
+class _Segments:
     """A motion in stretches, for costates r = ρ size at their ends.
 
     Attributes:
@@ -175,7 +175,7 @@ class _StationarityProgram:
             rate=np.array(rates),
             into=inverse * actuators.width[:, None] / size[n:],
             share=(motion.tau - actuators.lower) / width,
-            limits=[one for one in _Limit.all(problem.limits, motion) if np.min(one.room) <= numbers.held],
+            limits=[one for one in _Limit.all(problem.limits, motion) if np.min(one.margin) <= numbers.held],
             width=width,
             numbers=numbers,
         )
@@ -186,27 +186,27 @@ class _StationarityProgram:
         The unknowns are changes of the motion in boxes; the equations are the linearised dynamics and the distances
         from limits; their marginals are the costates and the multipliers of the limits.
         """
-        stretches = self._stretches()
-        G, n, E = len(stretches.carried), self.width.size, len(stretches.distance)
-        changes, cost, bounds = self._changes(stretches)
+        segments = self._segments()
+        G, n, E = len(segments.carried), self.width.size, len(segments.distance)
+        changes, cost, bounds = self._changes(segments)
         most_change, own = self.numbers.state_bound / self.motion.t[-1], 2 * n * (G + 1)
         states = np.full((2 * n * G, 2), (-most_change, most_change))
-        spare = stretches.distance + most_change * np.abs(stretches.source).sum(axis=1)
-        matrix = [changes, _adjoint(stretches), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
-        order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), stretches.source_of[0]), kind="stable")
+        spare = segments.distance + most_change * np.abs(segments.source).sum(axis=1)
+        matrix = [changes, _adjoint(segments), sp.hstack([sp.csr_matrix((E, own)), -sp.eye(E)])]
+        order = np.argsort(np.append(np.repeat(np.arange(G + 1), 2 * n), segments.source_of[0]), kind="stable")
         marginals = np.empty(own + E)
         program = (
             sp.vstack(matrix, format="csr")[:, order].T.tocsc(),
-            np.append(np.zeros(own), -stretches.distance)[order],
+            np.append(np.zeros(own), -segments.distance)[order],
             np.append(cost, np.zeros(len(states) + E)),
             np.concatenate([bounds, states, np.stack([np.zeros(E), spare], axis=1)]),
         )
         _, marginals[order] = marginals_in_boxes(*program, self.numbers.converged)  # any costates give a bound
         multipliers = np.maximum(marginals[own:], 0.0)
         costates = _nearest(matrix[1], marginals[:own], multipliers)
-        return self._measured(stretches, costates.reshape(G + 1, 2 * n), multipliers)
+        return self._measured(segments, costates.reshape(G + 1, 2 * n), multipliers)
 
-    def _stretches(self) -> _Stretches:
+    def _segments(self) -> _Segments:
         """Merge intervals into stretches of at least a given length."""
         (K, n), h = self.share.shape, np.diff(self.motion.t) / self.motion.t[-1]
         ends, length = [0], 0.0
@@ -230,32 +230,32 @@ class _StationarityProgram:
                         added[row] += one.side / one.size * self.added[k, :, one.state]
             flows.append(flow)
             for row, j in enumerate(near):
-                room = self.limits[j].room
+                margin = self.limits[j].margin
                 places.append((g, j))
                 sources.append(added[row])
                 distances.append(
-                    (h[first:last] * held[j][first:last]) @ (room[first:last] + room[first + 1 : last + 1]) / 2
+                    (h[first:last] * held[j][first:last]) @ (margin[first:last] + margin[first + 1 : last + 1]) / 2
                 )
-        return _Stretches(
+        return _Segments(
             np.array(ends), np.array(flows), np.array(places, int).reshape(-1, 2).T,
             np.array(sources).reshape(-1, 2 * n), np.array(distances),
         )  # fmt: skip
 
-    def _changes(self, stretches: _Stretches) -> tuple[sp.csr_matrix, Array, Array]:
+    def _changes(self, segments: _Segments) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows of H and S, with the costs and bounds of the changes of pace and torques.
 
         The pace changes along every stretch, the torques at its ends, within their range in the adjacent half
         stretches.
         """
-        G, n = len(stretches.carried), self.width.size
-        t, ends, m = self.motion.t / self.motion.t[-1], stretches.ends, 2 * n
-        width, lengths = m * (G + 1) + len(stretches.distance), np.diff(t[ends])
+        G, n = len(segments.carried), self.width.size
+        t, ends, m = self.motion.t / self.motion.t[-1], segments.ends, 2 * n
+        width, lengths = m * (G + 1) + len(segments.distance), np.diff(t[ends])
         places = np.repeat(np.arange(G), m), np.arange(G * m)
         pace = sp.csr_matrix((-self.rate[0][ends[:-1]].ravel(), places), shape=(G, width))
         velocities = (m * np.arange(G + 1)[:, None, None] + n + np.arange(n)) + np.zeros((n, 1), int)
         places = np.repeat(np.arange(n * (G + 1)), n), velocities.ravel()
         torques = sp.csr_matrix((-self.into[ends].ravel(), places), shape=(n * (G + 1), width))
-        falls, rises = (self._about_ends(stretches.ends, part) for part in (self.share, 1 - self.share))
+        falls, rises = (self._about_ends(segments.ends, part) for part in (self.share, 1 - self.share))
         bounds = np.concatenate([lengths[:, None] * (-1, 1), np.stack([-falls.ravel(), rises.ravel()], axis=1)])
         return sp.vstack([pace, torques]), np.append(np.ones(G), np.zeros(n * (G + 1))), bounds
 
@@ -278,21 +278,21 @@ class _StationarityProgram:
         np.add.at(found, stretch + 1, (h - before)[:, None] * share)
         return found
 
-    def _measured(self, stretches: _Stretches, at_ends: Array, multipliers: Array) -> MeshCostates:
+    def _measured(self, segments: _Segments, at_ends: Array, multipliers: Array) -> MeshCostates:
         """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end."""
         (K, n), motion = self.share.shape, self.motion
         scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
-        of_interval = np.searchsorted(stretches.ends, np.arange(K), side="right") - 1
-        size = np.zeros((len(stretches.carried), len(self.limits)))
-        size[tuple(stretches.source_of)] = multipliers
+        of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
+        size = np.zeros((len(segments.carried), len(self.limits)))
+        size[tuple(segments.source_of)] = multipliers
         added = np.zeros((K, 2 * n))
         for j, one in enumerate(self.limits):
             near = np.flatnonzero(self._held(one) & (size[of_interval, j] > 0))
             acting = size[of_interval[near], j, None] * one.side / one.size
             added[near] += acting * self.added[near, :, one.state]
             held[near, one.state] += acting[:, 0]
-        scaled[stretches.ends] = at_ends
-        for m in np.setdiff1d(np.arange(K), stretches.ends)[::-1]:
+        scaled[segments.ends] = at_ends
+        for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
             scaled[m] = self.carried[m] @ scaled[m + 1] + added[m]
         switching = np.einsum("kij,kj->ki", self.into, scaled[:, n:])
         both = np.stack([switching[:-1], switching[1:]])
@@ -305,24 +305,24 @@ class _StationarityProgram:
             switching=switching / self.width,
             held=held,
             missed=missed,
-            saving=float(np.sum(missed) + multipliers @ stretches.distance),
+            saving=float(np.sum(missed) + multipliers @ segments.distance),
         )
 
     def _held(self, limit: _Limit) -> Array:
         """Intervals along which a limit may be active, shape (K,)."""
-        near = limit.room <= self.numbers.held
+        near = limit.margin <= self.numbers.held
         return np.asarray(near[:-1] & near[1:])
 
 
-def _adjoint(stretches: _Stretches) -> sp.csr_matrix:
+def _adjoint(segments: _Segments) -> sp.csr_matrix:
     """Rows r_g = A_gᵀ r_{g+1} + sources of all stretches."""
-    G, E, n = len(stretches.carried), len(stretches.source), stretches.carried.shape[1] // 2
+    G, E, n = len(segments.carried), len(segments.source), segments.carried.shape[1] // 2
     m, g, own = 2 * n, np.arange(G), np.arange(2 * n * G)
     down = m * g[:, None, None] + np.arange(m)[None, :, None] + np.zeros((1, 1, m), int)
     across = m * (g[:, None, None] + 1) + np.arange(m)[None, None, :] + np.zeros((1, m, 1), int)
-    of_sources = m * stretches.source_of[0][:, None] + np.arange(m)
+    of_sources = m * segments.source_of[0][:, None] + np.arange(m)
     columns = np.broadcast_to(m * (G + 1) + np.arange(E)[:, None], of_sources.shape)
-    values = [np.ones(G * m), -stretches.carried.ravel(), -stretches.source.ravel()]
+    values = [np.ones(G * m), -segments.carried.ravel(), -segments.source.ravel()]
     places = [[own, down.ravel(), of_sources.ravel()], [own, across.ravel(), columns.ravel()]]
     shape = (G * m, m * (G + 1) + E)
     return sp.csr_matrix((np.concatenate(values), tuple(map(np.concatenate, places))), shape=shape)

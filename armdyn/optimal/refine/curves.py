@@ -56,13 +56,13 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
     numbers, crowded = task.policy.curves, task.problem.crowded or task.problem.regional
     starts = task.policy.search.guesses(task.options, numbers.starts)
     found, planned = _among_obstacles(task) if crowded else (_refined(task, _guesses(task, starts), _calms(task)), True)
-    if not (crowded or task.stop) and all(_trouble(task, one) for one in found):
+    if not (crowded or task.stop) and all(_may_improve(task, one) for one in found):
         found += _refined(task, _guesses(task, numbers.more_starts)[1:], _calms(task))
     if is_building():
         task.progress("its machine code is being built in the background, once: later solves are faster")
     if not found:  # or the time was up before the first curve
-        return [], SearchResult((), failed=(_no_way(task),))
-    failed = () if planned else (_no_way(task),)
+        return [], SearchResult((), failed=(_without_path(task),))
+    failed = () if planned else (_without_path(task),)
     found.sort(
         key=lambda one: (
             one.excess > numbers.most_excess,
@@ -141,7 +141,7 @@ def _clear_of_obstacles(task: Task) -> list[RefinedCurve]:
     return [replace(best, spec=spec, reports=reports)] if constraints_mended(task, reports) else []
 
 
-def _trouble(task: Task, refined: RefinedCurve) -> bool:
+def _may_improve(task: Task, refined: RefinedCurve) -> bool:
     """Whether another guess may lead to a better curve: this one did not converge, or was slowed down."""
     slowed, most = refined.curve.duration / refined.solved.curve.duration - 1, task.policy.curves.most_excess
     return not refined.solved.converged or refined.excess > most or slowed > most
@@ -184,7 +184,7 @@ def _refined(task: Task, guesses: Sequence[Curve], rough: bool) -> list[RefinedC
 
 def _enough(task: Task, refined: RefinedCurve) -> bool:
     """Whether a near lower bound makes further guesses useless."""
-    if not constraints_mended(task, refined.reports) or _trouble(task, refined):
+    if not constraints_mended(task, refined.reports) or _may_improve(task, refined):
         return False
     bound = task.lower_bound()
     return bound is not None and refined.curve.duration <= (1 + GAP_TOLERANCE) * bound
@@ -209,7 +209,7 @@ def _calms(task: Task) -> bool:
     return task.options.calm > 0 and not (problem.pays_effort or problem.regional)
 
 
-def _no_way(task: Task) -> Attempt:
+def _without_path(task: Task) -> Attempt:
     """Attempt without a collision-free path."""
     motion, intervals = spline(task.problem, []), task.policy.curves.intervals
     if task.stop:

@@ -197,8 +197,8 @@ def _divided(task: Task, attempt: Attempt, numbers: MotionMeshPolicy) -> Array:
     excesses = [np.abs(mean - (ends[:-1] + ends[1:]) / 2) for mean, ends in ((middle.v, at.v), (middle.q, at.q))]
     fast = np.maximum(np.abs(at.v[:-1]), np.abs(at.v[1:])) > (1 - task.policy.arcs.near_speed) * limits.velocity
     steady = np.abs(np.diff(at.v, axis=0)) < task.policy.arcs.in_contact * limits.velocity
-    room = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
-    close = np.minimum(room[:-1], room[1:]) < task.policy.arcs.in_contact
+    margin = np.minimum(at.q - limits.position_lower, limits.position_upper - at.q)
+    close = np.minimum(margin[:-1], margin[1:]) < task.policy.arcs.in_contact
     bow = np.where(fast & steady, excesses[0] / (numbers.velocity_excess * limits.velocity), 0.0)
     bow = np.maximum(bow, np.where(close, excesses[1] / numbers.position_excess, 0.0)).max(axis=1)
     shooting = task.policy.shooting

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import stretches
+from armdyn.optimal.arcs.arc import runs_of
 from armdyn.optimal.program.unknowns import mesh
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
@@ -80,9 +80,9 @@ def _finer(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> Array:
     levels = (middle.tau - limits.actuators.center) / limits.actuators.scale
     more = [float(time) for time in _beyond_limits(task, attempt, numbers)]
     for level in levels.T[~limits.passive]:
-        for run in stretches(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):
-            stretch = _Stretch.of(level, knots, run)
-            times = stretch.switches() if run.size <= task.policy.arcs.switch else stretch.ends()
+        for run in runs_of(np.flatnonzero(np.abs(level) < 1 - task.policy.arcs.near)):
+            free = _FreeRun.of(level, knots, run)
+            times = free.switches() if run.size <= task.policy.arcs.switch else free.ends()
             for time in times:
                 k = int(np.clip(np.searchsorted(knots, time, side="right") - 1, run[0], run[-1]))
                 if lengths[k] > numbers.least:
@@ -103,7 +103,7 @@ def _beyond_limits(task: Task, attempt: Attempt, numbers: SwitchMeshPolicy) -> A
 
 
 @dataclass(frozen=True, eq=False)
-class _Stretch:
+class _FreeRun:
     """Consecutive intervals on which a joint's torque is on no limit.
 
     Attributes:
@@ -119,7 +119,7 @@ class _Stretch:
     after: float
 
     @classmethod
-    def of(cls, level: Array, knots: Array, run: Index) -> "_Stretch":
+    def of(cls, level: Array, knots: Array, run: Index) -> "_FreeRun":
         before = np.sign(level[run[0] - 1]) if run[0] else 0.0
         after = np.sign(level[run[-1] + 1]) if run[-1] + 1 < level.size else 0.0
         return cls(knots[run[0] : run[-1] + 2], level[run], float(before), float(after))

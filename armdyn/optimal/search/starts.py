@@ -85,10 +85,10 @@ def _blends(poses: int, samples: int) -> tuple[Array, Array, Array]:
     ends.
     """
     fraction, one = np.linspace(0, 1, poses), np.eye(poses)
-    slopes = np.zeros_like(one)
+    derivatives = np.zeros_like(one)
     if poses > 2:
-        slopes[1:-1] = np.asarray(np.gradient(one, fraction, axis=0))[1:-1]
-    path = BPoly.from_derivatives(fraction, np.stack([one, slopes, np.zeros_like(one)], axis=1))
+        derivatives[1:-1] = np.asarray(np.gradient(one, fraction, axis=0))[1:-1]
+    path = BPoly.from_derivatives(fraction, np.stack([one, derivatives, np.zeros_like(one)], axis=1))
     s = np.linspace(0, 1, samples)
     return path(s), path.derivative()(s), path.derivative(2)(s)
 

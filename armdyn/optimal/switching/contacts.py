@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, TOWARDS, VELOCITY, Mode, outward, runs_of
 from armdyn.optimal.switching.costates import NODES, SampledExtremal
 from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign, worst_stretch
+from armdyn.optimal.switching.signs import WrongSign, worst_interval
 from armdyn.optimal.switching.velocity_contacts import kept_at_speed, left_at_speed
 from armdyn.optimal.task.policy.switching import ContactPolicy
 
@@ -114,7 +114,7 @@ class Contact:
         beyond = np.flatnonzero(np.abs(self.torque) > 1 + 2 * self.numbers.excess)
         if not beyond.size:
             return None
-        run = stretches(beyond)[0]
+        run = runs_of(beyond)[0]
         mode = Mode.UPPER if self.torque[run[0]] > 0 else Mode.LOWER
         return self._part(run), mode
 
@@ -135,7 +135,7 @@ class Contact:
         for k in np.flatnonzero(self.impulses[1:-1] < least) + 1:  # also impulses by another joint's touch
             inward[k * NODES.size - 1 : k * NODES.size + 1] = True
         if np.any(inward):
-            begin, end = self._part(stretches(np.flatnonzero(inward))[0])
+            begin, end = self._part(runs_of(np.flatnonzero(inward))[0])
             lacking = max(0.0, self.numbers.least - (end - begin)) / 2
             return max(0.0, begin - lacking), min(1.0, end + lacking)
         if self.impulses[0] < least:
@@ -207,7 +207,7 @@ def _carried_touches(
     """Contacts of stretches of one joint."""
     structure, j = extremal.structure, wrong[0].joint
     near = extremal.shooting.policy.contacts.near * structure.duration
-    begin, end = worst_stretch(wrong, near)
+    begin, end = worst_interval(wrong, near)
     touches = [
         k
         for k in structure.within(begin, end)

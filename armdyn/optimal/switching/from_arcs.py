@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, Arc, Mode, merged, runs_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
@@ -62,7 +62,7 @@ def _long_stretches(arcs: Sequence[Arc], long: float) -> Flags:
     free = np.array([[mode is Mode.FREE for mode in arc.modes] for arc in arcs])
     lengths = np.array([arc.duration for arc in arcs])
     for i in range(free.shape[1]):
-        for run in stretches(np.flatnonzero(free[:, i])):
+        for run in runs_of(np.flatnonzero(free[:, i])):
             free[run, i] = lengths[run].sum() > long * lengths.sum()
     return free
 

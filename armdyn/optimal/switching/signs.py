@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, stretches
+from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, runs_of
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.state_limits import edited
@@ -52,7 +52,7 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
         range_ = limits.actuators.width[i]
         fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
         fall = (fall * lasting[:, None]).ravel()
-        for run in stretches(np.flatnonzero(fall > 0.05 * least)):
+        for run in runs_of(np.flatnonzero(fall > 0.05 * least)):
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
@@ -62,8 +62,8 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
     return sorted(found, key=lambda wrong: -wrong.value)
 
 
-def worst_stretch(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
-    """Start and end [s] of the worst stretch, merged with its joint's stretches within a time [s] of it."""
+def worst_interval(wrong: list[WrongSign], apart: float) -> tuple[float, float]:
+    """Start and end [s] of the worst interval, merged with its joint's intervals within a time [s] of it."""
     own, begin, end = [one for one in wrong if one.joint == wrong[0].joint], wrong[0].begin, wrong[0].end
     for _ in own:
         near = [one for one in own if one.begin <= end + apart and one.end >= begin - apart]

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import Mode, stretches
+from armdyn.optimal.arcs.arc import Mode, runs_of
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.optimal.switching.extremal.state_limits import edited
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign, worst_stretch
+from armdyn.optimal.switching.signs import WrongSign, worst_interval
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
@@ -23,7 +23,7 @@ def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStruct
         wrong: its stretches on the wrong limit, worst first.
     """
     structure, worst, numbers = extremal.structure, wrong[0], extremal.shooting.policy.singular
-    begin, end = worst_stretch(wrong, numbers.apart * structure.duration)
+    begin, end = worst_interval(wrong, numbers.apart * structure.duration)
     own = [k for k, change in enumerate(structure.changes) if change.joint == worst.joint]
     near = 1e-3 * structure.duration
     inside = [k for k in own if begin - near <= structure.times[k] <= end + near]
@@ -90,7 +90,7 @@ def _on_limits(extremal: Extremal, k: int, least: float) -> list[tuple[float, fl
     out: list[tuple[float, float, Mode]] = []
     for mode, sign, slack in ((Mode.UPPER, -1, high - tau), (Mode.LOWER, 1, tau - low)):
         rise = sign * switching * (high - low)
-        runs = stretches(np.flatnonzero(rise > numbers.rise * least))
+        runs = runs_of(np.flatnonzero(rise > numbers.rise * least))
         held = [r for r in runs if np.max(rise[r]) > least and np.min(slack[r] / (high - low)) <= numbers.reached]
         out += [(float(t[run[0]]), float(t[run[-1]]), mode) for run in held]
     return sorted(out)

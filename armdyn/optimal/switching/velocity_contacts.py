@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.arc import BANG, VELOCITY, Arc, Mode, stretches
+from armdyn.optimal.arcs.arc import BANG, VELOCITY, Arc, Mode, runs_of
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
@@ -219,7 +219,7 @@ def _contact(
     found: list[SpeedContact] = []
     for i, mode in enumerate(arc.modes):
         fast = np.abs(at.v[1:-1, i]) >= (1 - policy.arcs.near_speed) * limits.velocity[i]
-        for run in stretches(np.flatnonzero(fast)) if mode in BANG else []:
+        for run in runs_of(np.flatnonzero(fast)) if mode in BANG else []:
             first, last = run[0] + 1, run[-1] + 1
             limit = Mode.VELOCITY_UPPER if at.v[first, i] > 0 else Mode.VELOCITY_LOWER
             full = np.abs(level[[first, last]]) > policy.singular.on_limit

@@ -58,7 +58,7 @@ def verdict_of(facts: Facts) -> Verdict:
     if "peak_error" in facts:
         return _of_tracking(facts)
     if "feasible" in facts:
-        return _of_given(facts)
+        return _of_foreign_motion(facts)
     return Verdict("none", "Not judged", "A motion without a result: nothing of it was checked.")
 
 
@@ -168,7 +168,7 @@ def _of_pid(facts: Facts) -> Verdict:
     return Verdict("bad" if arrival is None else "good", headline, _sentence(facts.text("message")), tuple(checks))
 
 
-def _of_given(facts: Facts) -> Verdict:
+def _of_foreign_motion(facts: Facts) -> Verdict:
     """Verdict on a motion without a result."""
     text = "Another planner's motion: its limits were checked, but not the possible gain of time."
     keeps = facts.true("feasible")

@@ -82,7 +82,7 @@ def test_forms_hold_zero_in_the_region_and_not_far_outside_it(straight):
     box = Interval(np.min(inside, axis=0), np.max(inside, axis=0))
     forms = line.forms(box[None])
     share = (inside - box.centre) / box.radius
-    left = forms.centre[:, 0] + share @ forms.slopes[..., 0].T
+    left = forms.centre[:, 0] + share @ forms.gradient[..., 0].T
     assert np.all(np.abs(left) <= forms.rest[:, 0])
     beside = line.forms(Interval.at(near + np.array([0.01, 0, 0, 0, 0, 0]))[None])  # 4 mm off the line
     assert np.any(np.abs(beside.centre) > beside.rest)

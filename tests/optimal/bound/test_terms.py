@@ -33,12 +33,12 @@ def test_terms_contain_pinocchios_values(arm, radius):
             inertia = np.array(pin.crba(model, model.createData(), full))
             inertia = np.triu(inertia) + np.triu(inertia, 1).T
             gravity = pin.computeGeneralizedGravity(model, model.createData(), full)
-            bends = np.array(slope(q[i])).reshape(robot.nv, robot.nv, robot.nv)
-            linear = np.einsum("kab,k->ab", terms.inertia_slopes[i].lower, share[i])
-            fall = np.einsum("ka,k->a", terms.gravity_slopes[i].lower, share[i])
+            inertia_derivatives = np.array(slope(q[i])).reshape(robot.nv, robot.nv, robot.nv)
+            linear = np.einsum("kab,k->ab", terms.inertia_gradient[i].lower, share[i])
+            fall = np.einsum("ka,k->a", terms.gravity_gradient[i].lower, share[i])
             for part, value in (
                 (terms.inertia[i], inertia - linear),
                 (terms.gravity[i], gravity - fall),
-                (terms.bends[i], bends[rows, columns]),
+                (terms.inertia_derivatives[i], inertia_derivatives[rows, columns]),
             ):
                 assert np.all(part.lower <= value + ROUNDING) and np.all(value <= part.upper + ROUNDING)

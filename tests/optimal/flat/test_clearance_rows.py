@@ -11,7 +11,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import curve_layout
-from armdyn.optimal.path_constraints.clearance import KeepsClear
+from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.task import Task
@@ -35,7 +35,7 @@ def swing():
 
 def test_slopes_by_the_control_points_against_differences(swing):
     problem, curve, policy = swing
-    required = KeepsClear().required_distances(problem)
+    required = ClearanceConstraint().required_distances(problem)
     rows = clearance_rows(required, curve, policy)
     shape = curve_layout(problem, curve, TightenedConstraints.of(Task.of(problem)))
     x = np.zeros(shape.size)
@@ -55,7 +55,7 @@ def test_slopes_by_the_control_points_against_differences(swing):
 
 def test_poses_are_where_bodies_pass_each_other(swing):
     problem, curve, policy = swing
-    required = KeepsClear().required_distances(problem)
+    required = ClearanceConstraint().required_distances(problem)
     ((_, places),) = clearance_rows(required, curve, policy).legs
     looks = np.linspace(0, 1, 2001)
     distances = required.model.distances(curve.legs[0].at(looks)[0])
@@ -71,5 +71,5 @@ def test_a_pair_just_beyond_the_clearance_at_the_goal_must_keep_more_than_the_cl
     problem = swing[0]
     near = float(np.min(problem.collision_model().distances(np.asarray(problem.poses))))
     tight = problem.variant(clearance=near - 3e-4)  # as a finger next to the part to grasp
-    required = KeepsClear().required_distances(tight)
+    required = ClearanceConstraint().required_distances(tight)
     assert tight.clearance < np.min(required.most) < near

@@ -6,7 +6,7 @@ import pytest
 import armdyn as ad
 from armdyn.cli.options.path_constraints import PathConstraintOptions, obstacles_of
 from armdyn.errors import ProblemError
-from armdyn.optimal.path_constraints.clearance import KeepsClear
+from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from problems import paper_arm
 
 
@@ -52,9 +52,9 @@ def test_a_box_leaves_its_table_and_does_not_dig_in():
         ad.MinimumTimeProblem(robot, **options)
     problem = ad.MinimumTimeProblem(robot, **options, end_contacts=[("table", "payload")])
     up = ad.ramp(robot, problem.q_start, problem.q_goal, 1.0)
-    assert KeepsClear().check(problem, up, np.empty(0)).reasons == ()
+    assert ClearanceConstraint().check(problem, up, np.empty(0)).reasons == ()
     down = ad.ramp(robot, [0.0, 0.0], [-0.01, 0.0], 1.0)  # the box digs in, 5 mm at the end
-    report = KeepsClear().check(problem, down, np.empty(0))
+    report = ClearanceConstraint().check(problem, down, np.empty(0))
     assert "inside 'table'" in report.reasons[0]
     model, least = problem.collision_model(), -problem.clearance
     assert model.is_free([0.0, 0.0], least) and not model.is_free([-0.1, 0.0], least)

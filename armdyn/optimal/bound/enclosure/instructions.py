@@ -36,35 +36,35 @@ class Affine:
 
     Attributes:
         centre: c, shape (places, boxes).
-        slopes: g, shape (places, nv, boxes).
+        gradient: g, shape (places, nv, boxes).
         rest: r, not negative, shape (places, boxes).
     """
 
     centre: Array
-    slopes: Array
+    gradient: Array
     rest: Array
 
     @property
     def parts(self) -> tuple[Array, ...]:
         """The arrays of the forms."""
-        return self.centre, self.slopes, self.rest
+        return self.centre, self.gradient, self.rest
 
     @property
     def far(self) -> Array:
         """Largest distance from the centre, before rounding."""
-        return np.asarray(np.sum(np.abs(self.slopes), axis=1) + self.rest)
+        return np.asarray(np.sum(np.abs(self.gradient), axis=1) + self.rest)
 
     @property
     def interval(self) -> Interval:
         """Interval hull."""
         far = self.far
-        radius = far + rounding(2 + self.slopes.shape[1], far + np.abs(self.centre))
+        radius = far + rounding(2 + self.gradient.shape[1], far + np.abs(self.centre))
         return Interval(self.centre - radius, self.centre + radius)
 
     def __sub__(self, other: Affine) -> Affine:
-        centre, slopes, rest = self.centre - other.centre, self.slopes - other.slopes, self.rest + other.rest
-        size = np.abs(centre) + np.sum(np.abs(slopes), axis=1) + rest
-        return Affine(centre, slopes, rest + rounding(slopes.shape[1] + 2, size))
+        centre, gradient, rest = self.centre - other.centre, self.gradient - other.gradient, self.rest + other.rest
+        size = np.abs(centre) + np.sum(np.abs(gradient), axis=1) + rest
+        return Affine(centre, gradient, rest + rounding(gradient.shape[1] + 2, size))
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,19 +61,19 @@ class SingularControl:
             s: from 0 at the segment's start to 1 at its end, shape (samples,).
             signs: 1 for a joint on its upper limit, -1 on its lower one, else 0; shape (samples, nv).
         """
-        values, slopes = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.jumps)]))
-        parts = [(values[:, : len(self.smooth)], slopes[:, : len(self.smooth)])]
+        values, derivatives = _legendre(s, max([len(self.smooth), *(len(own) for _, own in self.jumps)]))
+        parts = [(values[:, : len(self.smooth)], derivatives[:, : len(self.smooth)])]
         for joint, own in self.jumps:
             sign, size = signs[:, [joint]], len(own)
-            parts.append((sign * values[:, :size], sign * slopes[:, :size]))
+            parts.append((sign * values[:, :size], sign * derivatives[:, :size]))
         return np.hstack([own for own, _ in parts]), np.hstack([own for _, own in parts])
 
 
 def _legendre(s: Array, size: int) -> tuple[Array, Array]:
     """Legendre polynomials over [0, 1] and their derivatives, each of shape (samples, size), by recurrence."""
-    x, values, slopes = 2 * s - 1, np.zeros((size + 1, s.size)), np.zeros((size + 1, s.size))
-    values[0], values[1], slopes[1] = 1.0, x, 2.0
+    x, values, derivatives = 2 * s - 1, np.zeros((size + 1, s.size)), np.zeros((size + 1, s.size))
+    values[0], values[1], derivatives[1] = 1.0, x, 2.0
     for n in range(1, size):
         values[n + 1] = ((2 * n + 1) * x * values[n] - n * values[n - 1]) / (n + 1)
-        slopes[n + 1] = slopes[n - 1] + 2 * (2 * n + 1) * values[n]
-    return values[:size].T, slopes[:size].T
+        derivatives[n + 1] = derivatives[n - 1] + 2 * (2 * n + 1) * values[n]
+    return values[:size].T, derivatives[:size].T

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import OPPOSITE, TOWARDS, VELOCITY, Mode, stretches
+from armdyn.optimal.arcs.arc import OPPOSITE, TOWARDS, VELOCITY, Mode, runs_of
 from armdyn.optimal.switching.extremal.change import Change
 from armdyn.optimal.switching.extremal.rollout import Rollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -125,7 +125,7 @@ def _limit_excesses(rollout: Rollout) -> Iterator[_LimitExcess]:
             (Mode.VELOCITY_LOWER, -fastest, -v / fastest - 1),
         )
         for mode, bound, beyond in sides:
-            for run in stretches(np.flatnonzero(beyond > rollout.shooting.policy.rollout.beyond)):
+            for run in runs_of(np.flatnonzero(beyond > rollout.shooting.policy.rollout.beyond)):
                 worst = float(t[1 + run[np.argmax(beyond[run])]])
                 begin, end = float(t[run[0]]), float(t[min(run[-1] + 2, t.size - 1)])
                 yield _LimitExcess(i, mode, bound, begin, end, worst, short)

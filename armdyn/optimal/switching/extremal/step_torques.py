@@ -63,9 +63,9 @@ class Torques:
             end = structure.end_of(k)
             own = np.flatnonzero((arc > k) & (arc <= end))
             s, by_s = _along(structure, arc, part, own, (k, end))
-            terms, slopes = control.terms(s, np.tile(signs[own], (2, 1)))
+            terms, derivatives = control.terms(s, np.tile(signs[own], (2, 1)))
             torque, by_coefficients = unit[joint] * (terms @ control.values), unit[joint] * terms
-            by_unknowns = unit[joint] * (slopes @ control.values)[:, None] * by_s
+            by_unknowns = unit[joint] * (derivatives @ control.values)[:, None] * by_s
             by_unknowns[:, places[k]] += by_coefficients
             for side in (0, 1):
                 tau[side][own, joint] = np.split(torque, 2)[side]

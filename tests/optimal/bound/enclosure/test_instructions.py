@@ -37,7 +37,7 @@ def test_values_are_within(middle, radius, where):
     for found in (enclosed.over(box), forms.interval):
         assert np.all(found.lower <= value + ROUNDING) and np.all(value <= found.upper + ROUNDING)
     share = np.divide(x - box.centre, box.radius, out=np.zeros_like(x), where=box.radius > 0)
-    linear = forms.centre + np.einsum("pkb,kb->pb", forms.slopes, share)
+    linear = forms.centre + np.einsum("pkb,kb->pb", forms.gradient, share)
     assert np.all(np.abs(value - linear) <= forms.rest + ROUNDING)
 
 
