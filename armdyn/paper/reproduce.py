@@ -62,10 +62,10 @@ class Reproduced:
         found = standings(self.rows)
         if not found:
             return "the paper has no number for the computed cases"
-        again, close, missing = (Counter(found.values())[verdict] for verdict in VERDICTS)
+        reproduced, close, missing = (Counter(found.values())[verdict] for verdict in VERDICTS)
         return (
-            f"of {len(found)} numbers in the paper's tables {again} come out again, {close} come near, and {missing} "
-            f"come out of no reading of the paper's own data ({len(self.rows)} comparisons)"
+            f"of {len(found)} numbers in the paper's tables {reproduced} are reproduced, {close} nearly, and {missing} "
+            f"by no reading of the paper's own data ({len(self.rows)} comparisons)"
         )
 
 

@@ -171,8 +171,8 @@ def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_pat
     done = CliRunner().invoke(app, [*COMMANDS["reproduce"], "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     printed = " ".join(done.output.split())
-    # The time of Table 4, which comes out again, and the torque of Table 7, which does not.
-    assert "of 2 numbers in the paper's tables 1 come out again, 0 come near, and 1 come out of no reading" in printed
+    # The time of Table 4, which is reproduced, and the torque of Table 7, which does not.
+    assert "of 2 numbers in the paper's tables 1 are reproduced, 0 nearly, and 1 by no reading" in printed
 
 
 @pytest.mark.parametrize(

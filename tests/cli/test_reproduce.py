@@ -37,7 +37,7 @@ def test_one_table_with_two_payloads(tmp_path):
         assert folder == {"trajectory.npz", "figure.png", "figure.pdf", "report.html", "result.json"}
     # A second run only reads, and says so.
     words = run(*only).stdout
-    assert "minimum time" in words and "come out again" in " ".join(words.split())
+    assert "minimum time" in words and "are reproduced" in " ".join(words.split())
     assert "index.html" in "".join(words.split())  # a long path is broken anywhere
 
 

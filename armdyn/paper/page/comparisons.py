@@ -47,19 +47,15 @@ def comparison(number: int, rows: Iterable[Row]) -> Html:
 
 def _counted(stand: Mapping[Number, Verdict]) -> str:
     counts = Counter(stand.values())
-    again, close, missing = (counts[verdict] for verdict in VERDICTS)
+    reproduced, close, missing = (counts[verdict] for verdict in VERDICTS)
     if not stand:
         return "The paper has no number for the computed cases."
-    parts = [f"{again or 'None'} of {len(stand)} published numbers {_come(again)} out again"]
+    parts = [f"{reproduced or 'None'} of {len(stand)} published numbers reproduced"]
     if close:
-        parts.append(f"{close} {_come(close)} within {100 * CLOSE:g} % of a reading")
+        parts.append(f"{close} within {100 * CLOSE:g} % of a reading")
     if missing:
-        parts.append(f"{missing} {_come(missing)} out of no reading")
+        parts.append(f"{missing} reproduced by no reading")
     return ", ".join(parts) + "."
-
-
-def _come(n: int) -> str:
-    return "comes" if n == 1 else "come"
 
 
 def _found(number: int, rows: Sequence[Row]) -> list[str]:

@@ -31,18 +31,18 @@ def lead(rows: Sequence[Row], outcomes: Sequence[Outcome]) -> Html:
     if not counts:
         words = "The paper has no number for the computed cases." if outcomes else "Nothing was computed."
         return join([paper, element("p", words)])
-    again, close, missing = (counts[verdict] for verdict in VERDICTS)
+    reproduced, close, missing = (counts[verdict] for verdict in VERDICTS)
     big = [
-        _count(again, "out again", "good"),
+        _count(reproduced, "reproduced", "good"),
         _count(close, f"within {100 * CLOSE:g} % of a reading", "near"),
-        _count(missing, "out of no reading", "bad"),
+        _count(missing, "reproduced by no reading", "bad"),
     ]
     score = f"Of {sum(counts.values())} numbers in the paper’s Tables 3 to 7, computed from Table 1’s arms:"
     return element("div", paper, element("p", score), element("ul", *big, class_="counts"), _trust(outcomes))
 
 
 def _count(n: int, words: str, kind: str) -> Html:
-    return element("li", element("b", str(n)), f" {'comes' if n == 1 else 'come'} {words}", class_=kind)
+    return element("li", element("b", str(n)), f" {words}", class_=kind)
 
 
 def _trust(outcomes: Sequence[Outcome]) -> Html:

@@ -135,10 +135,10 @@ def _verdicts() -> Html:
         "p",
         element("span", "Coloured numbers are the paper’s. ", class_="said"),
         element("span", "✓", class_="mark good"),
-        f" comes out again in a reading: {within}. ",
+        f" reproduced by a reading: {within}. ",
         element("span", "≈", class_="mark near"),
         f" is within {100 * CLOSE:g} % of one, which is no proof of the same computation: neighbouring payloads "
-        "differ by as much. Unmarked: comes out of no reading. Ours that match are bold. In words:",
+        "differ by as much. Unmarked: reproduced by no reading. Ours that match are bold. In words:",
         *(join([" ", tag(verdict)]) for verdict in VERDICTS),
         ".",
     )

@@ -47,7 +47,7 @@ def score(rows: Sequence[Row]) -> Html:
             for verdict in VERDICTS
             if counts[verdict]
         )
-        words = f"{counts['reproduced']} of {total} numbers come out again"
+        words = f"{counts['reproduced']} of {total} numbers reproduced"
         words += f", {counts['close']} nearly" if counts["close"] else ""
         apart = ", ".join(f"{compared[verdict]} {verdict}" for verdict in VERDICTS if compared[verdict])
         small = element("small", f"{len(own)} comparisons: {apart}")
@@ -57,7 +57,7 @@ def score(rows: Sequence[Row]) -> Html:
 
 
 def published_cell(row: Row | None, verdict: Verdict | None) -> Html:
-    """A number of the paper's, marked if it comes out again, or nearly, in any reading."""
+    """A published number, marked if any reading reproduces it, or nearly."""
     if row is None or row.published is None or verdict is None:
         return element("td", "–", class_="published group")
     text = number_text(row.published, 4 if row.table == 7 else 3)

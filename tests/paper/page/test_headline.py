@@ -72,7 +72,7 @@ def test_the_payloads_that_can_be_held_are_said(rows):
 
 def test_the_number_of_reproduced_values_is_stated(rows):
     assert "of 3 within 0.01 s" in words(evidence(rows, outcomes()))
-    assert "come out again" not in words(evidence([], []))
+    assert "reproduced" not in words(evidence([], []))
     assert "The paper has no number for the computed cases." in words(lead([], outcomes()))
     assert Reproduced((), (), ()).message() == "the paper has no number for the computed cases"
 
