@@ -158,7 +158,7 @@ def _words(study: Study, run: StudyRun, table: Sequence[Mapping[str, Any]], file
 
 
 def _outcomes(study: Study) -> tuple[str, str]:
-    """Columns of the task's main number, and of one to plot it against."""
+    """Columns of the task's main outcome and of its second outcome."""
     from armdyn.studies.tasks.registry import TASKS
 
     return TASKS[str(study.task.description()["task"])].outcomes

@@ -313,7 +313,7 @@ def _positions(t: Array, q: Array, lower: Array, upper: Array) -> tuple[Array, A
 def _ends(
     condition: str, limits: ControllerLimits, rate: float, commands: Commands
 ) -> tuple[Array, Array, Array, Array]:
-    """Velocity or acceleration at both ends; at rest they are at most the allowed change in one tick."""
+    """Check of velocity or acceleration at both ends: at most the allowed change in one tick."""
     order = int(condition == "zero_acceleration")
     values = commands.ends[order]
     change = (limits.acceleration, limits.jerk)[order]

@@ -24,7 +24,7 @@ class Stopped(Exception):  # noqa: N818  # not an error
 
 
 def polled(items: Iterable[Item], stop: StopCondition) -> Iterator[Item]:
-    """The items one by one.
+    """Yield items; raise once the stop condition holds.
 
     Raises:
         Stopped: the stopping condition is true before one.

@@ -213,7 +213,7 @@ def motor_section(
 
 
 def _picture(edge: Array, way: Array, label: str) -> Html:
-    """A range and a motion, each of numbers from -1 to 1, shape (points, 2), as an SVG."""
+    """SVG of a joint's range and of its motion, each scaled to -1 … 1, shape (points, 2)."""
     middle, half = np.array([_WIDTH, _HEIGHT]) / 2, np.array([_WIDTH, -_HEIGHT]) / 2 + [-_EDGE, _EDGE]
 
     def points(of: Array) -> str:

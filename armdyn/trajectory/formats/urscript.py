@@ -73,7 +73,7 @@ class UrScript(Stream):
         return round(_LATE * self.lookahead * rate)
 
     def late_events(self, samples: Samples, rate: float) -> list[PieceStart]:
-        """Events in ticks from the start of the motion, later by the arm's lag where it moves before.
+        """Ticks of the events, delayed by the arm's lag where the arm moves before.
 
         Raises:
             TrajectoryError: see `Stream.events`.
