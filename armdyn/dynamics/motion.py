@@ -59,7 +59,7 @@ def replayed(robot: Robot, motion: Trajectory, rtol: float, spare: int) -> Array
 
 @dataclass(frozen=True, eq=False)
 class Feedback:
-    """Computed torque −M(q) (2 ω (v − v_wanted) + ω² (q − q_wanted)) that is added to torques at samples.
+    """Computed torque −M(q) (2 ω (v − v_desired) + ω² (q − q_desired)) that is added to torques at samples.
 
     Attributes:
         bandwidth: ω [1/s].

@@ -93,8 +93,8 @@ class ResultOptions:
         """The requested drawings."""
         from armdyn.show.report import PARTS
 
-        unwanted = [part for part, no in (("figure", self.no_figure), ("report", self.no_report)) if no]
-        return [part for part in PARTS if part not in unwanted]
+        excluded = [part for part, no in (("figure", self.no_figure), ("report", self.no_report)) if no]
+        return [part for part in PARTS if part not in excluded]
 
     def write(
         self,

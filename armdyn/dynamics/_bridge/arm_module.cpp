@@ -103,14 +103,14 @@ nb::object replay(Arm& arm, const armdyn::ExplicitMethod& method, const Table& t
 }
 
 nb::tuple track(Arm& arm, const armdyn::ExplicitMethod& method, const Table& t, const Table& tau, const Flags& jumps,
-                const Table& wanted, const Table& fade, double bandwidth, int clips,
+                const Table& desired, const Table& fade, double bandwidth, int clips,
                 const std::vector<Table>& range, const Table& x, double rtol, long spare) {
   const std::size_t n = arm.nv(), samples = t.size(), width = 2 * n;
   expect(samples > 1 && tau.size() == samples * n && jumps.size() == samples - 1 && fade.size() == samples - 1 &&
-         wanted.size() == samples * width && x.size() == width && range.size() == 4 && range[0].size() == n &&
+         desired.size() == samples * width && x.size() == width && range.size() == 4 && range[0].size() == n &&
          range[1].size() == n && range[2].size() == range[3].size() && range[2].size() % n == 0);
   armdyn::SampledTorques torques{numbers(t), numbers(tau), {}, {jumps.data(), jumps.data() + jumps.size()}};
-  const armdyn::Tracking tracking{numbers(wanted), numbers(fade), bandwidth, clips};
+  const armdyn::Tracking tracking{numbers(desired), numbers(fade), bandwidth, clips};
   const armdyn::TorqueRange limits{numbers(range[0]), numbers(range[1]), numbers(range[2]), numbers(range[3])};
   Numbers start = numbers(x), states;
   {
@@ -173,7 +173,7 @@ void add_arm(nb::module_& m) {
       .def("derivatives", &derivatives, nb::arg("q"), nb::arg("v"), nb::arg("tau"))
       .def("replay", &replay, nb::arg("method"), nb::arg("t"), nb::arg("tau"), nb::arg("tau_end"), nb::arg("jumps"),
            nb::arg("x"), nb::arg("rtol"), nb::arg("spare"))
-      .def("track", &track, nb::arg("method"), nb::arg("t"), nb::arg("tau"), nb::arg("jumps"), nb::arg("wanted"),
+      .def("track", &track, nb::arg("method"), nb::arg("t"), nb::arg("tau"), nb::arg("jumps"), nb::arg("desired"),
            nb::arg("fade"), nb::arg("bandwidth"), nb::arg("clips"), nb::arg("range"), nb::arg("x"), nb::arg("rtol"),
            nb::arg("spare"))
       .def("implicit_steps", &implicit_steps, nb::arg("method"), nb::arg("h"), nb::arg("x"), nb::arg("tau"),

@@ -164,10 +164,10 @@ std::vector<double> track(Arm& arm, const ExplicitMethod& method, SampledTorques
     if (torques.jumps[k]) {
       known = false;
     } else {
-      const double *wanted = &tracking.wanted[k * 2 * n], *begin = &torques.tau[k * n];
+      const double *desired = &tracking.desired[k * 2 * n], *begin = &torques.tau[k * n];
       double* end = &torques.tau[(k + 1) * n];
       for (std::size_t i = 0; i < n; ++i)
-        feedback[i] = damping * (stepper.x[n + i] - wanted[n + i]) + stiffness * (stepper.x[i] - wanted[i]);
+        feedback[i] = damping * (stepper.x[n + i] - desired[n + i]) + stiffness * (stepper.x[i] - desired[i]);
       arm.inertia(stepper.x.data(), M.data());
       for (std::size_t i = 0; i < n; ++i) {
         double correction = 0;

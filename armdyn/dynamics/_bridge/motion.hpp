@@ -35,7 +35,7 @@ std::vector<double> replay(Arm& arm, const ExplicitMethod& method, const Sampled
                            double rtol, long spare);
 
 struct Tracking {
-  std::vector<double> wanted;            // desired states (samples, 2 nv)
+  std::vector<double> desired;            // desired states (samples, 2 nv)
   std::vector<double> fade;              // (samples - 1): share of the feedback
   double bandwidth = 0;                  // of the feedback [1/s]
   int clips = 0;                         // rounds of clipping a torque in the state that it leads to

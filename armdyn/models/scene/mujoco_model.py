@@ -58,7 +58,7 @@ def mujoco_model(
             loop. Without motors, or without a motion, there are none.
 
     Raises:
-        ProblemError: the motion has other joints, or geometry is wanted that the arm does not have.
+        ProblemError: the motion has other joints, or the arm lacks requested geometry.
         TrajectoryError: a name has characters that XML cannot have.
     """
     robot, model = expect_robot(robot), robot.model

@@ -14,7 +14,7 @@ from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign, with_signs, without_unwanted, wrong_signs
+from armdyn.optimal.switching.signs import WrongSign, with_signs, without_wrong_touches, wrong_signs
 from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
@@ -93,7 +93,7 @@ def refine_extremal(shooting: ShootingProblem, structure: SwitchingStructure) ->
                 return replace(best.or_else(found.linear, found.why), reached=reached)
             structure = others.next()
             continue
-        limited = with_limits(found.rollout) or without_unwanted(found)
+        limited = with_limits(found.rollout) or without_wrong_touches(found)
         contacts = [limited] if limited else others.of_contacts(found)
         wrong = [] if limited else wrong_signs(found, numbers.least)
         carried = with_carried_touches(found, wrong, others.refused)

@@ -103,7 +103,7 @@ def with_signs(
     return edited(extremal.rollout, structure or extremal.structure, [], more)
 
 
-def without_unwanted(extremal: Extremal) -> SwitchingStructure | None:
+def without_wrong_touches(extremal: Extremal) -> SwitchingStructure | None:
     """Structure without touches whose multiplier has the wrong sign; None if all are right.
 
     A velocity limit that is active for zero time counts as a touch.

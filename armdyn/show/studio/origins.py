@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from armdyn.errors import ProblemError
 
 _TRIED = 50
-"""Ports, from the wanted one on."""
+"""Number of ports tried, from the requested one on."""
 
 
 def is_loopback(host: str) -> bool:
