@@ -40,7 +40,7 @@ class ArmdynError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Support pickling: the arguments that rebuild the error in another process."""
-        return _made_again, (type(self), self.args), vars(self)
+        return _rebuilt, (type(self), self.args), vars(self)
 
     def __str__(self) -> str:
         """The message; of a long one, as with a path of 100,000 characters in it, both ends."""
@@ -49,7 +49,7 @@ class ArmdynError(Exception):
         return message if len(message) <= _MESSAGE else f"{message[: _MESSAGE // 2]} … {message[3 - _MESSAGE // 2 :]}"
 
 
-def _made_again(kind: type[ArmdynError], args: tuple[object, ...]) -> ArmdynError:
+def _rebuilt(kind: type[ArmdynError], args: tuple[object, ...]) -> ArmdynError:
     error = kind.__new__(kind)
     error.args = args
     return error

@@ -64,7 +64,7 @@ class ProblemFile:
     problem: Table
     options: Mapping[str, Any]
 
-    def made_robot(self, mass: float | None = None) -> Robot:
+    def new_robot(self, mass: float | None = None) -> Robot:
         """Make the robot, with another payload mass [kg]; None: the file's.
 
         Raises:
@@ -72,13 +72,13 @@ class ProblemFile:
         """
         return robot_from(self.robot, mass)
 
-    def made(self, mass: float | None = None) -> MinimumTimeProblem:
+    def new_problem(self, mass: float | None = None) -> MinimumTimeProblem:
         """Make the problem, with another payload mass [kg]; None: the file's.
 
         Raises:
             ProblemError: the tables are invalid; the message has the line.
         """
-        return problem_from(self.problem, self.made_robot(mass))
+        return problem_from(self.problem, self.new_robot(mass))
 
 
 def read_problem(path: str | os.PathLike[str]) -> MinimumTimeProblem:
@@ -94,7 +94,7 @@ def read_problem(path: str | os.PathLike[str]) -> MinimumTimeProblem:
         FileError: the file cannot be read, or is too large.
         ProblemError: the file is invalid; the message has the line and a correction.
     """
-    return read_problem_file(path).made()
+    return read_problem_file(path).new_problem()
 
 
 def read_problem_file(path: str | os.PathLike[str]) -> ProblemFile:

@@ -35,7 +35,7 @@ def test_names_are_those_of_python():
 
 def test_a_file_is_the_problem_in_python(write_problem):
     file = read_problem_file(write_problem(RR_FILE))
-    problem = file.made()
+    problem = file.new_problem()
     arm = problem.robot
     same = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1006))
     assert arm.model_hash == same.model_hash and file.options == {"search": "quick"}

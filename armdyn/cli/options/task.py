@@ -91,7 +91,7 @@ class ProblemOptions:
         if kind_of_file(name) in ("problem", "study"):
             refuse_with_a_file(name, self)
             file = problem_file(name)
-            return file.made(), file.options
+            return file.new_problem(), file.options
         arm = self.joints.fit(self.robot.read(self.payload.carried()))
         given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
         kept = self.path_constraints.problem_arguments(arm)
@@ -131,12 +131,12 @@ class ArmOptions:
 
     @cached_property
     def _problem(self) -> ad.MinimumTimeProblem | None:
-        return None if self.file is None else self.file.made()
+        return None if self.file is None else self.file.new_problem()
 
     def carrying(self, mass: float | None) -> ad.Robot:
         """The arm with another mass [kg] where its payload is; None: with its own."""
         if self.file is not None:
-            return self.file.made_robot(mass)
+            return self.file.new_robot(mass)
         return self.joints.fit(
             self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
         )

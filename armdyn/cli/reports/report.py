@@ -105,7 +105,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
         end = shown.end()
         subject, moves = shown.read()
         folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
-        from armdyn.show.page.joints import compared, worth_seeing
+        from armdyn.show.page.joints import compared, initial_span
         from armdyn.show.page.motions import until
         from armdyn.show.page.report import report_of
         from armdyn.show.plots import plot_trajectories, save_figures
@@ -116,7 +116,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
             page = _written(folder, report_of(subject, moves, title, end))
             progress("drawing the figure")
             unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            shown_until = worth_seeing(moves, end) or end
+            shown_until = initial_span(moves, end) or end
             drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
             figure = plot_trajectories(
                 drawn,

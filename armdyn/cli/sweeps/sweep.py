@@ -142,7 +142,7 @@ def _problems(
     if kind_of_file(robot.robot) == "problem":
         refuse_with_a_file(robot.robot, poses, payloads.place, robot.part, joints)
         file = problem_file(robot.robot)
-        return {mass: file.made(mass) for mass in masses}, file.options
+        return {mass: file.new_problem(mass) for mass in masses}, file.options
     arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}
     start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
     kept = joints.problem_arguments()

@@ -60,10 +60,10 @@ def plant_steps(robot: Robot, ticks: Ticks) -> Steps:
     rest = np.zeros(robot.nv)
     holding = inverse_dynamics(robot)(ticks.goal, rest, rest)
     states = np.vstack([middle_q, ticks.goal]), np.vstack([middle_v, rest]), np.vstack([ticks.tau[:-1], holding])
-    return Steps(*held(*linearised(robot, *states), h))
+    return Steps(*zero_order_hold(*linearised(robot, *states), h))
 
 
-def held(A: Array, B: Array, period: float) -> tuple[Array, Array]:
+def zero_order_hold(A: Array, B: Array, period: float) -> tuple[Array, Array]:
     """Zero-order hold: exact discretisation of ẋ = A x + B u over one tick, x[k + 1] = A' x[k] + B' u.
 
     Both are parts of one matrix exponential (Åström and Wittenmark, Computer-Controlled Systems, 3rd ed., (2.6)).

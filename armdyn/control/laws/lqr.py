@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.arguments import check_fields, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
-from armdyn.control.laws.readings import Readings, held, law_function, reference_of, table
+from armdyn.control.laws.readings import Readings, extended, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
 from armdyn.control.loop.references import Ticks
@@ -173,9 +173,9 @@ class Lqr:
             "v": reference.v,
             "tau": reference.tau,
             "pending": np.hstack(
-                [np.empty((len(reference.q), 0)), *(held(ticks.ahead(i), more) for i in range(delay))]
+                [np.empty((len(reference.q), 0)), *(extended(ticks.ahead(i), more) for i in range(delay))]
             ),
-            "K": held(gains.reshape(len(gains), -1), more),
+            "K": extended(gains.reshape(len(gains), -1), more),
         }
 
         def torque(given: Readings) -> ca.SX:

@@ -108,12 +108,12 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     if ticks.rate != loop.rate:
         raise ProblemError(f"the reference has {ticks.rate:g} ticks a second; the loop has {loop.rate:g}")
     more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
-    q, v, a, tau = (held(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
+    q, v, a, tau = (extended(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
     seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
     return Reference(q, seen, _acting(a, loop), _acting(tau, loop))
 
 
-def held(rows: Array, more: int) -> Array:
+def extended(rows: Array, more: int) -> Array:
     """Append repetitions of the last row."""
     return np.vstack([rows, np.repeat(rows[-1:], more, axis=0)])
 

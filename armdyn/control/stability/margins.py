@@ -6,7 +6,7 @@ import numpy as np
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import held
+from armdyn.control.laws.linear import zero_order_hold
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 
@@ -107,7 +107,7 @@ def late_radius(loop: SampledLoop, joint: int, part: float) -> float:
         part: 0 to 1.
     """
     one = [joint]
-    within = held(*loop.arm, (1 - part) * loop.period)[1][:, one]
+    within = zero_order_hold(*loop.arm, (1 - part) * loop.period)[1][:, one]
     now = np.vstack([within, np.zeros((len(loop.A) - len(within), 1))])
     before = loop.B[:, one] - now
     matrix = np.block([[loop.matrix - before @ loop.C[one], before], [loop.C[one], np.zeros((1, 1))]])

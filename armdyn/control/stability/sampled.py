@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import held
+from armdyn.control.laws.linear import zero_order_hold
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, LinearPlant, Rest
@@ -75,7 +75,7 @@ class SampledLoop:
             q_read, v_read = _readings(loop, q, v, m)
             command = law.q @ q_read + law.v @ v_read + law.integral @ z + law.pending @ p
             C = p[:nv] if loop.delay else command
-            moved, driven = held(*rest.plant, h)
+            moved, driven = zero_order_hold(*rest.plant, h)
             A = np.vstack(
                 [
                     moved @ np.vstack([q, v]),

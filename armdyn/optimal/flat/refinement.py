@@ -195,7 +195,7 @@ def _within_limits(
     return curve, over
 
 
-def slowed_until_kept(task: Task, refined: RefinedCurve) -> RefinedCurve:
+def slowed_to_limits(task: Task, refined: RefinedCurve) -> RefinedCurve:
     """Slow a refined curve down to its limits, if refinement left them exceeded.
 
     Args:

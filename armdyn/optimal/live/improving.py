@@ -162,7 +162,7 @@ def improve(
         step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
         unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
-        here, reach = _taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
+        here, reach = _step_taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
         sampled = arm.sampled(here.points, here.duration)
         over += sampled.torque > -policy.least_reserve and not unmet
         price = policy.price_growth * pace.price if unmet else pace.price
@@ -187,7 +187,7 @@ def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float, distances: 
     return program.linearise(points, duration, ends, arm.torques, rows)
 
 
-def _taken(
+def _step_taken(
     arm: LimitedArm,
     ends: Ends,
     here: Iterate,

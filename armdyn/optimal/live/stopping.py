@@ -108,7 +108,7 @@ def fallback(
 def rest_of_last(arm: LimitedArm, ends: Ends, last: LastMotion, distances: Distances | None) -> Trajectory | None:
     """The rest of the last motion from the start state on; None: the state is not on it, or a limit is violated now."""
     rest = last.rest(ends.q, ends.v, arm.program.policy)
-    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _kept(arm, rest, distances)
+    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _within_limits(arm, rest, distances)
     return rest if fits else None
 
 
@@ -116,7 +116,7 @@ def at_rest(arm: LimitedArm, q: Array, distances: Distances | None) -> Trajector
     """Rest at joint positions, shape (nv,); None: the motors cannot hold the arm there."""
     hold, names = arm.robot.holding_torque(q), arm.robot.joint_names
     stay = Trajectory.at_rest(q, hold, _REST, names, name="stays", model_hash=arm.robot.model_hash)
-    return stay if _kept(arm, stay, distances) else None
+    return stay if _within_limits(arm, stay, distances) else None
 
 
 def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | None) -> Trajectory | None:
@@ -142,7 +142,7 @@ def _holds(arm: LimitedArm, q: Array) -> bool:
     return bool(np.all(arm.program.limits.actuators.allows(arm.robot.holding_torque(q), q, np.zeros_like(q))))
 
 
-def _kept(arm: LimitedArm, motion: Trajectory, distances: Distances | None) -> bool:
+def _within_limits(arm: LimitedArm, motion: Trajectory, distances: Distances | None) -> bool:
     """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
     faster = acceleration_excess(motion.t, motion.q, motion.v, arm.program.acceleration)
     kept = max(limit_violation(arm.program.limits, motion), faster) <= LIMIT_TOLERANCE

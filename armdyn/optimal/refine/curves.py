@@ -21,7 +21,7 @@ from armdyn.optimal.flat.refinement import (
     refined_again,
     reports_on,
     sampled,
-    slowed_until_kept,
+    slowed_to_limits,
 )
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
@@ -71,7 +71,7 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
         )
     )
     if found[0].excess > numbers.most_excess and can_be_slowed(task.problem) and not task.stop:
-        found[0] = slowed_until_kept(task, found[0])
+        found[0] = slowed_to_limits(task, found[0])
     if found[0].excess > numbers.most_excess:
         failed = failed or (_failed(task, found[0]),)
         return [], SearchResult((), failed=failed, iterations=sum(one.iterations for one in found))

@@ -110,14 +110,14 @@ class _Meshes:
 
         def finer(one: Attempt) -> Array:
             knots = _finer(within, one, numbers)
-            return knots if self.worth(knots, numbers.reserve) else one.mesh
+            return knots if self.affordable(knots, numbers.reserve) else one.mesh
 
         if has_stagewise(self.task):
             yield from on_finer_meshes(self.task, attempt, mesh(numbers.intervals), numbers, solve, finer)
 
     def sharp(self, rough: Attempt) -> Attempt:
         """Solve on the mesh of a rough solution; the rough one without convergence or budget."""
-        if not self.worth(rough.mesh) or self.task.stop:
+        if not self.affordable(rough.mesh) or self.task.stop:
             return rough
         found = self._once(self._within(MeshMargins()), rough.trajectory, rough.mesh, self._sharp, self.tie)
         return found if found.usable else rough
@@ -126,8 +126,8 @@ class _Meshes:
         """Solve on a mesh with the flagged intervals, shape (K,), divided; None without convergence or budget."""
         numbers = self.task.policy.motion_mesh
         knots = _in_parts(attempt.mesh, np.where(to_divide, numbers.parts, 1))
-        worth = np.any(to_divide) and knots.size <= numbers.most_further_knots and self.worth(knots)
-        return self.again(attempt, knots, margins) if worth else None
+        divide = np.any(to_divide) and knots.size <= numbers.most_further_knots and self.affordable(knots)
+        return self.again(attempt, knots, margins) if divide else None
 
     def again(self, attempt: Attempt, knots: Array, margins: MeshMargins) -> Attempt | None:
         """Solve on other knots, with margins of the limits; None without convergence."""
@@ -136,7 +136,7 @@ class _Meshes:
         found = self._solved(self._within(margins), attempt.trajectory, knots, self._sharp, self.tie)
         return found if found.usable else None
 
-    def worth(self, knots: Array, spare: int = 0) -> bool:
+    def affordable(self, knots: Array, spare: int = 0) -> bool:
         """Whether the budget left is more than a mesh needs."""
         return self.resolved.left - spare >= self.task.policy.motion_mesh.fewest * (knots.size - 1)
 
@@ -157,7 +157,12 @@ class _Meshes:
         """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
         numbers, self.tie = self.task.policy.motion_mesh, tie
         found = self._once(task, guess, knots, settings, tie)
-        if found.usable or self.task.stop or tie + 1 == len(numbers.ties) or not self.worth(knots, numbers.reserve):
+        if (
+            found.usable
+            or self.task.stop
+            or tie + 1 == len(numbers.ties)
+            or not self.affordable(knots, numbers.reserve)
+        ):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
         return self._solved(task, near, knots, settings, tie + 1)

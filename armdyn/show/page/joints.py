@@ -100,7 +100,7 @@ def compared(moves: Sequence[ShownMotion], limits: JointLimits) -> list[Compared
     return rows
 
 
-def worth_seeing(moves: Sequence[ShownMotion], end: float | None = None) -> float | None:
+def initial_span(moves: Sequence[ShownMotion], end: float | None = None) -> float | None:
     """Initially shown span [s]: a little longer than the motions take to arrive; None: all.
 
     Args:

@@ -181,7 +181,7 @@ def _sections(
 
 def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, replay: Replay | None) -> dict[str, Any]:
     """Data of the scripts: curves up to a time, the span seen at first [s], the scene, compressed."""
-    seen = joints.worth_seeing(moves, end) if replay is None else None
+    seen = joints.initial_span(moves, end) if replay is None else None
     shown = [replace(move, motion=until(move.motion, end)) for move in moves]
     motions = [move.motion for move in shown]
     speed = playing_speed([min(motion.duration, seen or np.inf) for motion in motions])

@@ -25,7 +25,7 @@ _LAST = 0.1
 
 
 @dataclass(frozen=True)
-class Worth:
+class Performance:
     """Performance of a controller on a set of arms.
 
     Attributes:
@@ -59,7 +59,7 @@ class Worth:
         return f"{self.settled} of {self.count} settle, {time}, overshoot {100 * self.overshoot:.2f} % of the travel"
 
 
-def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
+def performance_of(setup: Setup, plants: Sequence[Robot], index: Index) -> Performance:
     """Performance of a controller.
 
     Args:
@@ -71,7 +71,7 @@ def worth(setup: Setup, plants: Sequence[Robot], index: Index) -> Worth:
     times = [np.inf if run.settled_time is None else run.settled_time for run in runs]
     travel = float(np.abs(setup.ticks.goal - setup.start[: setup.robot.nv]).max())
     over = max(float(run.overshoot.max()) for run in runs)
-    return Worth(
+    return Performance(
         index=max(index_of(run, setup, index) for run in runs),
         settled=sum(run.settled for run in runs),
         count=len(runs),
@@ -85,7 +85,7 @@ def index_of(run: Run, setup: Setup, index: Index) -> float:
 
     Args:
         run: of the setup.
-        setup: see `worth`.
+        setup: see `performance_of`.
         index: see `Index`.
     """
     motion, end = run.trajectory, setup.duration

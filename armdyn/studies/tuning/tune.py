@@ -25,7 +25,7 @@ from armdyn.studies.run import CaseRun
 from armdyn.studies.study import OwnTask
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_name, chosen
-from armdyn.studies.tuning.index import INDICES, Index, Worth, worth
+from armdyn.studies.tuning.index import INDICES, Index, Performance, performance_of
 from armdyn.trajectory import Trajectory
 
 FORMAT = "armdyn-tune-1"
@@ -84,8 +84,8 @@ class Tuned:
         controller: the best one.
         reference: motion that it followed; of `Ramps` the best.
         values: the parameters by name.
-        training: its worth on the arms that the choice was made on.
-        held_out: its worth on others; None: there were none.
+        training: its performance on the arms that the choice was made on.
+        held_out: its performance on others; None: there were none.
         history: cost of the best after each generation.
         evaluations: number of controllers that were run.
         status: see `TuningStatus`.
@@ -95,8 +95,8 @@ class Tuned:
     controller: Controller
     reference: Trajectory
     values: dict[str, float]
-    training: Worth
-    held_out: Worth | None
+    training: Performance
+    held_out: Performance | None
     history: tuple[float, ...]
     evaluations: int
     status: TuningStatus
@@ -155,7 +155,7 @@ def tune(
         if search.best is None:
             raise ProblemError(f"no controller was run: {search.refused or 'the search was stopped at once'}")
         own, values = search.best
-        others = worth(search.setup(values), off, options.index) if off else None
+        others = performance_of(search.setup(values), off, options.index) if off else None
     return Tuned(
         controller=family.controller(values), reference=search.motion(values), values=values, training=own,
         held_out=others, history=tuple(search.history), evaluations=search.evaluations, status=status,
@@ -174,7 +174,7 @@ class GainSearch(OwnTask):
     loop: Loop
     options: TuneOptions
     tried: list[dict[str, float]] = field(default_factory=list)
-    best: tuple[Worth, dict[str, float]] | None = None
+    best: tuple[Performance, dict[str, float]] | None = None
     evaluations: int = 0
     history: list[float] = field(default_factory=list)
     refused: str = ""
@@ -190,7 +190,7 @@ class GainSearch(OwnTask):
     def work(self, settings: Mapping[str, Value], guess: bytes = b"", revisit: bool = False) -> CaseResult:
         """Run one controller on all arms."""
         try:
-            found = worth(self.setup(settings), self.plants, self.options.index)
+            found = performance_of(self.setup(settings), self.plants, self.options.index)
         except ProblemError as error:  # no law for such numbers
             return CaseResult(status="refused", message=str(error))
         return CaseResult(status="run", good=found.settled == found.count, message=str(found), facts=asdict(found))
@@ -256,7 +256,7 @@ class GainSearch(OwnTask):
             self.refused = row.message
             return _NEVER
         numbers: dict[str, Any] = {name: np.inf if value is None else value for name, value in row.facts.items()}
-        found, most = Worth(**numbers), self.options.overshoot
+        found, most = Performance(**numbers), self.options.overshoot
         self.evaluations += 1
         if self.best is None or _rank(found, most) < _rank(self.best[0], most):
             self.best = found, self.tried[row.k]
@@ -275,7 +275,7 @@ class GainSearch(OwnTask):
         )  # fmt: skip
 
 
-def _rank(found: Worth, most: float) -> tuple[bool, float]:
+def _rank(found: Performance, most: float) -> tuple[bool, float]:
     """The less, the better: controllers within the overshoot first."""
     return found.overshoot > most, found.cost(most)
 
@@ -288,7 +288,7 @@ _ENDS: dict[TuningStatus, str] = {
 }
 
 
-def _message(status: TuningStatus, own: Worth, others: Worth | None, most: float) -> str:
+def _message(status: TuningStatus, own: Performance, others: Performance | None, most: float) -> str:
     """The end of a search in words."""
     held = "" if others is None else f"; held out: {others}"
     over = f"; none keeps to {100 * most:g} %" if own.overshoot > most else ""

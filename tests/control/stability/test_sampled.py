@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plain_loop
-from armdyn.control.laws.linear import held
+from armdyn.control.laws.linear import zero_order_hold
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.law import Controller, Law
@@ -224,7 +224,7 @@ def test_separation_of_control_and_observer():
     model = Rest.of(robot, poses["q_goal"], Pid(GAINS), loops["observer"]).model
     h, (l1, l2), eye = loops["observer"].period, loops["observer"].observer_gains, np.eye(2)
     step = np.block([[eye, h * eye], [0 * eye, eye]]) + np.vstack([h**2 / 2 * model.A[2:], h * model.A[2:]])
-    exact_step, _ = held(*model, h)
+    exact_step, _ = zero_order_hold(*model, h)
     error = step @ (np.eye(4) - np.vstack([l1 * eye, l2 * eye]) @ np.hstack([eye, 0 * eye]))
     expected = np.convolve(np.poly(matrices["exact"]), np.poly(error))
     # The observer's step is Taylor's of second order, the arm's is exact: they differ by h³ times gravity's slope.

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.control.tracking.track import Setup
-from armdyn.studies.tuning.index import Worth, index_of, worth
+from armdyn.studies.tuning.index import Performance, index_of, performance_of
 from problems import POSES, paper_arm
 
 GOAL = np.array([1.0, -2.0])
@@ -56,7 +56,7 @@ def test_a_run_that_does_not_settle_costs_more_than_any_that_does_and_more_the_f
 
 
 def test_overshoot_costs_in_proportion():
-    inside = Worth(0.5, 6, 6, 0.5, 0.05)
+    inside = Performance(0.5, 6, 6, 0.5, 0.05)
     assert inside.cost(0.05) == 0.5
     assert replace(inside, overshoot=0.10).cost(0.05) == pytest.approx(1.0)
 
@@ -67,9 +67,9 @@ def test_worth_is_of_the_worst_arm():
     controller = ad.Pid(ad.PidGains(6000.0, 100.0, 180.0), form="computed_torque")
     setup = Setup.of(ROBOT, reference, controller, ad.Loop(), duration=1.0, tolerance=0.005)
     runs = [setup.run(arm) for arm in arms]
-    found = worth(setup, arms, "settled")
+    found = performance_of(setup, arms, "settled")
     assert found.index == found.settled_time == max(run.settled_time for run in runs)
     assert (found.settled, found.count) == (6, 6)
     travel = np.abs(np.subtract(*POSES["rr"])).max()
     assert found.overshoot == pytest.approx(max(run.overshoot.max() for run in runs) / travel)
-    assert worth(setup, arms, "ise").index == max(index_of(run, setup, "ise") for run in runs)
+    assert performance_of(setup, arms, "ise").index == max(index_of(run, setup, "ise") for run in runs)

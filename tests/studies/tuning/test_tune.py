@@ -10,7 +10,7 @@ import armdyn as ad
 from armdyn.control.tracking.track import Setup
 from armdyn.errors import ProblemError
 from armdyn.paper import GAINS
-from armdyn.studies.tuning.index import worth
+from armdyn.studies.tuning.index import performance_of
 from problems import POSES, paper_arm
 
 ROBOT = paper_arm("r")
@@ -29,7 +29,7 @@ def test_the_search_is_as_good_as_a_grid():
     grid = []
     for bandwidth in np.geomspace(5.0, 200.0, 60):
         setup = Setup.of(ROBOT, RAMP, ad.ComputedTorque(bandwidth), ad.Loop(), duration=0.8, tolerance=0.005)
-        grid.append(worth(setup, ARMS, "settled").cost(0.05))
+        grid.append(performance_of(setup, ARMS, "settled").cost(0.05))
     assert found.training.cost(0.05) <= min(grid) * 1.01  # the grid's cells are 6 % wide
     assert found.training.cost(0.05) < np.median(grid)
     assert found.controller == ad.ComputedTorque(found.values["bandwidth"])
@@ -55,8 +55,8 @@ def test_held_out_arms_are_run_along_the_answer_alone():
         ROBOT, RAMP, STIFFNESS, ARMS[:1], others, options=ad.TuneOptions(generations=1, members=4, index="itae")
     )
     setup = Setup.of(ROBOT, RAMP, found.controller, ad.Loop(), duration=1.5, tolerance=0.005)
-    assert found.held_out == worth(setup, others, "itae")
-    assert found.training == worth(setup, ARMS[:1], "itae")
+    assert found.held_out == performance_of(setup, others, "itae")
+    assert found.training == performance_of(setup, ARMS[:1], "itae")
     assert found.training.count == 1
     assert "held out: " in found.message
 
