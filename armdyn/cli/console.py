@@ -34,8 +34,8 @@ DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
 """Exit codes, besides BAD_INPUT, DISK_FULL and INTERRUPTED."""
 
 EXIT_CODES = (
-    "0 done, and the motion is usable: it lands and keeps its limits; 2 bad usage or input; 3 it is not usable; "
-    "4 it is, but --require is not met; 5 disk full; 130 interrupted."
+    "0 done, and the motion is usable: it reaches the goal within its limits; 2 bad usage or input; 3 not usable; "
+    "4 usable, but --require is not met; 5 disk full; 130 interrupted."
 )
 """Meaning of the exit codes, as in help and README."""
 

@@ -295,7 +295,7 @@ def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
     saved = read_saved(file)
     arm = subject_of(saved, SubjectSpec(robot=robot, part=part)).robot
     if arm is None:
-        raise ProblemError(f"--model: the arm of {file} is not at hand; name it by --robot")
+        raise ProblemError(f"--model: the arm of {file} was not found; give --robot")
     if saved.motion.model_hashes and not is_motion_of(arm, saved.motion):
         raise ProblemError(
             f"--model: {file} is a motion of another arm, payload or friction than {arm.name}; its result's folder "

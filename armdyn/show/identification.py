@@ -77,7 +77,7 @@ def _verdict(estimate: Estimate) -> tuple[str, str, str]:
     if worse:
         return "fair", "Not better in all joints", f"On data held out the fit predicts {', '.join(worse)} worse."
     if estimate.unmoved:
-        return "fair", "A joint did not move", f"The logs tell little of {', '.join(estimate.unmoved)}."
+        return "fair", "A joint did not move", f"The logs determine little of {', '.join(estimate.unmoved)}."
     better = _total(judged.before) / max(_total(judged.after), 1e-300)
     return "good", "Identified", f"On data held out the torque errors are {better:.3g} times smaller than before."
 
@@ -89,7 +89,7 @@ def _total(errors: Array) -> float:
 def _tiles(estimate: Estimate) -> list[Tile]:
     combinations = f"{estimate.measured_combinations} of {estimate.combinations}"
     tiles = [
-        Tile("combinations measured", combinations, "that a motion can tell"),
+        Tile("combinations measured", combinations, "that a motion can identify"),
         Tile("condition number", f"{estimate.condition:.3g}", "of the regressor"),
     ]
     if estimate.judged is not None and np.any(estimate.judged.measured):
@@ -160,7 +160,7 @@ def _error_section(estimate: Estimate, judged: Judged) -> Section:
 def _numbers(numbers: Sequence[Estimated], *, bars: bool) -> Html:
     """Table of parameters with their confidence, next to the robot's own."""
     if not numbers:
-        return element("p", "None: the logs tell no number better than the robot's file.")
+        return element("p", "None: the logs determine no number better than the robot's file.")
     head = [th("number"), th("file"), th("identified"), th("± (95 %)"), th("unit")]
     rows = []
     for one in numbers:
@@ -196,7 +196,7 @@ def _unseen_section(estimate: Estimate) -> Section:
     unseen = [one for one in estimate.parameters if not one.measured]
     facts = [
         ("joints not moved", ", ".join(estimate.unmoved) or "none"),
-        ("combinations", f"{estimate.measured_combinations} of {estimate.combinations} that a motion can tell are "
+        ("combinations", f"{estimate.measured_combinations} of {estimate.combinations} that a motion can identify are "
          "measured; any others stay as in the robot's file"),
         ("noise", ", ".join(f"{one:.2g}" for one in estimate.noise) + " N m (standard deviation, joint by joint)"),
         ("sensor offset", ", ".join(_signed(one) for one in estimate.offset) + " N m: no part of the robot"),
@@ -205,6 +205,6 @@ def _unseen_section(estimate: Estimate) -> Section:
     if unseen:
         note = "The logs take away less than 90 % of the uncertainty of these numbers: they stay near the robot's file."
         table = _numbers(unseen, bars=False)
-        title = element("summary", f"Numbers that the logs do not tell ({len(unseen)})")
+        title = element("summary", f"Numbers that the logs do not determine ({len(unseen)})")
         body.append(element("details", title, element("p", note), table))
     return Section("unseen", "Not determined by the logs", join(body))

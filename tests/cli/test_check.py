@@ -65,7 +65,7 @@ def test_positions_of_some_points_are_refused_and_why(motion, here):
     assert done.returncode == 3
     words = " ".join(done.stdout.split())
     assert "refused: panda_joint" in words and "exceeds its acceleration limit, first at t = 0.001 s: " in words
-    assert "Note: the points have positions only: the controller goes straight from one to the next." in words
+    assert "Note: the points have positions only: the controller moves straight from one to the next." in words
     assert "not checked, the motion has no torques" in words
     assert check("coarse.json", code=3)["interpolation"] == "linear"
     (here / "coarse.json").write_text(message(t, motion(t).q, NAMES, motion(t).v))

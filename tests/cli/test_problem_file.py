@@ -97,7 +97,7 @@ def test_a_sweep_over_payload_takes_a_file(write_problem):
 
 
 def test_degrees_are_not_of_files(write_problem):
-    with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="says units itself"):
+    with running("mintime", {}, {"degrees": True}), pytest.raises(ProblemError, match="has its own units"):
         refuse_with_a_file(write_problem(RR_FILE), PoseOptions())
 
 

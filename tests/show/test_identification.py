@@ -26,7 +26,7 @@ def test_the_page_has_torques_numbers_and_unknowns(tmp_path, held_out):
     margin = next(one for one in estimate.parameters if one.name == "mass of payload")
     assert f"± {margin.interval[1] - margin.value:.2g} kg" in page
     unseen = [one for one in estimate.parameters if not one.measured]
-    assert f"Numbers that the logs do not tell ({len(unseen)})" in page
+    assert f"Numbers that the logs do not determine ({len(unseen)})" in page
     assert len(re.findall('class="interval"', page)) == len(estimate.parameters) - len(unseen)
 
 

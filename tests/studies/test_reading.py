@@ -160,7 +160,7 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
         ),
         ("[arms.a]\nrobot = 'none.urdf'\nq_start = [0]\nq_goal = [1]\n" + VARY, "line 2: .*no such file"),
         ("task = 'track'\n" + ARM + "[vary]\nkp = [1]\n", "line 6: kp is a setting of controller 'pid', not of 'lqr'"),
-        ("task = 'track'\n" + ARM + "[vary]\nramp = [1]\n", "line 6: ramp says nothing of reference 'minimum-time'"),
+        ("task = 'track'\n" + ARM + "[vary]\nramp = [1]\n", "line 6: ramp does not apply to reference 'minimum-time'"),
         ("task = 'track'\n" + ARM + VARY + "[track]\ncontroller = 'pid'\n", "line 8: controller 'pid' with reference"),
         (
             "task = 'track'\n" + ARM + VARY + "[track]\nform = 'torque'\n",

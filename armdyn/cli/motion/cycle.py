@@ -46,7 +46,7 @@ class CycleSearchOptions(CurveOptions):
 
 def cycle(
     *,
-    file: str | None = argument("FILE.toml", "The cycle. With --example: where the example goes.", default=None),
+    file: str | None = argument("FILE.toml", "The cycle. With --example: the file to write.", default=None),
     example: bool = flag(
         f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
         rich_help_panel=TASK,

@@ -132,7 +132,7 @@ class PartOptions:
         table = read_toml(self.tool)
         table.only(TOOL_KEYS)
         if not table.values:
-            raise ProblemError(f"--tool: {self.tool} says nothing of a tool: write its mass, tip or shapes")
+            raise ProblemError(f"--tool: {self.tool} has no tool: write its mass, tip or shapes")
         with table.locating_errors({}):
             return tool_from(table.values, Path(table.path).parent)
 

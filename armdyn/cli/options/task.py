@@ -59,7 +59,7 @@ def refuse_with_a_file(name: str, *groups: Any) -> None:
         ProblemError: one of them is not as by default; or --degrees was given.
     """
     if degrees_are_on():
-        raise ProblemError(f"--degrees: {name} says units itself: 1.57, or '90deg'")
+        raise ProblemError(f"--degrees: {name} has its own units: 1.57, or '90deg'")
     for group in groups:
         for field in fields(group):
             value = getattr(group, field.name)

@@ -34,9 +34,7 @@ class ShownOptions:
         "Folders that mintime, cycle, pid or track wrote, trajectories (npz), or files of other planners, as "
         "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
     )
-    robot: str | None = option(
-        "ROBOT", "Whose motions they are: a name or a URDF. By default the first result says it, if it is no file."
-    )
+    robot: str | None = option("ROBOT", "Robot of the motions: a name or a URDF. By default that of the first result.")
     until: str | None = option("S", "Only the first S seconds of each motion; by default all of it.")
     part: PartOptions
     payload: PayloadOptions

@@ -84,7 +84,7 @@ def subject_of(saved: Saved, spec: SubjectSpec) -> Subject:
     name = model.text("name") or named or saved.path.stem
     bare = Subject(name, joints, limits or _no_limits(count), sliding)
     if named is None:
-        _warn(f"{saved.path}: the robot is not at hand, so that it is not drawn: name it by --robot")
+        _warn(f"{saved.path}: the robot was not found and is not drawn: give --robot")
         return bare
     try:
         arm = _built(named, saved.facts, spec)
@@ -248,7 +248,7 @@ def _subject(paths: Sequence[Path], own: Sequence[Saved], spec: SubjectSpec) -> 
 def _planned(path: Path, subject: Subject) -> Saved:
     """The motion of another planner."""
     if subject.robot is None:
-        raise ProblemError(f"{path} needs its robot, which is not at hand: name it by --robot")
+        raise ProblemError(f"{path} needs its robot, which was not found: give --robot")
     return Saved(path, motion_of(subject.robot, path), Facts())
 
 
@@ -263,7 +263,7 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
         if one.motion.v.shape[1] != results[0].motion.v.shape[1] or (names and joints[0] and names != joints[0]):
             raise TrajectoryError(
                 f"{one.path}: moves {', '.join(names) or f'{one.motion.v.shape[1]} joints'}; {results[0].path} moves "
-                f"{', '.join(joints[0]) or f'{results[0].motion.v.shape[1]} joints'}: side by side goes one arm only"
+                f"{', '.join(joints[0]) or f'{results[0].motion.v.shape[1]} joints'}: only motions of one arm can be compared"
             )
     called = [one.motion.name or one.path.stem for one in results]
     return [

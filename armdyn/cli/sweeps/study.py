@@ -172,7 +172,7 @@ def _setting_text(name: str, value: float | str) -> str:
 
 def _progress_text(now: Progress) -> str:
     """Text next to the bar."""
-    bad = f"{now.bad} not as wanted, " if now.bad else ""
+    bad = f"{now.bad} not good, " if now.bad else ""
     return f"{bad}{_left(now.left)}"
 
 

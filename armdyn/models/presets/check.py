@@ -239,7 +239,7 @@ def controller_check(
         raise TrajectoryError(f"the motion has no torques, but the torque interface of {preset} takes them")
     notes = [f"not checked, the motion has no torques: {', '.join(about_torque)}"] if about_torque else []
     if commands.interpolation == "linear" and commands.sparse:
-        notes.append("the points have positions only: the controller goes straight from one to the next")
+        notes.append("the points have positions only: the controller moves straight from one to the next")
     noise = 4 * commands.rounding * interface.rate**3  # of +1, -3, +3, -1, each half a step off
     if "jerk" in interface.conditions and not commands.sparse and noise > 0.1 * np.min(np.asarray(limits.jerk)):
         notes.append(f"positions are rounded to {commands.rounding:g} rad, which alone is {noise:.2g} rad/s³ of jerk")

@@ -121,7 +121,7 @@ def locked_joints(
         at = position(name)
         if at is None:
             what = (
-                f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn knows no coupled joints: lock that one, "
+                f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn supports no coupled joints: lock that one, "
                 "and this follows, or this one alone if it does not matter; `armdyn doctor FILE --repair` says where"
             )
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
@@ -141,7 +141,7 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
     for name, joint in _joints(model).items():
         kind = model.joints[joint].shortname()
         if name not in locked and not _KNOWN.fullmatch(kind):
-            what = f"is a {kind}; armdyn knows joints that turn or slide along one axis: lock it, or choose an arm"
+            what = f"is a {kind}; armdyn supports joints that turn or slide along one axis: lock it, or choose an arm"
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
     reduced = _reduced(model.copy(), locked, source)
     if reduced.nv == 0:

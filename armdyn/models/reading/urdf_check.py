@@ -86,7 +86,7 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
             continue
         where = f"link {clipped(link.get('name'))!r}"
         if fault := inertia_fault(inertia_tensor(inertial, source, where)):
-            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` says the nearest that a body has", where)
+            raise UrdfError(source, f"{fault}; `armdyn doctor FILE --repair` shows the nearest physical one", where)
 
 
 def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:

@@ -92,7 +92,7 @@ def _object(given: Any, frames: Mapping[str, pin.SE3 | None], where: str) -> Obs
             raise ProblemError(f"its operation is {shown(one['operation'])}; objects of a scene are added (0)")
         frame = str(_table(one.get("header") or {}, "header").get("frame_id", "")).strip("/")
         if (placement := frames.get(frame)) is None:
-            why = "moves" if frame in frames else "has no place in the file; load_scene(path, robot) knows its links'"
+            why = "moves" if frame in frames else "has no pose in the file; load_scene(path, robot) has its links'"
             raise ProblemError(f"its frame {shown(frame)} {why}")
         pose = placement.homogeneous @ _pose(one.get("pose"), "pose")
         pieces = list(_pieces(one, pose, name))

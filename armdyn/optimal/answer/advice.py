@@ -45,7 +45,7 @@ def advice(
         lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
     elif not certificate.lands:
         lines["lands"] = (
-            "it does not land: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
+            "it does not reach the goal: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
             "`armature`"
         )
     if not certificate.keeps_limits:

@@ -241,7 +241,7 @@ def _message(task: Task, status: Status, optimum: Optimum, found: SearchResult) 
     if _moves(task, optimum):
         said += f"; best so far {duration:.6g} s"
     elif status is not Status.CONDITION_MISSED:
-        said += "; nothing so far lands within the limits"
+        said += "; no motion so far reaches the goal within the limits"
     worst = certificate.exceeded
     if worst is not None and not optimum.within_limits:
         said += f"; {worst.constraint} of joint {worst.joint!r} exceeded by {worst.value:.2g} of it"

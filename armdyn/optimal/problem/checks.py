@@ -108,7 +108,7 @@ def check_poses(poses: Array) -> None:
     """Refuse a leg of zero length; poses: shape (legs + 1, nv)."""
     legs = np.max(np.abs(np.diff(poses, axis=0)), axis=1)
     if legs.size > 1 and np.min(legs) == 0:
-        raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next goes nowhere: start, via, goal")
+        raise ProblemError(f"the leg from pose {int(np.argmin(legs))} to the next has zero length: start, via, goal")
 
 
 def check_path_constraints(path_constraints: object) -> tuple[PathConstraintSpec, ...]:

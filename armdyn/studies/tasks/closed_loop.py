@@ -137,7 +137,7 @@ class ClosedLoopTask:
                 raise ProblemError(f"{name} is chosen by task {self.name!r}: leave it out")
         for name in _WITHOUT[self.reference]:
             if name in names:
-                raise ProblemError(f"{name} says nothing of reference {self.reference!r}")
+                raise ProblemError(f"{name} does not apply to reference {self.reference!r}")
         own = CONTROLLERS[self.controller].settings
         for other, kind in CONTROLLERS.items():
             for name in kind.settings:

@@ -109,7 +109,7 @@ def test_frames(tmp_path):
     assert loaded(tmp_path, ball, robot=robot).obstacles[0].center == (1, 0, 0)
     moved = {"child_frame_id": "panda_link0", "transform": {"translation": [0, 0, 0.5], "rotation": [0, 0, 0, 1]}}
     assert loaded(tmp_path, ball, fixed_frame_transforms=[moved]).obstacles[0].center == (1, 0, 0.5)
-    with pytest.raises(ProblemError, match=r"'ball': its frame 'panda_link0' has no place in the file"):
+    with pytest.raises(ProblemError, match=r"'ball': its frame 'panda_link0' has no pose in the file"):
         loaded(tmp_path, ball)
     with pytest.raises(ProblemError, match=r"'ball': its frame 'panda_hand' moves"):
         loaded(tmp_path, ball | {"header": {"frame_id": "panda_hand"}}, robot=robot)

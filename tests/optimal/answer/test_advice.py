@@ -25,7 +25,7 @@ def said(certificate, kept=(), arcs=False, **options):
     ("certificate", "thing", "words"),
     [
         (Certificate(np.inf, np.inf, np.inf), "lands", ["no motion was found", "`starts`", "`time_limit`"]),
-        (Certificate(0.2, 0.1, 0.0), "lands", ["does not land", "`max_intervals`", "`armature`"]),
+        (Certificate(0.2, 0.1, 0.0), "lands", ["does not reach the goal", "`max_intervals`", "`armature`"]),
         (replace(LANDED, limit_violation=5.6e-4, exceeded=FAST), "limits", ["velocity limit of joint2", "0.056 %"]),
         (replace(LANDED, limit_violation=5.6e-4), "limits", ["exceeds a limit"]),
     ],

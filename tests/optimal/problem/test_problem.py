@@ -52,7 +52,7 @@ def test_a_motion_may_leave_a_limit_and_end_on_one():
 def test_a_way_back_to_the_start_has_via_points():
     home, there = POSES["rr"]
     assert len(ad.MinimumTimeProblem(paper_arm("rr"), q_start=home, q_goal=home, via=[there]).poses) == 3
-    with pytest.raises(ProblemError, match="goes nowhere"):
+    with pytest.raises(ProblemError, match="has zero length"):
         ad.MinimumTimeProblem(paper_arm("rr"), q_start=home, q_goal=home, via=[home])
 
 

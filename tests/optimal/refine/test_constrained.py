@@ -141,7 +141,7 @@ def test_a_via_point_is_passed_in_flight():
         ({"via": [[0.0]]}, r"via\[0\]"),
         ({"via": [[0.0, np.inf]]}, "must be finite"),
         ({"via": [[9.0, 0.0]]}, r"via\[0\] of joint 'joint1'"),
-        ({"via": [START]}, "goes nowhere"),
+        ({"via": [START]}, "has zero length"),
         ({"acceleration_limit": 0}, "acceleration_limit of joint 'joint1'"),
         ({"jerk_limit": [1, 2, 3]}, "jerk_limit"),
     ],
