@@ -125,7 +125,7 @@ def test_an_option_without_effect_is_refused(arguments, message):
 def test_an_empty_file_is_no_tool(tmp_path):
     (tmp_path / "tool.toml").write_text("")
     done = run_here("mintime", "rr", "--tool", "tool.toml", cwd=tmp_path)
-    assert done.returncode == 2 and "says nothing of a tool" in done.stderr
+    assert done.returncode == 2 and "has no tool" in done.stderr
 
 
 def test_words_between_colons_are_no_pictures():

@@ -126,7 +126,7 @@ def test_a_model_of_the_arm_that_moved(tmp_path):
     assert (model.nv, model.nu, model.nkey) == (2, 6, output["samples"]) and output["rate"] == 4000
     (tmp_path / "alone.npz").write_bytes((tmp_path / "run" / "trajectory.npz").read_bytes())
     alone = ("export", "alone.npz", "--format", "mujoco", "--model", "--json")
-    assert "name it by --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
+    assert "give --robot" in answer(run_here(*alone, cwd=tmp_path), 2)["message"]
     assert "another arm, payload" in answer(run_here(*alone, "--robot", "rr", cwd=tmp_path), 2)["message"]
     output = answer(run_here("export", "alone.npz", "--model", "--json", cwd=tmp_path), 2)
     assert output["message"] == "--model is of the format mujoco; csv has none"

@@ -281,7 +281,7 @@ def test_bad_input(tracked, tmp_path):
         assert "--until" in report(tracked, "--until", text, code=2)["message"]
     ad.ramp(ad.Robot.from_spec(ad.ArmSpec.paper("r")), [0.0], [1.0], 0.5).save(tmp_path / "one.npz")
     output = answer(run_here("compare", tracked, tmp_path / "one.npz", "--json"), 2)
-    assert "one arm only" in output["message"]
+    assert "only motions of one arm" in output["message"]
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -263,7 +263,8 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
         if one.motion.v.shape[1] != results[0].motion.v.shape[1] or (names and joints[0] and names != joints[0]):
             raise TrajectoryError(
                 f"{one.path}: moves {', '.join(names) or f'{one.motion.v.shape[1]} joints'}; {results[0].path} moves "
-                f"{', '.join(joints[0]) or f'{results[0].motion.v.shape[1]} joints'}: only motions of one arm can be compared"
+                f"{', '.join(joints[0]) or f'{results[0].motion.v.shape[1]} joints'}: only motions of one arm "
+                "can be compared"
             )
     called = [one.motion.name or one.path.stem for one in results]
     return [

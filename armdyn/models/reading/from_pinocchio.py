@@ -121,8 +121,8 @@ def locked_joints(
         at = position(name)
         if at is None:
             what = (
-                f"mimics {clipped(mimics[name].leader)!r}, which moves; armdyn supports no coupled joints: lock that one, "
-                "and this follows, or this one alone if it does not matter; `armdyn doctor FILE --repair` says where"
+                f"mimics {clipped(mimics[name].leader)!r}, which moves; coupled joints are not supported: lock that "
+                "one, and this follows, or only this one; `armdyn doctor FILE --repair` shows where"
             )
             raise UnsupportedJointError(source, what, f"joint {clipped(name)!r}")
         if not abs(at) <= LARGEST:

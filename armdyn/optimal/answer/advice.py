@@ -45,8 +45,8 @@ def advice(
         lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
     elif not certificate.lands:
         lines["lands"] = (
-            "it does not reach the goal: raise `max_intervals`; light links at strong motors may want their rotors' inertia, "
-            "`armature`"
+            "it does not reach the goal: raise `max_intervals`; light links at strong motors may need "
+            "their rotors' inertia, `armature`"
         )
     if not certificate.keeps_limits:
         lines["limits"] = _for_limits(certificate) + _not_slowed(problem)

@@ -117,7 +117,7 @@ def test_coarse_points_with_positions_only_are_corners():
     """As MoveIt's time parametrisation leaves them at 10 Hz, without velocities."""
     motion, _ = ramps(0, v=1.0, a=5.0, j=2000.0, rate=10.0)
     check = PANDA.check(Planned(motion.t, motion.q))
-    assert not check.ok and "goes straight from one to the next" in check.notes[-1]
+    assert not check.ok and "moves straight from one to the next" in check.notes[-1]
     slopes = np.diff(motion.q[:, 0], prepend=motion.q[0, 0]) / 0.1
     worst = rows(check, "acceleration")["joint1"]
     assert abs(worst.value) == pytest.approx(1000 * np.max(np.abs(np.diff(slopes))), rel=1e-6)  # within one tick
