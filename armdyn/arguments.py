@@ -166,7 +166,7 @@ def parts(value: object, name: str) -> Array:
 
 
 def whole(value: object, name: str, least: int, most: int | None = None) -> int:
-    """A whole number.
+    """Return the value as an int if it is a whole number in a range; raise otherwise.
 
     Raises:
         ProblemError: the value is no whole number, less than the least or, if there is one, more than the most.
@@ -189,7 +189,7 @@ def number(
     finite: bool = True,
     error: type[ArmdynError] = ProblemError,
 ) -> float:
-    """One number.
+    """Return the value as a float if it is a number of the required sign; raise otherwise.
 
     Args:
         value: the argument; text and booleans are refused.
@@ -283,7 +283,7 @@ def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError
 
 
 def one_of(value: object, known: Sequence[str], name: str) -> str:
-    """A name among those that are known.
+    """Return the value if it is one of the known names; raise otherwise.
 
     Raises:
         ProblemError: the name is unknown.

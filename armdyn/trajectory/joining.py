@@ -77,7 +77,7 @@ def _common_names(first: Trajectory, second: Trajectory, tolerance: float) -> tu
 
 
 def backwards(motion: Trajectory) -> Trajectory:
-    """q(T - t), -v, and the same torques; pieces keep their loads, and lose their events.
+    """Reverse a motion in time: q(T - t), -v, the same torques; pieces keep their loads and lose their events.
 
     It is a motion of the arm only as `reversed_motion` says.
     """

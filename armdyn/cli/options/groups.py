@@ -80,7 +80,7 @@ def argument(metavar: str, about: str, *, default: Any = MISSING, **more: Any) -
 
 
 def given(group: Any) -> dict[str, Any]:
-    """The options of a group that are not as by default, by name: they override a file."""
+    """Options of a group that differ from their defaults, by name; they override a file."""
     return {one.name: value for one in fields(group) if (value := getattr(group, one.name)) != one.default}
 
 

@@ -70,7 +70,7 @@ class Arrival:
         return float(brentq(outside, t[k - 1], t[k], xtol=1e-12))
 
     def outside(self, error: Array) -> Array:
-        """Signed distance from arrival [rad or m], shape (n,), of errors of shape (n, nv) or (nv,).
+        """Signed distance of errors, shape (n, nv) or (nv,), from the tolerance of arrival [rad or m], shape (n,).
 
         It is e₁ for the rule "first_crossing", else the largest |eᵢ| less the tolerance.
         """

@@ -51,7 +51,7 @@ class Values:
         return cls(dict(pair for one in root.findall(tag) for pair in one.attrib.items()), source, f"<{tag}>")
 
     def numbers(self, key: str, least: int, most: int | None = None) -> list[float]:
-        """A number of finite numbers; empty if the attribute is missing.
+        """Parse an attribute of several finite numbers; empty if it is missing.
 
         Raises:
             UrdfError: it is something else.

@@ -107,7 +107,7 @@ def _best_plane(part: Surface) -> tuple[float, int, float]:
 
 
 def _halves(part: Surface, axis: int, at: float) -> list[Surface]:
-    """The surface on both sides of a plane."""
+    """Split a surface at a plane into two."""
     import trimesh
 
     normal, out = np.eye(3)[axis], []

@@ -95,7 +95,7 @@ class GoalPose:
 
     @cached_property
     def _pose(self) -> pin.SE3:
-        """`pose`, made once: inverse kinematics read it in every step."""
+        """`pose` as a cached SE3, which inverse kinematics read in every step."""
         return pin.SE3(homogeneous(self.placement, "goal pose"))
 
 

@@ -81,7 +81,7 @@ def _of_one_turn(position: Interval, velocity: Array, slides: Flags, longest: fl
 
 
 def _few(counts: Sequence[int], legs: Sequence[BoundLeg]) -> bool:
-    """Whether given counts of boxes at consecutive places have few enough pairs to check against velocity limits."""
+    """Whether counts of boxes at consecutive stops give few enough pairs for the check by velocity limits."""
     return all(a * b <= legs[0].policy.most_pairs for a, b in pairwise(counts))
 
 

@@ -43,7 +43,7 @@ class Region:
 
     @classmethod
     def point(cls, q: Array) -> Region:
-        """One joint position, shape (nv,)."""
+        """Set that contains one joint position, shape (nv,)."""
         return cls(Interval.at(q)[None])
 
     @property

@@ -20,7 +20,7 @@ from armdyn.optimal.solve.solver import NlpData
 
 @dataclass(frozen=True, eq=False)
 class CurveProgram:
-    """A program of curves in numbers, and its required distances.
+    """Numbers of a curve program, and the required distances.
 
     Attributes:
         numbers: initial unknowns, parameters, bounds.

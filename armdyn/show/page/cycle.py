@@ -79,7 +79,7 @@ _SAME_PLACE = 5e-3
 
 @dataclass(frozen=True, eq=False)
 class CarriedPart:
-    """A part that is grasped and perhaps released.
+    """A payload of a cycle, from its grasp to its release.
 
     Attributes:
         payload: its shapes, and the frame that carries it.
