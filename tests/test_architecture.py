@@ -28,14 +28,14 @@ def test_a_function_of_the_table_of_equations_exists(name):
     pytest.fail(f"there is no {name}")
 
 
-def test_every_equation_stands_in_the_table():
+def test_every_equation_is_in_the_table():
     numbers = set()
     for first, last in re.findall(r"\((\d+)\)(?: to \((\d+)\))?", EQUATIONS):
         numbers |= set(range(int(first), int(last or first) + 1))
     assert numbers == set(range(1, 36))
 
 
-def test_every_room_stands_on_the_map():
+def test_every_folder_is_on_the_map():
     assert rooms_of("optimal") == set(re.findall(r"^\| `([a-z_]+)/` \|", MAP, flags=re.M))
     assert rooms_of("control") == set(re.findall(r"^\| `control/([a-z_]+)` \|", MAP, flags=re.M))
     assert rooms_of("models") == set(re.findall(r"^\| `models/([a-z_]+)` \|", MAP, flags=re.M))

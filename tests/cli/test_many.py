@@ -22,7 +22,7 @@ def many(folder, *more, code=0):
 
 
 @pytest.mark.slow
-def test_a_study_is_written_and_gone_on_with(tmp_path):
+def test_a_study_is_written_and_resumed(tmp_path):
     output = many(tmp_path, "--count", 8, "--within", 0.5)
     assert output["success"] is True
     assert (output["count"], output["within"]) == (8, 0.5)

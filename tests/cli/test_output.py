@@ -143,7 +143,7 @@ def test_files_written_before_the_disk_was_full_are_whole(tiny_disk):
     assert ad.Trajectory.load(tiny_disk / "run" / "trajectory.npz").model_hash == Robot.from_spec(_r()).model_hash
 
 
-def test_reproduce_goes_on_when_the_disk_has_room_again(tiny_disk):
+def test_reproduce_resumes_after_a_full_disk(tiny_disk):
     """Files written before the disk is full stay."""
     (tiny_disk / "filler").write_bytes(bytes(20 * 2**10))
     plan = Plan(only=("example4",))

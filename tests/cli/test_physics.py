@@ -62,7 +62,7 @@ def test_a_payload_on_a_link(turntable):
     assert answer["duration"] == pytest.approx(2 * np.sqrt(2 * (0.03 + 0.5 * 0.2**2) / 2), rel=1e-8)
 
 
-def test_pid_knows_friction(turntable):
+def test_pid_simulates_the_files_friction(turntable):
     loop = ("pid", "arm.urdf", *BARE, "--form", "torque", "--gains", "2,0,0", "--q-start", "0", "--q-goal", "1")
     # Without any the loop swings for ever; with the file's damping it comes to rest.
     swings = run_json(*loop, "--damping", "0", "--friction", "0", "--duration", "3", cwd=turntable, code=3)

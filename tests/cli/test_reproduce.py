@@ -63,7 +63,7 @@ def test_a_folder_that_cannot_be_written_is_exit_2(tmp_path):
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.slow
-def test_interrupt_keeps_finished_cases_and_goes_on_from_there(tmp_path):
+def test_after_an_interrupt_a_study_resumes_from_the_finished_cases(tmp_path):
     # When the first loop of Example 4 has ended, the three others and all of Example 1 are still to come.
     arguments = ["--only", "example4,example1", "--payload", "0.1006,0.5", "--out", str(tmp_path)]
     process = subprocess.Popen(

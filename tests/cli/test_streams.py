@@ -42,7 +42,7 @@ def test_closed_standard_error_disturbs_nothing():
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is none")  # noqa: PTH110
 @pytest.mark.parametrize("command", ["urdf rr", "presets"])
-def test_full_standard_output_is_said_once(command):
+def test_full_standard_output_is_reported_once(command):
     done = shell(f"armdyn {command} > /dev/full")
     assert done.returncode == 5
     message = "armdyn: disk full while writing standard output; what was written before is whole"

@@ -44,7 +44,7 @@ def test_rows_tables_and_figures(study, tmp_path):
     assert again.returncode == 0 and "6 of 6: 6 usable" in again.stdout and "0 rows in" in again.stdout
 
 
-def test_a_case_that_is_refused_is_said(study, tmp_path):
+def test_a_refused_case_is_reported(study, tmp_path):
     study.write_text(STUDY + "q_goal.joint1 = [-1.5707963267948966]\n")
     done = run_here("sweep", study, "--no-figure", cwd=tmp_path)
     assert done.returncode == 3
@@ -129,7 +129,7 @@ reserve = { from = 0.0, to = 0.2, count = 3 }
 
 
 @pytest.mark.slow
-def test_killed_twice_and_gone_on_with(tmp_path):
+def test_a_study_killed_twice_is_resumed(tmp_path):
     """As a user's machine does it: SIGKILL, the same command, SIGKILL, the same command."""
     (tmp_path / "study.toml").write_text(RR)
     command = ["sweep", "study.toml", "--no-figure", "--out", "out"]

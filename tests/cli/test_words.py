@@ -39,7 +39,7 @@ def test_the_tutorial_explains_lines_that_there_are():
     assert len(explained) == 5 and set(explained) <= set(solution_words(solved("rr"), wrap=False))
 
 
-def test_the_best_so_far_is_called_so():
+def test_the_best_motion_so_far_is_named_so():
     best = failure(moves=True, status=ad.Status.TIME_LIMIT, certificate=solved("r").certificate)
     assert title_words(best) == f"time limit, best so far {best.duration:.4f} s"
     assert "duration" not in solution_words(best, wrap=False)

@@ -138,7 +138,7 @@ def test_a_cycle_in_which_every_branch_touches_something_says_where():
         ({"approach": 1.2}, "the far end of its approach of 1.2 m is out of reach: frame 'ee_link'"),
     ],
 )
-def test_a_way_that_cannot_be_is_said_at_once(passed, said):
+def test_an_impossible_path_is_reported_at_once(passed, said):
     """A UR5 has thousands of pairs of branches with their whole turns: not each of them is computed."""
     robot = ad.Robot.from_library("ur5")
     here, there = (ad.GoalPose(robot.tip, down(0.4, y, 0.2)) for y in (-0.2, 0.2))

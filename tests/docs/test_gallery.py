@@ -34,7 +34,7 @@ def test_the_gallery_is_right_about_other_scripts():
         assert name in (ROOT / other).read_text()
 
 
-def test_every_command_of_the_gallery_stands_on_its_page():
+def test_every_command_of_the_gallery_is_on_its_page():
     page = " ".join((ROOT / "docs" / "gallery.md").read_text().split())
     for command in script("gallery").COMMANDS.values():
         assert f"armdyn {command.partition(' --out')[0]}" in page, command

@@ -161,7 +161,7 @@ def test_several_logs_friction_alone_and_a_joint_that_stands_still():
     assert identify(prior, still, "payload", QUICK).unmoved == ("joint3",)
 
 
-def test_a_joint_has_its_own_width_of_coulomb_friction_where_the_log_says_so(tmp_path):
+def test_a_joint_has_its_own_width_of_coulomb_friction_if_the_log_determines_it(tmp_path):
     prior = robot_named("rrr")
     log = simulated_log(prior.with_friction(0.02, 0.2, [0.1, 0.1, 0.01]), noise=0.002, duration=6.0)
     robot = identify(prior, log, "friction", QUICK).robot

@@ -106,7 +106,7 @@ def test_a_motion_whose_search_the_time_limit_ended_is_usable_and_not_called_sol
     ],
     ids=["search in processes", "planner", "screening"],
 )
-def test_a_search_that_the_time_limit_ended_with_nothing_says_so(posed, when, monkeypatch):
+def test_a_search_that_the_time_limit_ended_is_reported(posed, when, monkeypatch):
     solution = timed_out(posed(), when, monkeypatch, workers=2)
     assert solution.status is ad.Status.TIME_LIMIT and "the time limit of 300 s ended the search" in solution.message
     assert not solution.certified

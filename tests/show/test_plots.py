@@ -92,7 +92,7 @@ def labels(legend):
     return [text.get_text() for text in legend.get_texts()]
 
 
-def test_limits_that_are_not_drawn_are_said():
+def test_limits_that_are_not_drawn_are_listed():
     limits = ad.JointLimits(
         position_lower=[-np.inf], position_upper=[np.inf], velocity=[1000.0], effort_lower=[-3], effort_upper=[3]
     )

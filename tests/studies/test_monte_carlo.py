@@ -81,7 +81,7 @@ def stored(file):
         return list(rows.rows())
 
 
-def test_a_file_is_gone_on_with_and_no_row_is_run_twice(tmp_path):
+def test_a_file_is_resumed_and_no_row_is_run_twice(tmp_path):
     file = tmp_path / "rows.sqlite"
     study(replace(SHORT, count=4), file=file)
     before = stored(file)
@@ -159,7 +159,7 @@ study(replace(SHORT, count=5000), file={file!r})
 
 
 @pytest.mark.slow
-def test_killed_half_way_and_gone_on_with_no_row_is_lost_or_doubled(tmp_path, monkeypatch):
+def test_a_killed_and_resumed_study_loses_and_doubles_no_row(tmp_path, monkeypatch):
     file = tmp_path / "rows.sqlite"
     here = Path(__file__)
     code = KILLED.format(path=[str(here.parent), str(here.parents[1])], file=str(file))

@@ -183,7 +183,7 @@ def test_the_studies_of_the_docs(study):
     assert [len(one) for one in found] == [30, 49, 150]
 
 
-def test_a_study_that_is_not_there(tmp_path):
+def test_a_missing_study(tmp_path):
     with pytest.raises(FileError, match="no such file"):
         read_study(tmp_path / "none.toml")
     assert issubclass(FileError, ArmdynError)
@@ -260,7 +260,7 @@ def test_a_reserve_for_each_case(study):
     assert found.good and found.facts["best_reserve"] in (0.0, 0.1) and found.facts["arms"] == 6
 
 
-def test_a_chain_is_gone_on_with(study, tmp_path):
+def test_a_chain_is_resumed(study, tmp_path):
     request = study("[arms.r]\nq_start = [-1.57]\nq_goal = [0.16]\n[vary]\npayload = [0.1, 0.11, 0.12]\n"
                   "[search]\nneighbours = 'chain'\n")  # fmt: skip
     run = ad.run_study(request, tmp_path / "s.sqlite", in_process)
@@ -271,7 +271,7 @@ def test_a_chain_is_gone_on_with(study, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_search_for_gains_is_gone_on_with(tmp_path, monkeypatch):
+def test_a_search_for_gains_is_resumed(tmp_path, monkeypatch):
     robot = ad.Robot.from_spec(ad.ArmSpec.paper("r"), ad.Payload(mass=0.1))
     reference = ad.ramp(robot, [-1.57], [0.16], 0.5)
     family, file = ad.ControllerFamily.lqr(), tmp_path / "rows.sqlite"

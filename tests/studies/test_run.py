@@ -90,7 +90,7 @@ run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2
 
 
 @pytest.mark.slow
-def test_killed_twice_and_gone_on_with(tmp_path):
+def test_a_study_killed_twice_is_resumed(tmp_path):
     file = tmp_path / "s.sqlite"
     command = [sys.executable, "-c", KILLED.format(here=str(HERE), file=str(file))]
     counts = []

@@ -18,7 +18,7 @@ def file(tmp_path):
     return ad.run_study(squares(7, refused=(2,)), tmp_path / "s.sqlite", partial(local_executor, workers=2)).file
 
 
-def test_csv_and_parquet_say_the_same(file, tmp_path):
+def test_csv_and_parquet_agree(file, tmp_path):
     table = study_table(file)
     with read_rows(file) as rows:
         frame = pd.read_parquet(write_parquet(rows, tmp_path / "rows.parquet"))

@@ -140,7 +140,7 @@ def test_no_other_torques_cost_less():
         x = steps.A[k] @ x + steps.B[k] @ best[k]
 
 
-def test_an_arm_that_cannot_be_led_is_refused():
+def test_an_uncontrollable_arm_is_refused():
     steps = Steps(np.array([np.diag([1.1, 0.5])]), np.array([[[0.0], [1.0]]]))
     with pytest.raises(ad.ArmdynError, match="no linear-quadratic regulator"):
         best_gains(steps, np.ones((1, 2)), np.ones(1))

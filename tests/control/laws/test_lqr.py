@@ -34,7 +34,7 @@ def test_an_arm_that_follows_exactly_gets_the_references_torque(loop):
 
 
 @pytest.mark.parametrize("delay", [0, 1, 2])
-def test_a_small_deviation_goes_as_its_own_linear_model_says(delay):
+def test_a_small_deviation_follows_its_linear_model(delay):
     loop = ad.Loop(delay=delay, encoder=0.0, velocity="exact")
     ticks = Ticks.of(ROBOT, MOTION, loop.rate)
     steps = loop_steps(plant_steps(ROBOT, ticks), delay, np.zeros(len(ticks.q)))

@@ -101,7 +101,7 @@ def test_a_replay_of_a_runs_torques_ends_where_the_run_ended(references, rate):
 
 
 @pytest.mark.parametrize("arm", ["rr", "rrr"])
-def test_a_delayed_loop_lands_where_it_knows_the_arm(references, arm):
+def test_a_delayed_loop_settles_with_an_exact_model(references, arm):
     run = ad.track(paper_arm(arm), references[arm])
     assert run.settled and run.settled_time < references[arm].duration + 0.005
     assert run.error_at_end < 0.01 and run.saturated < 0.05 and run.failed_time is None

@@ -64,7 +64,7 @@ def test_only_the_numbers_and_the_mark_change(tmp_path):
     assert not ad.repair_urdf(written(tmp_path, found.text, "mended.urdf")).inertias
 
 
-def test_results_of_a_repaired_model_say_so(tmp_path):
+def test_results_of_a_repaired_model_are_marked(tmp_path):
     found = ad.repair_urdf(written(tmp_path, RR.replace(TAG, BROKEN, 1)))
     robot = ad.Robot.from_urdf_string(found.text)
     assert robot.name == "rr (repaired model)" and robot.repaired == "link1"

@@ -160,7 +160,7 @@ def test_bad_overrides(option, value, words):
     assert words in str(caught.value)
 
 
-def test_a_rotor_behind_a_gear_is_felt_as_armature():
+def test_a_rotor_behind_a_gear_is_armature():
     robot = Robot.from_library("ur5", rotor_inertia=[1e-4] * 5 + [2e-4], gear_ratio=100.0)
     assert np.allclose(robot.model.armature, [1.0] * 5 + [2.0], rtol=1e-15)
     both = {"rotor_inertia": 1e-4, "gear_ratio": 100.0}

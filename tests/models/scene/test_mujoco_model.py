@@ -122,7 +122,7 @@ def test_geometry_motors_and_keyframes_are_options():
         ad.mujoco_model(paper_arm("rrr"), samples)
 
 
-def test_an_arm_without_geometry_says_so():
+def test_an_arm_without_geometry_is_reported():
     robot = ad.Robot.from_model(paper_arm("rr").model)
     with pytest.raises(ProblemError, match="no geometry"):
         ad.mujoco_model(robot)

@@ -13,7 +13,7 @@ from armdyn.optimal.proof.repeat import ACCURACY
 from problems import solved
 
 
-def test_its_parts_say_the_same():
+def test_the_parts_of_a_solution_agree():
     solution = solved("rr")
     assert solution.success and solution.status is ad.Status.SOLVED
     assert solution.duration == solution.trajectory.duration == solution.phases.duration
@@ -47,14 +47,14 @@ def test_it_does_not_change():
         solved("r").duration = 0.0
 
 
-def test_a_certified_motion_wants_nothing():
+def test_a_certified_motion_gets_no_advice():
     solution = solved("rr")
     assert solution.usable and solution.certified and solution.certificate.extremal
     assert solution.what_to_do == ()
     assert solution.lower_bound is None and solution.gap is None and not solution.gap_proven
 
 
-def test_a_condition_that_is_missed_makes_it_useless():
+def test_a_motion_with_a_violated_constraint_is_not_usable():
     missed = ConstraintReport("jerk limits", "too jerky", 1.4, ("too jerky",))
     solution = replace(solved("rr"), constraint_reports=(missed,))
     assert solution.certificate.ok and not solution.usable and not solution.certified and not solution.gap_proven

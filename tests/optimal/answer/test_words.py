@@ -41,7 +41,7 @@ def test_a_bound_that_is_far_below_says_nothing(solution):
         assert ("no useful lower bound is known" in words, "% slower" in words) == (useless, not useless)
 
 
-def test_a_motion_certified_by_its_bound_says_so(solution):
+def test_a_motion_certified_by_its_bound_is_reported_so(solution):
     bound = solution.duration / 1.0005
     near = dataclasses.replace(
         solution.certificate, hamiltonian_spread=float("inf"), lower_bound=bound, gap=solution.duration / bound - 1
@@ -50,7 +50,7 @@ def test_a_motion_certified_by_its_bound_says_so(solution):
     assert "It is proven to be at most 0.05 % slower than the fastest possible." in words
 
 
-def test_an_unusable_motion_says_so(solution):
+def test_an_unusable_motion_is_reported(solution):
     missed = dataclasses.replace(solution.certificate, goal_error=0.1)
     short = dataclasses.replace(solution, certificate=missed, success=False, message="ends beside the goal")
     assert "The motion is not executable: ends beside the goal." in str(short) and "What you can do: " in str(short)

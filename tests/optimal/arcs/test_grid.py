@@ -66,7 +66,7 @@ def test_parts_have_equal_masses(density, data, count):
 
 
 @given(densities(), st.integers(2, 5))
-def test_a_refined_table_says_the_same(density, times):
+def test_a_refined_table_agrees(density, times):
     t = np.unique(
         np.concatenate([np.linspace(a, b, times + 1) for a, b in zip(density.t, density.t[1:], strict=False)])
     )
@@ -84,7 +84,7 @@ def test_half_by_one_half_by_the_other(one, other):
     np.testing.assert_allclose(both.up_to(at), expected, atol=1e-12)
 
 
-def test_a_mesh_is_dense_where_the_motion_bends():
+def test_a_mesh_is_dense_where_the_motion_has_curvature():
     """A function that bends at the middle only: the intervals there are short, no other is too long."""
     t, nodes = np.linspace(0, 1, 21), np.linspace(0, 1, 4)
     at = t[:-1, None] + np.diff(t)[:, None] * nodes

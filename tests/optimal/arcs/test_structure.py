@@ -23,7 +23,7 @@ def modes(arcs):
 
 
 @pytest.mark.parametrize("arm", ["r", "rr"])
-def test_an_optimum_has_nothing_said_against_it(arm):
+def test_the_structure_of_an_optimum_needs_no_change(arm):
     solution = solved(arm)
     phases, problem = solution.phases, solution.problem
     assert with_overlooked(problem, phases, numbers(problem)) == []

@@ -47,7 +47,7 @@ def test_at_its_own_pace_friction_is_paid_all_the_same():
 
 
 @given(FACTORS)
-def test_a_paced_motion_goes_the_same_way(factor):
+def test_a_paced_motion_has_the_same_path(factor):
     t = np.array([0.0, 0.3, np.nextafter(0.3, 1), 0.7, 1.0])
     q = np.array([[0.0], [0.2], [0.2], [0.5], [1.0]])
     motion = ad.Trajectory(t, q, np.ones((5, 1)), np.array([[1.0], [1], [-1], [-1], [0]]))

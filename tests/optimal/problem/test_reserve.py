@@ -81,7 +81,7 @@ def test_no_velocity_worth_its_name_is_refused():
         paper_problem("rr", velocity_limit=1e-8, velocity_reserve=0.99)
 
 
-def test_a_goal_that_takes_of_the_reserve_is_a_warning_that_says_so():
+def test_a_goal_whose_holding_torque_takes_of_the_reserve_is_warned_of():
     held = paper_problem("rr", 0.2).holding_torque()[0]
     reserve = 1 - 0.9 * held / 3  # leaves nine tenths of the holding torque at the goal
     with pytest.warns(ad.ArmdynWarning, match=r"of 3 N m is kept in reserve\).*takes of the reserve"):

@@ -65,7 +65,7 @@ def test_a_costate_off_the_adjoint_equations_is_no_extremal():
         ({"goal_error": np.inf, "limit_violation": np.inf}, False, False),
     ],
 )
-def test_landing_and_limits_are_said_apart(changes, lands, keeps):
+def test_landing_and_limits_are_reported_separately(changes, lands, keeps):
     certificate = replace(LANDED, **changes)
     assert (certificate.lands, certificate.keeps_limits) == (lands, keeps)
     assert certificate.usable == (lands and keeps)

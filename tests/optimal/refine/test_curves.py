@@ -425,7 +425,7 @@ def test_a_solve_interrupted_later_is_usable():
 @pytest.mark.parametrize(
     "options", [{"time_limit": 1e-3}, pytest.param({"max_iterations": 3}, marks=pytest.mark.slow)], ids=["late", "few"]
 )
-def test_a_solve_that_did_not_converge_says_so(options):
+def test_a_solve_without_convergence_is_reported(options):
     solution = ad.solve_minimum_time(ur5(), ad.MinimumTimeOptions(**options))
     assert not solution.certificate.ok
     if solution.success:  # any curve within its limits is a motion
@@ -447,7 +447,7 @@ def test_a_goal_that_cannot_be_held_is_named():
 
 
 @pytest.mark.slow
-def test_how_many_optima_were_met_is_said_where_nothing_bounds_the_duration():
+def test_the_number_of_optima_is_reported_without_a_lower_bound():
     solution = ad.solve_minimum_time(ur5(velocity_limit=np.inf), ad.MinimumTimeOptions(starts=2, workers=1))
     assert solution.usable and not solution.certified
     assert (

@@ -141,7 +141,7 @@ def test_an_exception_of_a_stop_ends_the_solve_and_is_raised_silently(capfd):
     assert solve(solver, start=(0.5, 1.5)).status is Status.SOLVED
 
 
-def test_no_ending_is_heard(capfd):
+def test_failed_solves_print_nothing(capfd):
     assert solve(Ipopt(valley(Shape(100.0)), SolverSettings(1e-10, 1))).status is Status.ITERATION_LIMIT
     assert solve(Ipopt(valley(Shape(100.0)), SETTINGS), x_bounds=(np.zeros(2), np.zeros(2))).status is Status.INFEASIBLE
     assert solve(Ipopt(valley(Shape(100.0)), SETTINGS), p=np.nan).status is Status.FAILED

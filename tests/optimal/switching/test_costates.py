@@ -17,7 +17,7 @@ from problems import random_problem, random_solution, solved
     "solution",
     [lambda: solved("rr"), lambda: solved("rrr"), pytest.param(lambda: random_solution(15), marks=pytest.mark.slow)],
 )
-def test_collocation_of_the_same_arcs_says_the_same(solution):
+def test_collocation_of_the_same_arcs_agrees(solution):
     # Five-stage Radau IIA of ninth order, solved by IPOPT: durations, costates from its multipliers, sensitivities.
     own = solution()
     task = Task.of(own.problem, MinimumTimeOptions(compile=False))

@@ -36,7 +36,7 @@ def freed(solution, begin=0.3, end=0.5):
     return out
 
 
-def test_a_free_torque_that_time_wants_on_its_limit_gets_a_stay_there():
+def test_a_free_torque_that_saturates_gets_a_bang_arc():
     # RR's optimum is bang-bang: a torque called free goes to its former limit, and the arc is restored.
     solution = solved("rr")
     own = shooting(solution.problem, solution.trajectory)
@@ -68,7 +68,7 @@ def test_a_singular_control_at_the_start_begins_after_a_stay():
     assert free.times[k] == pytest.approx(1e-3 * free.duration)
 
 
-def test_a_singular_control_knows_the_jump_of_another_torque():
+def test_a_singular_control_contains_the_jump_of_another_torque():
     own = shooting(paper_problem("rr"), ad.Trajectory.at_rest(np.zeros(2), np.zeros(2), 0.2))
     s = np.linspace(0, 1, 102)[1:-1]
     tau = np.column_stack([np.where(s < 0.4, 3.0, -3.0), 1 + s**2 - 0.5 * np.sign(s - 0.4)])

@@ -78,7 +78,7 @@ def test_a_wrong_sign_is_the_possible_decrease_of_h():
     assert found.wrong_sign == pytest.approx(2, rel=1e-9)
 
 
-def test_a_motion_that_cannot_be_integrated_says_so():
+def test_a_motion_that_cannot_be_integrated_is_reported():
     # Centrifugal torques of 1e50 rad/s leave no step.
     wild = BangBangExtremal((Arc(0.06, (Mode.UPPER, Mode.UPPER)),), (), np.full((1, 8), 1e50))
     with np.errstate(invalid="ignore", over="ignore"):

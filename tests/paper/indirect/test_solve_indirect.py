@@ -179,7 +179,7 @@ def test_three_links_outside_the_position_limits():
     assert "joint3" in outside.message and "position limit" in outside.message
 
 
-def test_an_unsolved_case_says_so():
+def test_an_unsolved_case_is_reported():
     problem = paper_problem("rr", effort_weight=1.0)
     late = solve_indirect(problem, options=IndirectOptions(time_limit=1e-3))
     assert not late.success and late.status is Status.TIME_LIMIT

@@ -178,7 +178,7 @@ def test_the_same_outcomes_give_the_same_page(written, tmp_path, monkeypatch):
     assert text_of(folder / "index.html") == text_of(tmp_path / "index.html")
 
 
-def test_missing_outcomes_are_said(tmp_path):
+def test_missing_outcomes_are_reported(tmp_path):
     write_page(tmp_path, [], [])
     page = text_of(tmp_path / "index.html")
     assert page.count("Not computed.") > 5

@@ -88,7 +88,7 @@ def test_verdicts_of_loops_and_of_planners(facts, level, headline):
     assert (verdict.level, verdict.headline) == (level, headline)
 
 
-def test_a_number_has_the_same_digits_wherever_it_stands():
+def test_a_number_has_the_same_digits_everywhere():
     robot, move = judged()
     loop = {"arrival_rule": "last_entry_first_joint", "arrival_time": 4.5535}
     report = report_of(Subject.of(robot), [move, replace(move, name="loop", facts=Facts(loop))])

@@ -311,7 +311,7 @@ def pages_of_others_cannot_talk_to_it(port):
         connection.close()
 
 
-def test_a_missing_package_is_said(tmp_path, monkeypatch):
+def test_a_missing_package_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("armdyn.cli.studio.find_spec", lambda name: None)
     done = run_here("studio", "rr", "--out", tmp_path)
     assert done.returncode == 2

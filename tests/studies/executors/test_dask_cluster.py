@@ -60,7 +60,7 @@ def test_a_killed_worker_s_cases_are_done_by_another(cluster, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path):
+def test_a_case_that_kills_every_worker_is_reported_in_its_row(cluster, tmp_path):
     study = squares(12, deadly=(1,), error=(2,))
     run = ad.run_study(study, tmp_path / "s.sqlite", dask_executor(cluster.scheduler_address))
     with read_rows(run.file) as rows:
@@ -73,7 +73,7 @@ def test_a_case_that_kills_every_worker_has_a_row_that_says_so(cluster, tmp_path
 
 
 @pytest.mark.slow
-def test_of_a_batch_only_the_case_that_kills_has_a_row_that_says_so(cluster, tmp_path):
+def test_of_a_batch_only_the_killing_case_is_reported(cluster, tmp_path):
     study = squares(400, seconds=0.005, deadly=(250,))
     run = ad.run_study(study, tmp_path / "s.sqlite", dask_executor(cluster.scheduler_address))
     assert run.counts == {"squared": 399, "worker_died": 1}

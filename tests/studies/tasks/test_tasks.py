@@ -128,7 +128,7 @@ def test_values_that_json_or_sqlite_cannot_hold_are_converted():
     assert outcome.message == "half a pair: ?"
 
 
-def test_a_warning_stands_in_the_row_and_not_on_the_terminal(recwarn):
+def test_a_warning_is_in_the_row_and_not_on_the_terminal(recwarn):
     # A tenth of the motor's torque holds the arm at the start, hanging, and not at the goal.
     task = MinimumTimeTask(problems=ArmProblems(arms=(R,)), options=ad.MinimumTimeOptions(starts=1, search="quick"))
     outcome, _ = result_of(task, {"payload": 1.0, "effort_limit": 1.5}, b"")
