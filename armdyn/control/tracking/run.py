@@ -51,7 +51,8 @@ class Run:
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
-        overshoot: farthest travel of each joint past its goal, seen from the start [rad or m], shape (nv,).
+        overshoot: farthest travel of each joint past its goal, seen from the start, less the reference's own [rad or
+            m], shape (nv,).
         stability: of the loop at rest at the goal, of a run of `track` that did not settle; else None.
         arrival_time: first time in the final position [s], by `arrival_rule`; None: never. A rule that says *stay*
             has none where a loop of `simulate_pid` is unstable at the goal, or the run broke off.
@@ -153,7 +154,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         peak_velocity=float((np.abs(driven.v) / robot.limits.velocity).max()),
         saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
         failed_time=float(t[lost[0]]) if lost.size else broke,
-        overshoot=overshoot(driven.q, ticks.goal),
+        overshoot=np.maximum(overshoot(driven.q, ticks.goal) - overshoot(ticks.q, ticks.goal), 0.0),
         arrival_time=settled,
         unit=joint_unit(robot.slides),
     )

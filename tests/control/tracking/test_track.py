@@ -188,3 +188,10 @@ def test_who_is_near_the_goal_only_when_the_run_ends_has_not_settled():
     assert short.status == "not_settled" and short.settled_time is None
     assert "but the run ends at" in short.message and "they must stay for 0.1 s" in short.message
     assert ad.track(robot, reference, ad.ComputedTorque(), duration=whole.settled_time + 0.11).settled
+
+
+def test_a_detour_of_the_reference_is_no_overshoot():
+    robot = paper_arm("rr")
+    there, back = ad.ramp(robot, [-1.5, 0.0], [0.6, 0.2], 0.6), ad.ramp(robot, [0.6, 0.2], [0.1, 0.3], 0.4)
+    run = ad.track(robot, there + back, ad.ComputedTorque())
+    assert run.settled and np.all(run.overshoot < 0.01) and run.trajectory.q[:, 0].max() > 0.59
