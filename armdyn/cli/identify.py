@@ -93,7 +93,7 @@ def identify(
 ) -> None:
     """Inertias, friction or payload of an arm from logs of its motions.
 
-    The result is always physical, and stays with the robot's file where the logs say nothing. It is written as
+    The result is always physical, and keeps the file's numbers that the logs do not determine. It is written as
     identified.toml, which mintime, track and the other commands take as ROBOT, with arms that fit the logs as well:
     mintime --for-tracking chooses the reserve with which all of them settle.
 

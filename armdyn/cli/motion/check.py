@@ -50,8 +50,8 @@ def check(
     """Check whether a robot's controller accepts a motion, any planner's.
 
     The motion becomes commands at the controller's rate: between its points straight lines where it has positions only,
-    cubics with velocities, quintics with accelerations, as ros2_control's joint_trajectory_controller goes. Velocity,
-    acceleration and jerk are backward differences of the commands, as libfranka takes them; before and after the motion
+    cubics with velocities, quintics with accelerations, as in ros2_control's joint_trajectory_controller. Velocity,
+    acceleration and jerk are backward differences of the commands, as in libfranka; before and after the motion
     the arm rests. Each condition is checked on each joint.
 
     Exit code 3: a necessary condition is violated: the controller would stop the motion.

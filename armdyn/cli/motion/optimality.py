@@ -35,7 +35,7 @@ def optimality(
 ) -> None:
     """Compare a planner's motion with the fastest between the same two states.
 
-    Says whether the motion keeps torque, velocity and position limits, how long each joint works on none of them, and
+    Reports whether the motion keeps torque, velocity and position limits, how long each joint is on none of them, and
     the duration of the fastest motion. Missing torques come from inverse dynamics, velocities from a
     cubic spline, accelerations from differences. Joints of a ROS 2 message come in any order. Obstacles and a path that
     was to be kept are ignored: the fastest motion is free to go another way. --reserve is the planner's reserve for

@@ -91,7 +91,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
     The others are compared with the first. The report has the first solid and the others as ghosts, all curves
     under one time; figure.pdf and figure.svg have a colour for each joint and a line style for each motion. Motions of
     other planners are read as armdyn optimality reads them: torques that a file does not have come from inverse
-    dynamics. Whether they keep the limits is said; the robot is that of the first result, or --robot with its payload.
+    dynamics. Their limits are checked; the robot is that of the first result, or --robot with its payload.
 
     [dim]armdyn compare results/mintime-rr results/pid-rr --until 0.5
     armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three

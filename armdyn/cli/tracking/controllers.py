@@ -74,13 +74,15 @@ class LoopOptions:
     delay: int = option("TICKS", "Delay from a reading to its torque \\[ticks].", default=1)
     encoder: float = option("RAD", "Step of the encoders \\[rad]; 0: none.", default=1e-4)
     velocity: str = option(
-        "HOW", "filtered (differences of readings), observer (Luenberger) or exact.", default="filtered"
+        "HOW",
+        "Velocity of the law: filtered (differences of readings), observer (Luenberger) or exact.",
+        default="filtered",
     )
     cutoff: float = option("HZ", "Cutoff frequency of the filter or the observer \\[Hz].", default=80.0)
     noise: float = option("RAD", "Standard deviation of each reading \\[rad].", default=0.0)
     seed: int = option("N", "Seed of the noise.", default=0)
     antiwindup: str = option(
-        "HOW", "conditional, back_calculation or none: the integral at a torque limit.", default="conditional"
+        "HOW", "Integral at a torque limit: conditional, back_calculation or none.", default="conditional"
     )
     ideal: bool = flag("A continuous loop without imperfections; torques are clipped.")
 

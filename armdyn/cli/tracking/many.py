@@ -71,8 +71,8 @@ class CountOptions:
 
     panel: ClassVar[str] = TASK
 
-    count: int = option("N", "Arms.", default=1000)
-    within: float | None = option("S", "That an arm has to settle \\[s]; by default --duration.")
+    count: int = option("N", "Number of random arms.", default=1000)
+    within: float | None = option("S", "Time in which an arm must settle \\[s]; by default --duration.")
     at_least: float | None = option("PART", "Fraction of the arms that must settle, 0 to 1; else the exit code is 4.")
 
     def time(self, duration: float) -> float:

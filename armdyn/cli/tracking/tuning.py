@@ -64,7 +64,7 @@ class TuningOptions:
     duration: float = option("S", "Simulated time of each arm \\[s].", default=1.5)
     tolerance: float = option("RAD", "Largest error from the goal at which an arm has settled \\[rad].", default=0.005)
     members: int = option("N", "Controllers per generation and parameter.", default=8)
-    generations: int = option("N", "Most of them.", default=60)
+    generations: int = option("N", "Largest number of generations.", default=60)
     time_limit: float = option("S", "Time limit of the search \\[s].", default=300.0)
     search_seed: int = option("N", "Seed of the search.", default=0)
     held_out: int = option("N", "Random arms, or likely ones of a file, on which only the result is run.", default=100)
@@ -92,10 +92,10 @@ def tune(
 ) -> None:
     """Tune gains, and the ramp, so that the worst of some arms settles soonest, in the simulated sampled loop.
 
-    They are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
-    then tried on random arms. ROBOT may be identified.toml of armdyn identify: they are chosen on half of its likely
-    arms, at most 10, and tried on the others. Ctrl-C gives the best so far, the same command continues. Exit code 0:
-    all arms that they were chosen on settle; 3: some do not.
+    The gains are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
+    then tested on random arms. ROBOT may be identified.toml of armdyn identify: the gains are chosen on half of its
+    likely arms, at most 10, and tested on the others. After Ctrl-C the best gains so far are reported, and the same
+    command continues. Exit code 0: all arms of the choice settle; 3: some do not.
 
     [dim]armdyn tune rr --payload 0.1006 --friction-range 0,0.06 --damping-range 0,0.003
     armdyn tune problem.toml --controller lqr
