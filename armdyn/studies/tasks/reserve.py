@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from armdyn.arguments import checked, number
 from armdyn.optimal import MinimumTimeOptions
 from armdyn.studies.reserve import RESERVES, reserve_curve
 from armdyn.studies.rows import Value
@@ -24,7 +25,7 @@ class ReserveTask(ClosedLoopTask):
     outcomes: ClassVar = ("settled_time_s", "duration_s")
     own: ClassVar = ("controller", "form", "duration", "reserves")
 
-    duration: float = 2.5
+    duration: float = checked(number, 2.5, unit="s", sign="positive")
     reserves: Sequence[float] = RESERVES
 
     @property

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from armdyn.arguments import checked, one_of
 from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.studies.plants import Plants, Range
 from armdyn.studies.rows import Value
-from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
+from armdyn.studies.tasks.closed_loop import REFERENCES, ClosedLoopTask, options_of, plants_of
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult
 from armdyn.studies.tuning.families import Ramps, family_named
 from armdyn.studies.tuning.tune import TuneOptions, tune
@@ -28,8 +29,8 @@ class TuneTask(ClosedLoopTask):
     outcomes: ClassVar = ("settled_time_s", "overshoot")
     own: ClassVar = (*ClosedLoopTask.own, "plants", "ramp_range", "options")
 
-    controller: str = "pid"
-    reference: str = "ramp"
+    controller: str = checked(one_of, "pid", known=tuple(CONTROLLERS))
+    reference: str = checked(one_of, "ramp", known=REFERENCES)
     plants: Mapping[str, Any] = field(default_factory=dict)
     ramp_range: Range = (0.1, 1.0)
     options: Mapping[str, Any] = field(default_factory=dict)
