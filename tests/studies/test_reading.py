@@ -167,6 +167,8 @@ def test_no_file_beyond_the_studys_folder(study, tmp_path, place):
             "line 8: form is an option of controller 'pid'",
         ),
         ("task = 'tune'\n" + ARM + "[vary]\nkp = [1]\n", "line 6: kp is chosen by task 'tune': leave it out"),
+        ("task = 'monte-carlo'\n" + ARM + VARY + "[monte-carlo]\ncount = 0\n", "line 8: count is 0"),
+        ("task = 'monte-carlo'\n" + ARM + VARY + "[monte-carlo]\nwithin = -1\n", "line 8: within is -1 s"),
         ("task = 'tune'\n" + ARM + VARY + "[tune]\ncontroller = 3\n", "line 8: controller is 3"),
         ("task = 'tune'\n" + ARM + VARY + "[tune]\nreference = 'x'\n", "line 8: reference is 'x'"),
         ("task = 'reserve'\n" + ARM + VARY + "[reserve]\nduration = 'x'\n", "line 8: duration is 'x'"),

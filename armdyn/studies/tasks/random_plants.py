@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from armdyn.arguments import checked, number, whole
 from armdyn.studies.monte_carlo import monte_carlo
 from armdyn.studies.plant_study import MonteCarloOptions
-from armdyn.studies.plants import Plants
+from armdyn.studies.plants import MAX_ARMS, Plants
 from armdyn.studies.rows import Value
 from armdyn.studies.tasks.closed_loop import ClosedLoopTask, options_of, plants_of
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult
@@ -30,8 +31,8 @@ class MonteCarloTask(ClosedLoopTask):
     own: ClassVar = (*ClosedLoopTask.own, "plants", "count", "within")
 
     plants: Mapping[str, Any] = field(default_factory=dict)
-    count: int = 100
-    within: float | None = None
+    count: int = checked(whole, 100, least=1, most=MAX_ARMS)
+    within: float | None = checked(number, None, unit="s", sign="not negative")
 
     def __post_init__(self) -> None:
         super().__post_init__()
