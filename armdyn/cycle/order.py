@@ -25,7 +25,7 @@ _SECONDS = 5.0
 
 
 def through(first: Array, second: Array) -> Array:
-    """Lengths of the shortest ways through two layers, shapes (a, b) and (b, c), to (a, c)."""
+    """Min-plus product of the lengths of two layers, shapes (a, b) and (b, c): shortest paths, shape (a, c)."""
     return np.asarray(np.min(first[:, :, None] + second[None], axis=1))
 
 
@@ -164,7 +164,7 @@ def order_of_many(lengths: Array) -> tuple[float, tuple[int, ...]]:
 
 
 def _tours(after: dict[int, int]) -> list[list[int]]:
-    """The closed tours of a successor of every place."""
+    """Closed tours of a permutation, given by the successor of each place."""
     tours, left = [], set(after)
     while left:
         tour = [min(left)]

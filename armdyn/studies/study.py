@@ -130,7 +130,7 @@ class OwnTask(Cases):
 
     @property
     def task(self) -> Any:  # type: ignore[override]
-        """The cases themselves."""
+        """The study itself, which is also the task."""
         return self
 
 

@@ -227,7 +227,7 @@ class _Run:
         return ChainBound(duration, duration, (0.0,) * count, nowhere, (0,) * (count + 1))
 
     def bounded(self, longest: float, effort: Effort) -> ChainBound:
-        """The bound of the run alone, for motions of at most a duration [s], infinite if unknown."""
+        """Lower bound of this run, for motions of at most a duration [s]; infinite if that is unknown."""
         policy = self.legs[0].policy
         if len(self.legs) > 1 or any(isinstance(place, GoalPose) for place in self.places):
             longest = min(longest, self._sampled(effort)) if np.isinf(longest) else longest
