@@ -98,7 +98,7 @@ def _servos(actuators: Element, robot: Robot, samples: Samples) -> Array:
     """Write servos of position, then of velocity; return their targets at every sample, shape (n, 2 nv).
 
     Targets move evenly within a step. Where a torque is on its limit, errors from targets that are held would be cut
-    off on one side: the paper's RRR arm ended 8e-3 rad off at 4 kHz, instead of 8e-5.
+    off on one side: a planar RRR arm ended 8e-3 rad off at 4 kHz, instead of 8e-5.
     """
     some = samples.q[np.unique(np.linspace(0, len(samples.q) - 1, _INERTIAS).astype(int))]
     data = robot.model.createData()
