@@ -266,8 +266,14 @@ def reports_on(task: Task, curve: Curve, constraints: TightenedConstraints) -> C
     return constraints.check(task.problem, motion, curve.passing)
 
 
-def sampled(task: Task, curve: Curve) -> Trajectory:
-    """Samples of a curve, between which torques are linear."""
+def sampled(task: Task, curve: Curve, times: int = 1) -> Trajectory:
+    """Samples of a curve, between which torques are linear.
+
+    Args:
+        task: the problem and its settings.
+        curve: the motion.
+        times: multiple of the policy's number of samples.
+    """
     numbers, problem = task.policy.curves, task.problem
     jumps = not problem.continuous_torque
     if not jumps:  # the feedback's corrections change fast between close samples
@@ -275,7 +281,7 @@ def sampled(task: Task, curve: Curve) -> Trajectory:
     if not can_be_slowed(problem):
         numbers = replace(numbers, velocity_error=numbers.velocity_error_in_flight)
     dry_friction = bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    finer = numbers.finer if dry_friction or not jumps or not numbers.cruises else 1
+    finer = times * (numbers.finer if dry_friction or not jumps or not numbers.cruises else 1)
     counts = [finer * sample_counts(problem.robot, leg, problem.limits.velocity, numbers) for leg in curve.legs]
     return curve.trajectory(problem.robot, counts, jumps)
 

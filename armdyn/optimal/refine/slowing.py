@@ -79,8 +79,9 @@ def within_constraints(
 ) -> tuple[Curve, Trajectory, ConstraintReports]:
     """Check the path constraints; where Coulomb friction acts, slow the curve down until its replay keeps them.
 
-    Lines between samples miss the bend of the friction's torque, which shakes light joints beyond their jerk limits.
-    `slowed`, which slows down the replay itself, would end off the goal.
+    Lines between samples miss the bend of the friction's torque, which shakes light joints beyond their jerk limits:
+    such a curve is sampled finer before it is slowed down. `slowed`, which slows down the replay itself, would end off
+    the goal.
 
     Args:
         task: the problem.
@@ -91,10 +92,12 @@ def within_constraints(
     problem = task.problem
     reports = constraints.check(problem, replay, curve.passing)
     rubs = can_be_slowed(problem) and bool(np.any(np.asarray(problem.robot.friction.coulomb) > 0))
-    for _ in range(task.policy.refinement.slowing if rubs else 0):
+    finer = task.policy.curves.finer_still
+    for k in range(len(finer) + task.policy.refinement.slowing if rubs else 0):
         if reports.slowing == 1 or not np.isfinite(reports.slowing):
             break
-        curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
-        replay = follow(task, sampled(task, curve))
+        if k >= len(finer):
+            curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
+        replay = follow(task, sampled(task, curve, finer[min(k, len(finer) - 1)]))
         reports = constraints.check(problem, replay, curve.passing)
     return curve, replay, reports
