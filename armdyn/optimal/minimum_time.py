@@ -20,6 +20,7 @@ from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.refine.profiles import profiles
 from armdyn.optimal.refine.slowing import slowed
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.search.candidates import SearchResult
@@ -29,6 +30,7 @@ from armdyn.optimal.task.task import Task
 from armdyn.parallel import concurrently, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
+    "profiles": profiles,
     "arcs": minimum_time,
     "time-energy": time_energy,
     "mesh": constrained,

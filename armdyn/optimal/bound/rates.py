@@ -13,6 +13,7 @@ import numpy as np
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.problem.profile import Profiles
 
 if TYPE_CHECKING:
     from armdyn.optimal.bound.cells import Cells
@@ -26,26 +27,13 @@ _ROUNDED = 1e-12
 def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -> Array:
     """Least times of single joints from rest to rest, with zero acceleration at both ends [s], rounded down.
 
-    The profile of seven phases: Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008,
-    section 3.4. All limits may be infinite.
-
     Args:
         way: distances [rad or m], shape (nv,), not negative.
-        velocity: velocity limits [rad/s or m/s], shape (nv,).
+        velocity: velocity limits [rad/s or m/s], shape (nv,); these and the others may be infinite.
         acceleration: acceleration limits [rad/s² or m/s²], shape (nv,).
         jerk: jerk limits [rad/s³ or m/s³], shape (nv,).
     """
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        rising = np.nan_to_num(
-            acceleration / jerk, nan=np.inf
-        )  # [s] to the greatest acceleration; 0 without jerk limits
-        full = velocity > acceleration * rising  # the acceleration limit is reached before the velocity limit
-        ramp = np.where(full, rising + velocity / acceleration, 2 * np.sqrt(velocity / jerk))
-        cruising = way / velocity + ramp
-        slower = (rising + np.sqrt(rising**2 + 4 * way / acceleration), np.cbrt(32 * way / jerk))
-        short = np.where(way > 2 * acceleration * rising**2, *slower)
-        found = np.where(way >= velocity * ramp, cruising, short)
-    return np.where(way > 0, np.nan_to_num(found, nan=0.0, posinf=0.0), 0.0) * (1 - _ROUNDED)
+    return Profiles.of(way, velocity, acceleration, jerk).durations * (1 - _ROUNDED)
 
 
 def least_time(starts: Interval, goals: Interval, velocity: Array, turning: Flags | None = None) -> Array:

@@ -70,7 +70,7 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     Returns:
         Number of samples, shape (intervals,).
     """
-    lengths, snap = np.diff(leg.basis.breaks), _forced_snap(robot, leg)
+    lengths, snap = np.diff(leg.basis.breaks), forced_snap(robot, leg)
     padded = np.concatenate([-snap[:1], snap, -snap[-1:]])
     jumps = np.abs(padded[1:, 0] - padded[:-1, -1])
     worst = np.maximum(np.maximum(jumps[:-1], jumps[1:]), np.max(np.abs(snap), axis=1))
@@ -80,8 +80,12 @@ def sample_counts(robot: Robot, leg: CurveLeg, speed: Array, numbers: CurvePolic
     return np.asarray(np.ceil(needed), dtype=int)
 
 
-def _forced_snap(robot: Robot, leg: CurveLeg) -> Array:
+def forced_snap(robot: Robot, leg: CurveLeg) -> Array:
     """M⁻¹τ'' of the torques of a leg, without friction [rad/s⁴ or m/s⁴].
+
+    Args:
+        robot: the arm.
+        leg: leg of a curve.
 
     Returns:
         Values at inner places of every interval, shape (intervals, 3, nv).

@@ -33,9 +33,10 @@ from armdyn.optimal.task.policy.switching import (
 from armdyn.optimal.task.policy.tuned import by_kind, rows
 from armdyn.optimal.task.tableau import Scheme
 
-Method = Literal["arcs", "time-energy", "mesh", "curves"]
-"""Refinement methods: switching times of bang-bang torques; smooth torques where effort has a weight; collocation,
-tightened until the replay satisfies the path constraints; B-splines with inverse dynamics."""
+Method = Literal["profiles", "arcs", "time-energy", "mesh", "curves"]
+"""Refinement methods: every joint's own fastest profile; switching times of bang-bang torques; smooth torques where
+effort has a weight; collocation, tightened until the replay satisfies the path constraints; B-splines with inverse
+dynamics."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,8 @@ class StrategyPolicy:
     methods: tuple[Method, ...] = by_kind(
         "methods",
         "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
-        "only curves are used; where velocity limits shape the motion curves are often proven, and come first",
+        "only curves are used; where velocity limits shape the motion curves are often proven, and come first; "
+        "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
     )
     fallback: tuple[Method, ...] = by_kind(
         "methods",
@@ -59,8 +61,8 @@ class StrategyPolicy:
 
     @property
     def curves_alone(self) -> bool:
-        """Whether curves are the only method."""
-        return self.methods == ("curves",)
+        """Whether no method transcribes the dynamics on a mesh."""
+        return self.methods[-1] == "curves"
 
 
 def is_speed_limited(problem: MinimumTimeProblem) -> bool:
@@ -211,11 +213,21 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
     first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()
+    profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
     return StrategyPolicy(
-        methods=first if alone else (*first, own),
+        methods=(*profiled, *(first if alone else (*first, own))),
         fallback=("curves",) if motors and not alone else (),
-        bounded=speed_limited and not problem.pays_effort,
+        bounded=bool(speed_limited or profiled) and not problem.pays_effort,
     )
+
+
+def _has_profiles(problem: MinimumTimeProblem) -> bool:
+    """Whether every joint has a fastest profile of its own: its rates are limited, from rest to rest."""
+    limited = np.zeros(problem.robot.nv, dtype=bool)
+    for limit in (problem.acceleration_limit, problem.jerk_limit):
+        limited |= limit is not None and np.isfinite(limit)
+    free = problem.from_rest_to_rest and not (problem.via or problem.regional or problem.pays_effort)
+    return free and bool(np.all(limited))
 
 
 def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:

@@ -1,0 +1,150 @@
+"""Synchronous profiles of single joints: the fastest motion wherever torques stay within their limits.
+
+Every joint moves as fast as its own limits of velocity, acceleration and jerk allow, slowed down to the time of the
+slowest one: no motion within these limits is faster, whatever its torques.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+from math import comb
+
+import numpy as np
+
+from armdyn.arrays import Array, Flags
+from armdyn.optimal.flat.basis import DEGREE, Basis
+from armdyn.optimal.flat.curve import Curve, CurveLeg
+from armdyn.optimal.flat.excess import excesses_of, worst_excess
+from armdyn.optimal.flat.follow import follow, forced_snap
+from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.problem.problem import MinimumTimeProblem
+from armdyn.optimal.problem.profile import Profiles
+from armdyn.optimal.proof.certificate import ON_CURVE
+from armdyn.optimal.proof.sensitivity import Share
+from armdyn.optimal.refine.optimum import Optimum
+from armdyn.optimal.search.candidates import SearchResult
+from armdyn.optimal.task.task import Task
+
+_LIMITS = ("velocity limit", "acceleration limit", "jerk limit")
+_STEP = 1e-6
+"""Part by which a limit is changed for the elasticity of the duration in it: the difference is exact to 1e-9."""
+_APART = 1e-9
+"""Least time between two phases, as a part of the duration: nearer changes of the jerk are one."""
+_BERNSTEIN = np.array([[comb(i, k) / comb(DEGREE, k) for k in range(DEGREE)] for i in range(DEGREE + 1)])
+"""Control points of the monomials to s³ on the basis of one interval, shape (DEGREE + 1, DEGREE)."""
+_ACCELERATIONS = np.array([0, 1, 1, 0, 0, -1, -1])[:, None]
+"""Accelerations at the beginning of the phases, as parts of the largest ones, shape (7, 1)."""
+_JERKS = np.array([1, 0, -1, 0, -1, 0, 1])[:, None]
+"""Jerks in the phases, as parts of the largest ones, shape (7, 1)."""
+
+
+def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
+    """The motion along all joints' profiles, replayed; none if a torque would exceed its limit, or no joint moves.
+
+    Args:
+        task: a problem from rest to rest without via points, with a limit of acceleration or jerk for every joint.
+    """
+    problem, numbers = task.problem, task.policy.curves
+    constraints, found = TightenedConstraints.of(task), list[Optimum]()
+    decides = _deciding(problem, constraints)
+    for _ in range(numbers.profile_rounds if decides else 0):
+        curve = synchronous(problem, _limits(problem, constraints, 1 - numbers.velocity_error))
+        if task.stop or worst_excess(excesses_of(task, curve)) > 0:
+            break
+        task.progress(f"replaying the joints' profiles of {curve.duration:.6f} s")
+        target = curve.trajectory(problem.robot, _samples(task, curve), jumps=not problem.continuous_torque)
+        replay = follow(task, target)
+        reports = TightenedConstraints.of(task).check(problem, replay, np.empty(0))
+        one = Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, reports=reports, decides=decides)
+        idle = tuple(name for name in problem.robot.joint_names if name != decides[0].joint)
+        found = [replace(one, certificate=replace(one.certificate, idle=idle))]
+        if not reports.reasons:
+            break
+        constraints = constraints.tightened(problem, reports)
+    return found, SearchResult(())
+
+
+def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, Array, Array]) -> Curve:
+    """The joints' profiles with a common duration, a leg for every time in which no jerk changes.
+
+    Args:
+        problem: from rest to rest, with a joint that moves.
+        limits: limits of velocity, acceleration and jerk [rad or m, s], each of shape (nv,).
+    """
+    way = problem.poses[-1] - problem.poses[0]
+    found = Profiles.of(np.abs(way), *limits)
+    T, moves = float(np.max(found.durations)), found.durations > 0
+    phases = found.phases[:, moves] * (T / found.durations[moves])
+    rising, steady, _, cruising, *_ = phases
+    acceleration = way[moves] / (2 * rising + steady + cruising) / (rising + steady)
+    jerk = np.divide(acceleration, rising, out=np.zeros_like(rising), where=rising > 0)
+    a, j, starts = _ACCELERATIONS * acceleration, _JERKS * jerk, _sums(phases)[:-1]
+    v = _sums(a * phases + j * phases**2 / 2)[:-1]
+    q = _sums(v * phases + a * phases**2 / 2 + j * phases**3 / 6)[:-1]
+    times = np.unique(np.append(starts, 0.0))
+    times = np.append(times[np.diff(times, append=T) > _APART * T], T)
+    legs = []
+    for begin, end in pairwise(times):
+        phase = np.sum(starts[1:] <= (begin + end) / 2, axis=0)
+        at = tuple(np.take_along_axis(each, phase[None], axis=0)[0] for each in (q, v, a, j, starts))
+        legs.append(_leg(problem.poses[0], moves, at, float(begin), float(end - begin)))
+    return Curve(tuple(legs))
+
+
+def _leg(start: Array, moves: Flags, at: tuple[Array, ...], begin: float, duration: float) -> CurveLeg:
+    """Leg of cubics.
+
+    Args:
+        start: start of the motion [rad or m], shape (nv,).
+        moves: joints that move, shape (nv,).
+        at: these joints' distances from the start, velocities, accelerations, jerks and times where their phases begin.
+        begin: start of the leg [s].
+        duration: duration of the leg [s].
+    """
+    q, v, a, j, since = at
+    t = begin - since
+    monomials = np.array([q, v, a / 2, j / 6])
+    later = [sum(comb(n, k) * monomials[n] * t ** (n - k) for n in range(k, DEGREE)) for k in range(DEGREE)]
+    points = np.tile(start, (DEGREE + 1, 1))
+    points[:, moves] += _BERNSTEIN @ [each * duration**k for k, each in enumerate(later)]
+    return CurveLeg(Basis(np.array([0.0, 1.0])), points, duration)
+
+
+def _sums(parts: Array) -> Array:
+    """Sums of the rows before each row, and of all, shape (rows + 1, columns)."""
+    return np.concatenate([np.zeros_like(parts[:1]), np.cumsum(parts, axis=0)])
+
+
+def _samples(task: Task, curve: Curve) -> list[int]:
+    """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
+    problem, numbers = task.problem, task.policy.curves
+    jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
+    counts = []
+    for leg in curve.legs:
+        off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2
+        density = max(numbers.profile_samples / curve.duration, off / numbers.profile_jerk_error)
+        counts.append(max(int(np.ceil(leg.duration * density)), numbers.samples))
+    return counts
+
+
+def _limits(
+    problem: MinimumTimeProblem, constraints: TightenedConstraints, part: float = 1.0
+) -> tuple[Array, Array, Array]:
+    """Limits of velocity, times a part, acceleration and jerk [rad or m, s], each of shape (nv,); infinite: none."""
+    none = np.full(problem.robot.nv, np.inf)
+    given = dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
+    return part * problem.limits.velocity, given.get(2, none), given.get(3, none)
+
+
+def _deciding(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Share, ...]:
+    """The limits that decide the slowest joint's duration, largest share first; none: no joint moves."""
+    way, limits = np.abs(problem.poses[-1] - problem.poses[0]), _limits(problem, constraints)
+    times = Profiles.of(way, *limits).durations
+    joint = int(np.argmax(times))
+    if times[joint] == 0:
+        return ()
+    name, shares = problem.robot.joint_names[joint], list[Share]()
+    for order, limit in enumerate(_LIMITS):
+        velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits))
+        part = (1 - Profiles.of(way, velocity, acceleration, jerk).durations[joint] / times[joint]) / _STEP
+        shares.append(Share(limit, name, float(part)))
+    return tuple(sorted((share for share in shares if share.part > _STEP), key=lambda share: -share.part))
