@@ -28,7 +28,7 @@ def least_times(way: Array, velocity: Array, acceleration: Array, jerk: Array) -
     """Least times of single joints from rest to rest, with zero acceleration at both ends [s], rounded down.
 
     Args:
-        way: distances [rad or m], shape (nv,), not negative.
+        way: distances [rad or m], shape (…, nv), not negative.
         velocity: velocity limits [rad/s or m/s], shape (nv,); these and the others may be infinite.
         acceleration: acceleration limits [rad/s² or m/s²], shape (nv,).
         jerk: jerk limits [rad/s³ or m/s³], shape (nv,).

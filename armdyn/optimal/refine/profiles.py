@@ -38,15 +38,15 @@ _JERKS = np.array([1, 0, -1, 0, -1, 0, 1])[:, None]
 
 
 def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """The motion along all joints' profiles, replayed; none if a torque would exceed its limit, or no joint moves.
+    """The motion along all joints' profiles, replayed; none if a torque would exceed its limit.
 
     Args:
-        task: a problem from rest to rest without via points, with a limit of acceleration or jerk for every joint.
+        task: a problem from rest to rest without via points, with limits of acceleration or jerk of all joints.
     """
     problem, numbers = task.problem, task.policy.curves
     constraints, found = TightenedConstraints.of(task), list[Optimum]()
     decides = _deciding(problem, constraints)
-    for _ in range(numbers.profile_rounds if decides else 0):
+    for _ in range(numbers.profile_rounds):
         curve = synchronous(problem, _limits(problem, constraints, 1 - numbers.velocity_error))
         if task.stop or worst_excess(excesses_of(task, curve)) > 0:
             break
@@ -67,7 +67,7 @@ def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, Array, Array])
     """The joints' profiles with a common duration, a leg for every time in which no jerk changes.
 
     Args:
-        problem: from rest to rest, with a joint that moves.
+        problem: from rest to rest.
         limits: limits of velocity, acceleration and jerk [rad or m, s], each of shape (nv,).
     """
     way = problem.poses[-1] - problem.poses[0]
@@ -136,12 +136,10 @@ def _limits(
 
 
 def _deciding(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[Share, ...]:
-    """The limits that decide the slowest joint's duration, largest share first; none: no joint moves."""
+    """The limits that decide the slowest joint's duration, largest share first."""
     way, limits = np.abs(problem.poses[-1] - problem.poses[0]), _limits(problem, constraints)
     times = Profiles.of(way, *limits).durations
     joint = int(np.argmax(times))
-    if times[joint] == 0:
-        return ()
     name, shares = problem.robot.joint_names[joint], list[Share]()
     for order, limit in enumerate(_LIMITS):
         velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits))

@@ -146,6 +146,7 @@ SOLVES = {
         starts=1,
     ),
     "in flight": lambda: noted(between("r", velocity_limit=3.0, v_start=[3.0], acceleration_limit=100.0), starts=1),
+    "profiles": lambda: noted(between("rr", velocity_limit=3.0, acceleration_limit=20.0, jerk_limit=500.0)),
     "velocity limits and friction": lambda: noted(between("r", rubbing("r"), velocity_limit=3.0), starts=2),
     "a replay far from its curve": lambda: noted(
         between("r", rubbing("r"), velocity_limit=3.0),

@@ -223,11 +223,9 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
 
 def _has_profiles(problem: MinimumTimeProblem) -> bool:
     """Whether every joint has a fastest profile of its own: its rates are limited, from rest to rest."""
-    limited = np.zeros(problem.robot.nv, dtype=bool)
-    for limit in (problem.acceleration_limit, problem.jerk_limit):
-        limited |= limit is not None and np.isfinite(limit)
-    free = problem.from_rest_to_rest and not (problem.via or problem.regional or problem.pays_effort)
-    return free and bool(np.all(limited))
+    limit = problem.acceleration_limit if problem.jerk_limit is None else problem.jerk_limit
+    limited = limit is not None and bool(np.all(np.isfinite(limit)))
+    return limited and problem.from_rest_to_rest and not (problem.via or problem.regional or problem.pays_effort)
 
 
 def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
