@@ -126,7 +126,7 @@ class CurvePolicy:
         (4, 16),
         "-",
         "multiply these samples in turn where Coulomb friction shakes a joint beyond its jerk limit, before the motion "
-        "is slowed down: arms that took 1.2 to 3.7 times as long take 1.0 to 1.6 times",
+        "is slowed down: arms that took 1.1 to 3.7 times as long take 1.0 to 1.6 times",
         "UR5, xArm7, random arms (RRR)",
     )
     slowing_factor: float = tuned(
