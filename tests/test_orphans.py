@@ -98,7 +98,7 @@ print("solved", flush=True)
 UR5 = {
     "robot": "ad.Robot.from_library('ur5')",
     "poses": "[0, -1, 1, -1, -1.5, 0], [1, -1.2, 1, -1, -1.5, 0]",
-    "more": "acceleration_limit=50.0",  # without, no machine code is needed
+    "more": "acceleration_limit=1000.0",  # more than torques allow: without, or with less, no machine code is needed
 }
 RRR = {"robot": "ad.Robot.from_spec(ad.ArmSpec.paper('rrr'))", "poses": "[-1.5, 0, 0], [0.2, 0, 0]", "more": ""}
 
