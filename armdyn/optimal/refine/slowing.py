@@ -98,6 +98,6 @@ def within_constraints(
             break
         if k >= len(finer):
             curve = curve.slower(reports.slowing + task.policy.path_constraints.slower)
-        replay = follow(task, sampled(task, curve, finer[min(k, len(finer) - 1)]))
+        replay = follow(task, sampled(task, curve, max(finer[: k + 1], default=1)))
         reports = constraints.check(problem, replay, curve.passing)
     return curve, replay, reports

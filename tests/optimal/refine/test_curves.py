@@ -215,19 +215,6 @@ def test_light_wrists_with_coulomb_friction():
     assert solution.iterations < 400  # one guess
 
 
-@pytest.mark.slow
-def test_jerk_limits_of_joints_that_rub_are_kept_by_slowing_down():
-    """Piecewise linear torques shake light joints where their friction turns, 15 times beyond their limit."""
-    robot = ad.Robot.from_library("xarm7", friction="urdf")
-    rng, limits = np.random.default_rng(9062), robot.limits
-    lower, upper = np.maximum(limits.position_lower, -2.5), np.minimum(limits.position_upper, 2.5)
-    start, goal = rng.uniform(lower, upper), rng.uniform(lower, upper)
-    problem = ad.MinimumTimeProblem(robot, q_start=start, q_goal=goal, jerk_limit=50.0)
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=0.0, starts=1))
-    assert solution.usable, solution.message
-    assert solution.certificate.goal_error < 1e-5
-
-
 def test_a_goal_pose_is_reached():
     robot = ad.Robot.from_library("ur5")
     pose = ad.GoalPose(robot.tip, [0.4, 0.3, 0.4])
