@@ -185,13 +185,13 @@ def test_at_many_moments(arguments, moments):
         (
             [
                 "mintime",
-                "panda",
+                "ur5",
                 "--q-start",
-                "ready",
+                "0,-1.2,1.5,-1.9,-1.5,0",
                 "--q-goal",
-                "0.1,-0.8,0,-2.3,0,1.6,0.7",
+                "1.2,-1,1.3,-1.9,-1.5,0",
                 "--preset",
-                "franka-panda",
+                "ur5",
             ],
             "armdyn.studies.preset_costs",
         ),
