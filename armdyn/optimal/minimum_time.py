@@ -102,6 +102,8 @@ def refined(task: Task) -> tuple[list[Optimum], SearchResult]:
         optima += [slowed(task, one) for one in more]
         listed, iterations = (*found.listed, *searched.listed), found.iterations + searched.iterations
         found = replace(searched, listed=listed, iterations=iterations)
+        if method == "profiles" and any(one.usable(task.options.replay_tolerance) for one in more):
+            break  # but for its replay's errors no motion is faster
     for method in strategy.fallback:
         if task.stop or _is_enough(task, optima):
             break

@@ -27,8 +27,11 @@ from armdyn.optimal.task.task import Task
 _LIMITS = ("velocity limit", "acceleration limit", "jerk limit")
 _STEP = 1e-6
 """Part by which a limit is changed for the elasticity of the duration in it: the difference is exact to 1e-9."""
-_APART = 1e-9
-"""Least time between two phases, as a part of the duration: nearer changes of the jerk are one."""
+_APART = 1e-5
+"""Least time between two changes of jerks, as a part of the duration: of nearer ones each is moved by less than that,
+which changes accelerations by 1e-4 of their limits at most; the jerk of a leg of microseconds is rounding."""
+_ROUNDING = 1e-9
+"""The same of accelerations that jump."""
 _BERNSTEIN = np.array([[comb(i, k) / comb(DEGREE, k) for k in range(DEGREE)] for i in range(DEGREE + 1)])
 """Control points of the monomials to s³ on the basis of one interval, shape (DEGREE + 1, DEGREE)."""
 _ACCELERATIONS = np.array([0, 1, 1, 0, 0, -1, -1])[:, None]
@@ -81,7 +84,8 @@ def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, Array, Array])
     v = _sums(a * phases + j * phases**2 / 2)[:-1]
     q = _sums(v * phases + a * phases**2 / 2 + j * phases**3 / 6)[:-1]
     times = np.unique(np.append(starts, 0.0))
-    times = np.append(times[np.diff(times, append=T) > _APART * T], T)
+    apart = _APART if np.all(rising > 0) else _ROUNDING
+    times = np.append(times[np.diff(times, append=T) > apart * T], T)
     legs = []
     for begin, end in pairwise(times):
         phase = np.sum(starts[1:] <= (begin + end) / 2, axis=0)
@@ -121,7 +125,8 @@ def _samples(task: Task, curve: Curve) -> list[int]:
     counts = []
     for leg in curve.legs:
         off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2
-        density = max(numbers.profile_samples / curve.duration, off / numbers.profile_jerk_error)
+        least, most = numbers.profile_samples / curve.duration, numbers.profile_most_samples / curve.duration
+        density = np.clip(off / numbers.profile_jerk_error, least, most)
         counts.append(max(int(np.ceil(leg.duration * density)), numbers.samples))
     return counts
 

@@ -82,7 +82,9 @@ def test_motions_are_proven_and_keep_limits(rates):
     solution = solve(problem)
     assert solution.usable and solution.certified and solution.gap < 5e-4 and solution.gap_proven
     assert {share.joint for share in solution.decides} == {solution.decides[0].joint}
-    assert solution.replay_error < 1e-6
+    assert solution.replay_error < 1e-6 and solution.iterations == 0  # no other method
+    unknown = solve(problem, bound=False)
+    assert unknown.iterations == 0 and unknown.duration == solution.duration
 
 
 def test_torques_beyond_their_limits_leave_it_to_other_methods():
