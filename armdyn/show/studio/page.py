@@ -82,6 +82,7 @@ class Page:
         self._notes: dict[str, Callable[[], object]] = {}
         self._trouble: tuple[str, ...] = ()
         self._drawn: dict[str, object] = {}
+        self._known: dict[str, object] = {}
         self._held: dict[str, float] = {}
         self._selected: str | None = None
         self._time, self._playing, self._frames = 0.0, True, 0
@@ -213,14 +214,17 @@ class Page:
 
         async def noted(event: Any) -> None:
             if event.client is not None:  # else this page itself changed the widget
+                self._known[_key(handle)] = handle.value
                 self._notes[_key(handle)] = partial(action, handle.value)
 
         handle.on_update(noted)
 
     def _write(self, handle: Any, value: object) -> None:
-        """Show a value in a widget, unless a browser has just given it another one."""
-        if _key(handle) not in self._notes:
+        """Show a value in a widget, unless a browser has just given it another one, noted already or to be noted."""
+        key = _key(handle)
+        if key not in self._notes and handle.value == self._known.get(key, handle.value):
             handle.value = value
+            self._known[key] = handle.value
 
     def _watch_gizmos(self) -> None:
         for end in END_NAMES:

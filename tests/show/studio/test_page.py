@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -17,6 +18,7 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.reaching import frame_placement
 from armdyn.show.page.scene import reach_of
+from armdyn.show.studio.page import Page
 from cli.command import COMMAND, run_here
 from problems import POSES, paper_arm
 from show.browser import UNDRAWN, drag, pixel_of, wait_until
@@ -253,6 +255,17 @@ def test_fields_filled_faster_than_frames_are_drawn_keep_their_values(chromium, 
         page.get_by_text("Saved:").wait_for()
         (box,) = ad.read_problem(tmp_path / "problem.toml").obstacles
         np.testing.assert_allclose(np.array(box.placement)[:3, 3], [0.1, 0, 0.9])
+
+
+def test_a_value_of_a_browser_is_not_written_over_before_it_is_noted():
+    """Viser sets a widget's value, tells the other browsers, and calls back then."""
+    page, slider = Page.__new__(Page), SimpleNamespace(value=0.1)
+    page._notes, page._known = {}, {}
+    page._write(slider, 0.2)
+    assert slider.value == 0.2
+    slider.value = 0.7
+    page._write(slider, 0.2)
+    assert slider.value == 0.7
 
 
 def test_a_motion_appears_and_a_killed_studio_takes_up_its_last_state(chromium, tmp_path):
