@@ -137,13 +137,13 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     t = np.arange(len(driven.q)) / ticks.rate
     errors = np.abs(driven.q - ticks.goal)
     there = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
-    settled = there if there is not None and t[-1] - there >= STAYS - 1e-9 else None
+    status, message = _status(robot, driven, there, errors[-1], tolerance, float(t[-1]))
+    settled = there if status == "settled" else None
     off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
     lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
     broke = float(t[-1]) if driven.ended != "whole" else None
     moving = float(t[-1]) if settled is None else max(ticks.duration, settled)
     during = driven.clipped[: max(int(np.ceil(moving * ticks.rate)), 1)]
-    status, message = _status(robot, driven, there, errors[-1], tolerance, float(t[-1]))
     return Run(
         trajectory=replace(_trajectory(robot, driven, t, name), hold=hold),
         status=status,
@@ -225,7 +225,7 @@ def _status(
         return "failed", f"the integrator gave up at t = {end:.6g} s, where no step is short enough: {where}"
     if there is not None:
         near = f"all joints within {tolerance:g} {joint_unit(robot.slides)} of the goal from t = {there:.6g} s on"
-        if end - there >= STAYS - 1e-9:
+        if end - there >= STAYS - 1e-9:  # rounding of ticks over the rate
             return "settled", near
         return "not_settled", f"not settled: {near}, but the run ends at {end:.6g} s: they must stay for {STAYS:g} s"
     clipped: Flags = np.any(driven.clipped[-max(len(driven.clipped) // 10, 1) :], axis=0)

@@ -72,7 +72,7 @@ class CurveSpec:
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
     """Layout of a problem's program."""
     intervals = tuple(leg.basis.intervals for leg in guess.legs)
-    orders = {limit[0] for each in constraints.path_constraints if (limit := each.derivative_limit(problem))}
+    orders = set(constraints.derivative_limits(problem))
     if problem.jerk_limit is not None and not problem.from_rest_to_rest:
         orders.add(2)  # zero accelerations at an end in flight
     rated = any(each.torque_rate_limit(problem) is not None for each in constraints.path_constraints)
@@ -188,7 +188,7 @@ def _add_rates(
     problem = task.problem
     most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
     given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
-    given |= dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
+    given |= constraints.derivative_limits(problem)
     for order in shape.orders:
         factors, scale = basis.differences(order), finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))

@@ -109,6 +109,10 @@ class TightenedConstraints:
         found = (constraint.required_distances(problem) for constraint in self.path_constraints)
         return next((distances for distances in found if distances is not None), None)
 
+    def derivative_limits(self, problem: MinimumTimeProblem) -> dict[int, Array]:
+        """Tightened limits of the positions' derivatives by order, each of shape (nv,)."""
+        return dict(limit for each in self.path_constraints if (limit := each.derivative_limit(problem)))
+
     def rows(self, problem: MinimumTimeProblem) -> tuple[StageRows, ...]:
         """Rows of the program besides the equations of motion."""
         return tuple(rows for constraint in self.path_constraints for rows in constraint.rows(problem))

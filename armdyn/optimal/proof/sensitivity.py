@@ -18,6 +18,9 @@ from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import brief
 
+RATE_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
+"""Names of the limits of the positions' derivatives in a `Share`, by order."""
+
 
 @brief
 @dataclass(frozen=True, eq=False)

@@ -31,7 +31,7 @@ from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
-from armdyn.optimal.proof.sensitivity import Share
+from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.refine.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.refine.slowing import within_constraints
@@ -42,9 +42,6 @@ from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent
-
-_LIMITS = {1: "velocity limit", 2: "acceleration limit", 3: "jerk limit"}
-"""Limits of the positions' derivatives, by order."""
 
 
 def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
@@ -252,7 +249,7 @@ def _deciding(task: Task, refined: RefinedCurve) -> tuple[Share, ...]:
             parts["torque-speed curve"] = np.sum(lines * solved.result.x[torques][:, None], axis=(0, 1))
         for order in shape.orders:
             rates = shape.rates(leg, order)
-            parts[_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[rates]) * solved.limits[rates], axis=0)
+            parts[RATE_LIMITS[order]] = np.sum(np.abs(solved.result.lam_g[rates]) * solved.limits[rates], axis=0)
         for limit, part in parts.items():
             by_joint[limit] = by_joint.get(limit, 0.0) + part * solved.guessed / solved.curve.duration
     by_joint |= _heating(task, refined)

@@ -11,6 +11,7 @@ from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.task.task import Task
 
 _ROUNDING = 1e-12
+"""Part of a velocity limit by which the reserve at an end's velocity may be rounded."""
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,11 @@ from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.profile import Profiles
 from armdyn.optimal.proof.certificate import ON_CURVE
-from armdyn.optimal.proof.sensitivity import Share
+from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.task.task import Task
 
-_LIMITS = ("velocity limit", "acceleration limit", "jerk limit")
 _STEP = 1e-6
 """Part by which a limit is changed for the elasticity of the duration in it: the difference is exact to 1e-9."""
 _APART = 1e-5
@@ -47,8 +46,8 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
         task: a problem from rest to rest without via points, with limits of acceleration or jerk of all joints.
     """
     problem, numbers = task.problem, task.policy.curves
-    constraints, found = TightenedConstraints.of(task), list[Optimum]()
-    decides = _deciding(problem, constraints)
+    original, found = TightenedConstraints.of(task), list[Optimum]()
+    constraints, decides = original, _deciding(problem, original)
     for _ in range(numbers.profile_rounds):
         curve = synchronous(problem, _limits(problem, constraints, 1 - numbers.velocity_error))
         if task.stop or worst_excess(excesses_of(task, curve)) > 0:
@@ -56,7 +55,7 @@ def profiles(task: Task) -> tuple[list[Optimum], SearchResult]:
         task.progress(f"replaying the joints' profiles of {curve.duration:.6f} s")
         target = curve.trajectory(problem.robot, _samples(task, curve), jumps=not problem.continuous_torque)
         replay = follow(task, target)
-        reports = TightenedConstraints.of(task).check(problem, replay, np.empty(0))
+        reports = original.check(problem, replay, np.empty(0))
         one = Optimum.of(problem, replay, len(curve.legs), None, ON_CURVE, reports=reports, decides=decides)
         idle = tuple(name for name in problem.robot.joint_names if name != decides[0].joint)
         found = [replace(one, certificate=replace(one.certificate, idle=idle))]
@@ -80,10 +79,10 @@ def synchronous(problem: MinimumTimeProblem, limits: tuple[Array, Array, Array])
     rising, steady, _, cruising, *_ = phases
     acceleration = way[moves] / (2 * rising + steady + cruising) / (rising + steady)
     jerk = np.divide(acceleration, rising, out=np.zeros_like(rising), where=rising > 0)
-    a, j, starts = _ACCELERATIONS * acceleration, _JERKS * jerk, _sums(phases)[:-1]
-    v = _sums(a * phases + j * phases**2 / 2)[:-1]
-    q = _sums(v * phases + a * phases**2 / 2 + j * phases**3 / 6)[:-1]
-    times = np.unique(np.append(starts, 0.0))
+    a, j, starts = _ACCELERATIONS * acceleration, _JERKS * jerk, _before(phases)
+    v = _before(a * phases + j * phases**2 / 2)
+    q = _before(v * phases + a * phases**2 / 2 + j * phases**3 / 6)
+    times = np.unique(starts)
     apart = _APART if np.all(rising > 0) else _ROUNDING
     times = np.append(times[np.diff(times, append=T) > apart * T], T)
     legs = []
@@ -106,26 +105,25 @@ def _leg(start: Array, moves: Flags, at: tuple[Array, ...], begin: float, durati
     """
     q, v, a, j, since = at
     t = begin - since
-    monomials = np.array([q, v, a / 2, j / 6])
-    later = [sum(comb(n, k) * monomials[n] * t ** (n - k) for n in range(k, DEGREE)) for k in range(DEGREE)]
+    q, v, a = q + v * t + a * t**2 / 2 + j * t**3 / 6, v + a * t + j * t**2 / 2, a + j * t
     points = np.tile(start, (DEGREE + 1, 1))
-    points[:, moves] += _BERNSTEIN @ [each * duration**k for k, each in enumerate(later)]
+    points[:, moves] += _BERNSTEIN @ [q, v * duration, a * duration**2 / 2, j * duration**3 / 6]
     return CurveLeg(Basis(np.array([0.0, 1.0])), points, duration)
 
 
-def _sums(parts: Array) -> Array:
-    """Sums of the rows before each row, and of all, shape (rows + 1, columns)."""
-    return np.concatenate([np.zeros_like(parts[:1]), np.cumsum(parts, axis=0)])
+def _before(parts: Array) -> Array:
+    """Sums of the rows before each row, shape (rows, columns)."""
+    return np.concatenate([np.zeros_like(parts[:1]), np.cumsum(parts[:-1], axis=0)])
 
 
 def _samples(task: Task, curve: Curve) -> list[int]:
     """Number of samples of every leg. Between samples h apart a jerk is off by up to h/2 M⁻¹τ''."""
     problem, numbers = task.problem, task.policy.curves
     jerk = np.inf if problem.jerk_limit is None else np.asarray(problem.jerk_limit)
+    least, most = numbers.profile_samples / curve.duration, numbers.profile_most_samples / curve.duration
     counts = []
     for leg in curve.legs:
         off = float(np.max(np.abs(forced_snap(problem.robot, leg)) / jerk)) / 2
-        least, most = numbers.profile_samples / curve.duration, numbers.profile_most_samples / curve.duration
         density = np.clip(off / numbers.profile_jerk_error, least, most)
         counts.append(max(int(np.ceil(leg.duration * density)), numbers.samples))
     return counts
@@ -136,7 +134,7 @@ def _limits(
 ) -> tuple[Array, Array, Array]:
     """Limits of velocity, times a part, acceleration and jerk [rad or m, s], each of shape (nv,); infinite: none."""
     none = np.full(problem.robot.nv, np.inf)
-    given = dict(limit for each in constraints.path_constraints if (limit := each.derivative_limit(problem)))
+    given = constraints.derivative_limits(problem)
     return part * problem.limits.velocity, given.get(2, none), given.get(3, none)
 
 
@@ -146,8 +144,8 @@ def _deciding(problem: MinimumTimeProblem, constraints: TightenedConstraints) ->
     times = Profiles.of(way, *limits).durations
     joint = int(np.argmax(times))
     name, shares = problem.robot.joint_names[joint], list[Share]()
-    for order, limit in enumerate(_LIMITS):
-        velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits))
+    for order, limit in RATE_LIMITS.items():
+        velocity, acceleration, jerk = (each * (1 + _STEP * (order == k)) for k, each in enumerate(limits, start=1))
         part = (1 - Profiles.of(way, velocity, acceleration, jerk).durations[joint] / times[joint]) / _STEP
         shares.append(Share(limit, name, float(part)))
     return tuple(sorted((share for share in shares if share.part > _STEP), key=lambda share: -share.part))
