@@ -187,9 +187,11 @@ def number(
     unit: str = "",
     sign: Sign = "any",
     finite: bool = True,
+    least: float = -math.inf,
+    most: float = math.inf,
     error: type[ArmdynError] = ProblemError,
 ) -> float:
-    """Return the value as a float if it is a number of the required sign; raise otherwise.
+    """Return the value as a float if it is a number of the required sign and in range; raise otherwise.
 
     Args:
         value: the argument; text and booleans are refused.
@@ -197,10 +199,12 @@ def number(
         unit: in messages.
         sign: that it must have.
         finite: whether infinity is refused; NaN always is.
+        least: smallest allowed value.
+        most: largest allowed value.
         error: class of the raised error.
 
     Raises:
-        ArmdynError: as `error`; the value is no number, or has the wrong sign.
+        ArmdynError: as `error`; the value is no number, has the wrong sign, or is out of range.
     """
     array = _real(value)
     if array is None or array.ndim:
@@ -209,6 +213,9 @@ def number(
     signed = sign == "any" or one > 0 or (sign == "not negative" and one == 0)
     if math.isnan(one) or (finite and math.isinf(one)) or not signed:
         raise error(f"{name} is {f'{shown(value)} {unit}'.rstrip()}; it must be {_RIGHT[sign, finite]}")
+    if not least <= one <= most:
+        right = f"it must be at most {most:g}" if math.isinf(least) else f"expected {least:g} to {most:g}"
+        raise error(f"{name} is {f'{one:g} {unit}'.rstrip()}; {f'{right} {unit}'.rstrip()}")
     return one
 
 
@@ -254,7 +261,7 @@ def interval(
     if len(ends) != 2:
         expected = f"its least and its greatest{f' [{unit}]' if unit else ''}"
         raise ProblemError(f"{name} is {shown(value)}; expected {expected}")
-    low, high = (number(end, f"{name}[{i}]", unit=unit, sign=sign) for i, end in enumerate(ends))
+    low, high = each(ends, name, number, unit=unit, sign=sign)
     if low > high or (low == high and widths == "positive"):
         raise ProblemError(f"{name} goes from {f'{low:g} to {high:g} {unit}'.rstrip()}; the least comes first")
     return low, high
@@ -280,6 +287,22 @@ def several(value: object, name: str, *, error: type[ArmdynError] = ProblemError
     if len(members) > MOST_MEMBERS:
         raise error(f"{name} is {shown(value)}; it must have at most {MOST_MEMBERS} members")
     return members
+
+
+def each(value: object, name: str, of: Callable[..., Kind], **conditions: Any) -> tuple[Kind, ...]:
+    """The members of a list, each checked under its own name: `links[1] of an arm` of `links of an arm`.
+
+    Args:
+        value: see `several`.
+        name: of the list.
+        of: the check of a member, such as `number`.
+        conditions: further arguments of the check; its `error` is the list's, too.
+
+    Raises:
+        ArmdynError: as `error`; the value is no list, or a member is refused.
+    """
+    members, (first, *rest) = several(value, name, error=conditions.get("error", ProblemError)), name.split(" ", 1)
+    return tuple(of(one, name=" ".join([f"{first}[{i}]", *rest]), **conditions) for i, one in enumerate(members))
 
 
 def one_of(value: object, known: Sequence[str], name: str) -> str:
@@ -309,24 +332,37 @@ def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -
     return found
 
 
-def checked(check: Callable[..., object], default: Any = MISSING, **conditions: Any) -> Any:
-    """A field of a frozen dataclass that `check_fields` checks.
+def checked(check: Callable[..., object], default: Any = MISSING, *, in_repr: bool = True, **conditions: Any) -> Any:
+    """A field of a `Checked` dataclass.
 
     Args:
         check: `number`, `whole` or another function of a value and its `name`; the field becomes what it returns.
         default: of the field; if it is None, None is not checked.
+        in_repr: whether the field is in the dataclass's `repr`.
         conditions: further arguments of `check`; its `name` is by default the field's.
     """
-    return field(default=default, metadata={"check": partial(check, **conditions)})
+    return field(default=default, repr=in_repr, metadata={"check": partial(check, **conditions)})
 
 
-def check_fields(made: Any) -> None:
-    """Check the `checked` fields of a frozen dataclass in their order; its `__post_init__`, or the first part of it."""
-    for one in fields(made):
-        value = getattr(made, one.name)
-        if "check" in one.metadata and not (value is None and one.default is None):
-            check = one.metadata["check"]
-            object.__setattr__(made, one.name, check(value, **{"name": one.name, **check.keywords}))
+class Checked:
+    """Base of a frozen dataclass: its `checked` fields are checked, in their order, when a value is made.
+
+    Arrays become read-only.
+    """
+
+    def __post_init__(self) -> None:
+        for one in fields(self):  # type: ignore[arg-type]  # a dataclass
+            value = getattr(self, one.name)
+            if "check" in one.metadata and not (value is None and one.default is None):
+                check = one.metadata["check"]
+                kept = check(value, **{"name": f"{one.name}{self._of_whom()}", **check.keywords})
+                if hasattr(kept, "setflags"):
+                    kept.setflags(write=False)
+                object.__setattr__(self, one.name, kept)
+
+    def _of_whom(self) -> str:
+        """Words after a field's name in messages, such as " of obstacle 'box'"."""
+        return ""
 
 
 def _real(value: object) -> Array | None:

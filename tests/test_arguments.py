@@ -163,13 +163,10 @@ def test_a_message_shows_the_beginning_of_long_values():
 
 def test_checked_fields_are_the_results_of_their_checks():
     @dataclass(frozen=True)
-    class Oven:
+    class Oven(arguments.Checked):
         trays: int = arguments.checked(arguments.whole, least=1)
         heat: float = arguments.checked(arguments.number, 180, unit="°C", sign="positive")
         name: str | None = arguments.checked(arguments.text, None)
-
-        def __post_init__(self):
-            arguments.check_fields(self)
 
     assert Oven(np.int8(2)) == Oven(2, 180.0) and type(Oven(np.int8(2)).trays) is int and type(Oven(2).heat) is float
     assert Oven(2).name is None and replace(Oven(2), name="a").name == "a"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, flag, one_of, several, shown, whole
+from armdyn.arguments import each, expect, flag, one_of, several, shown, whole
 from armdyn.arrays import Array
 from armdyn.cycle.steps import Grasp, Move, Release, Step, Wait
 from armdyn.errors import ArmdynError, CycleError, ProblemError, did_you_mean
@@ -240,7 +240,7 @@ class Cycle:
             ProblemError: they are not all of the jobs, once each.
         """
         jobs = self.jobs
-        order = [whole(job, "order", least=0, most=len(jobs) - 1) for job in several(order, "order")]
+        order = each(order, "order", whole, least=0, most=len(jobs) - 1)
         if sorted(order) != list(range(len(jobs))):
             raise ProblemError(f"order is {shown(order)}; it must have each of 0 to {len(jobs) - 1} once")
         first, last = jobs[0][0], jobs[-1][-1]

@@ -8,7 +8,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import check_fields, checked, expect, number, one_of, several, text
+from armdyn.arguments import Checked, checked, expect, number, one_of, several, text
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
@@ -23,7 +23,7 @@ _NAME = "name of a step"
 
 @brief
 @dataclass(frozen=True)
-class Straight:
+class Straight(Checked):
     """A straight segment of the tool at the end of a move, or at its beginning.
 
     Attributes:
@@ -42,13 +42,10 @@ class Straight:
     deviation: float = checked(number, 0.5e-3, name="deviation of a straight segment", unit="m", sign="positive")
     angle: float = checked(number, 0.0087, name="angle of a straight segment", unit="rad", sign="positive")
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Move:
+class Move(Checked):
     """A motion that ends at rest, as fast as the limits allow.
 
     Attributes:
@@ -75,7 +72,7 @@ class Move:
     name: str = checked(text, "", name=_NAME)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         for name in ("retreat", "approach"):
             given = getattr(self, name)
             if given is not None and not isinstance(given, Straight):
@@ -86,14 +83,11 @@ class Move:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Rest:
+class _Rest(Checked):
     """A step at rest."""
 
     dwell: float = checked(number, 0.0, unit="s", sign="not negative")
     name: str = checked(text, "", name=_NAME)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @brief
@@ -128,7 +122,7 @@ class Release(_Rest):
 
 @brief
 @dataclass(frozen=True)
-class Wait:
+class Wait(Checked):
     """The arm rests.
 
     Attributes:
@@ -139,9 +133,6 @@ class Wait:
     seconds: float = checked(number, name="seconds of a wait", unit="s", sign="not negative")
     _: KW_ONLY
     name: str = checked(text, "", name=_NAME)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def dwell(self) -> float:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, number, one_of, several
+from armdyn.arguments import Checked, checked, each, expect, number, one_of, several
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import LogError, ProblemError
@@ -35,7 +35,7 @@ samples of a simulated log without noise leave up to 3e-4, measured torques seve
 
 @brief
 @dataclass(frozen=True, kw_only=True)
-class IdentifyOptions:
+class IdentifyOptions(Checked):
     """Options of `identify`.
 
     Attributes:
@@ -53,19 +53,14 @@ class IdentifyOptions:
 
     smoothing: float = checked(number, 0.005, unit="s", sign="positive")
     step: float = checked(number, 0.02, unit="s", sign="positive")
-    held_out: float = 0.25
-    widths: tuple[float, ...] = (0.01, 0.02, 0.05, 0.1)
-    fit: FitOptions = field(default_factory=FitOptions)
+    held_out: float = checked(number, 0.25, least=0.0, most=0.9)
+    widths: tuple[float, ...] = checked(each, (0.01, 0.02, 0.05, 0.1), of=number, unit="rad/s or m/s", sign="positive")
+    fit: FitOptions = checked(expect, FitOptions(), kind=FitOptions)
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        for width in several(self.widths, "widths"):
-            number(width, "widths: one", unit="rad/s or m/s", sign="positive")
-        expect(self.fit, FitOptions, "fit")
+        super().__post_init__()
         if not self.widths:
             raise ProblemError("widths is empty; give one width at least")
-        if not 0 <= number(self.held_out, "held_out") <= 0.9:
-            raise ProblemError(f"held_out is {self.held_out}; it is a part of the log, 0 to 0.9")
 
 
 def identify(

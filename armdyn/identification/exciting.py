@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.interpolate import BSpline
 
-from armdyn.arguments import check_fields, checked, expect, number, one_of, several, whole
+from armdyn.arguments import Checked, checked, expect, number, one_of, several, whole
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import ProblemError
@@ -37,7 +37,7 @@ _SPEED = 2.0
 
 @brief
 @dataclass(frozen=True, kw_only=True)
-class ExcitingOptions:
+class ExcitingOptions(Checked):
     """Options of `exciting_motion`.
 
     Attributes:
@@ -58,7 +58,7 @@ class ExcitingOptions:
     """
 
     what: What = checked(one_of, "all", known=WHAT)
-    margin: float = 0.8
+    margin: float = checked(number, 0.8, sign="positive", most=1.0)
     knots: float = checked(number, 1.5, unit="1/s", sign="positive")
     candidates: int = checked(whole, 10, least=1, most=10_000)
     generations: int = checked(whole, 150, least=0, most=100_000)
@@ -72,9 +72,7 @@ class ExcitingOptions:
     )
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        if not 0 < number(self.margin, "margin") <= 1:
-            raise ProblemError(f"margin is {self.margin}; it is a part of the limits, above 0 and at most 1")
+        super().__post_init__()
         object.__setattr__(self, "obstacles", check_scene(several(self.obstacles, "obstacles"), self.clearance))
 
 
@@ -94,9 +92,7 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     """
     expect_robot(robot)
     options = ExcitingOptions() if options is None else expect(options, ExcitingOptions, "options")
-    if not 1 <= number(duration, "duration", unit="s") <= 600:
-        raise ProblemError(f"duration is {duration} s; it is 1 to 600 s")
-    search = _Search.of(robot, float(duration), options)
+    search = _Search.of(robot, number(duration, "duration", unit="s", least=1.0, most=600.0), options)
     rng = np.random.default_rng(options.seed)
     tried = (search.fitted(search.random(rng)) for _ in range(options.candidates))
     found = [one for one in tried if one is not None and search.clear(one)]

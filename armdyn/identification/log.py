@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 
-from armdyn.arguments import expect, numbers, several, text
+from armdyn.arguments import each, expect, numbers, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, LogError, MissingPackageError, TrajectoryError
@@ -76,10 +76,7 @@ class Log:
             if own is not None and own.shape != self.q.shape:
                 raise LogError(f"{self.name}: {name} has shape {own.shape}, q {self.q.shape}")
         if self.joint_names is not None:
-            names = tuple(
-                text(one, "joint_names of a log: one", error=LogError)
-                for one in several(self.joint_names, "joint_names of a log", error=LogError)
-            )
+            names = each(self.joint_names, "joint_names of a log", text, error=LogError)
             object.__setattr__(self, "joint_names", names)
             if len(set(names)) != len(names) or len(names) != self.q.shape[1]:
                 raise LogError(f"{self.name}: {len(names)} joint names, some alike or not one per column")

@@ -9,7 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, number, shown, whole
+from armdyn.arguments import Checked, checked, expect, number, shown, whole
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
@@ -32,7 +32,7 @@ _NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "satu
 
 
 @dataclass(frozen=True, kw_only=True)
-class MonteCarloOptions:
+class MonteCarloOptions(Checked):
     """Number of arms, and how each is watched.
 
     Attributes:
@@ -49,9 +49,6 @@ class MonteCarloOptions:
     duration: float = checked(number, 1.0, unit="s", sign="positive")
     tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
     workers: int | None = checked(whole, None, least=1)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import MOST_MEMBERS, check_fields, checked, interval, number, whole
+from armdyn.arguments import MOST_MEMBERS, Checked, checked, interval, number, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.models.robots.arm import payload_inertia
@@ -54,7 +54,7 @@ class PlantSample:
 
 @brief
 @dataclass(frozen=True, kw_only=True)
-class Plants:
+class Plants(Checked):
     """Ranges of the uncertain properties of an arm: payload, friction, start.
 
     Each number is uniformly distributed in its range, and each joint has its own.
@@ -79,7 +79,7 @@ class Plants:
     seed: int = checked(whole, 0, least=0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         object.__setattr__(self, "payload", self.loads)
 
     @property

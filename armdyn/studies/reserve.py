@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armdyn.arguments import listener, number, several
+from armdyn.arguments import each, listener, number
 from armdyn.control import Loop, Lqr, Run
 from armdyn.control.loop.law import Controller, expect_controller
 from armdyn.control.loop.loop import expect_loop
@@ -159,14 +159,13 @@ def reserve_curve(
     """
     expect_problem(problem)
     progress, loop = listener(progress), expect_loop(loop, Loop())
-    levels = sorted({number(r, f"reserves[{i}]") for i, r in enumerate(several(reserves, "reserves"))})
+    levels = sorted(set(each(reserves, "reserves", number)))
     if not levels or not 0 <= levels[0] <= levels[-1] < 1:
         raise ProblemError(f"reserves are {tuple(levels)}; expected one or more, each at least 0 and below 1")
     whole = problem.variant(reserve=0.0, velocity_reserve=0.0)
     robot = replace(problem.robot, limits=whole.limits)  # feedback has the problem's whole limits
     arms = likely_plants(robot) if plants is None else expect_robots(plants, "plants")
-    followed_by = (Lqr(),) if controllers is None else several(controllers, "controllers")
-    laws = tuple(expect_controller(law, f"controllers[{i}]") for i, law in enumerate(followed_by))
+    laws = each((Lqr(),) if controllers is None else controllers, "controllers", expect_controller)
     found = continuation([problem.variant(reserve=r) for r in levels], options, progress)
     solutions = {r: s for r, s in zip(levels, found, strict=False) if s.usable and s.status is not Status.INTERRUPTED}
     rows = []

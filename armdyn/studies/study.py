@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, number, one_of, whole
+from armdyn.arguments import Checked, checked, number, one_of, whole
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property
@@ -135,7 +135,7 @@ class OwnTask(Cases):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Study(Cases):
+class Study(Cases, Checked):
     """Cases of a task whose settings vary along axes.
 
     Attributes:
@@ -154,7 +154,7 @@ class Study(Cases):
     seed: int = checked(whole, 0, least=0)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if not self.axes:
             raise ProblemError("nothing varies: give [vary] a setting")
         names = [axis.name for axis in self.axes]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, number, numbers, several, shown, text
+from armdyn.arguments import Checked, checked, each, expect, number, numbers, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.reprs import brief
@@ -67,7 +67,7 @@ class Load:
 
 @brief
 @dataclass(frozen=True)
-class Piece:
+class Piece(Checked):
     """Part of a motion along which model and payload are constant.
 
     Attributes:
@@ -87,9 +87,6 @@ class Piece:
     load: Load | None = checked(expect, None, kind=Load, name="piece load", hint="Load(mass=…)", error=TrajectoryError)
     event: str = checked(text, "", name="piece event", error=TrajectoryError)
 
-    def __post_init__(self) -> None:
-        check_fields(self)
-
 
 def check_pieces(pieces: object, t: Array) -> tuple[Piece, ...]:
     """Check that the pieces of a motion follow each other from its start.
@@ -102,8 +99,7 @@ def check_pieces(pieces: object, t: Array) -> tuple[Piece, ...]:
         TrajectoryError: they are no pieces, or more than `MOST_PIECES`; or the first one does not start at the first
             sample, and each other one at a later sample before the last.
     """
-    members = several(pieces, "pieces", error=TrajectoryError)
-    own = tuple(expect(one, Piece, f"pieces[{i}]", error=TrajectoryError) for i, one in enumerate(members))
+    own = each(pieces, "pieces", expect, kind=Piece, error=TrajectoryError)
     if len(own) > MOST_PIECES:
         raise TrajectoryError(f"pieces are {len(own)}; expected at most {MOST_PIECES}")
     starts = np.array([one.start for one in own])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.arguments import number, numbers, several, text
+from armdyn.arguments import each, number, numbers, text
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
@@ -62,8 +62,7 @@ def check_fields(motion: Any, arrays: Sequence[str]) -> None:
         object.__setattr__(motion, field, array)
         if not np.all(np.isfinite(array)):
             raise TrajectoryError(f"{field} has a value that is not finite")
-    names = several(motion.joint_names, "joint_names", error=TrajectoryError)
-    names = tuple(text(name, f"joint_names[{i}]", error=TrajectoryError) for i, name in enumerate(names))
+    names = each(motion.joint_names, "joint_names", text, error=TrajectoryError)
     object.__setattr__(motion, "joint_names", names)
     for field in ("name", "model_hash"):
         text(getattr(motion, field), field, error=TrajectoryError)
@@ -197,9 +196,7 @@ def samples_of(motion: Trajectory, rate: float | None) -> Samples:
 
 def _even(duration: float, rate: float) -> Array:
     """Multiples of the period from the start, and the end [s], shape (n,)."""
-    rate = number(rate, "rate", unit="Hz", sign="positive", error=TrajectoryError)
-    if rate > MOST_RATE:
-        raise TrajectoryError(f"rate is {rate:g} Hz; it must be at most {MOST_RATE:g} Hz")
+    rate = number(rate, "rate", unit="Hz", sign="positive", most=MOST_RATE, error=TrajectoryError)
     ticks = duration * rate
     _check_count(ticks + 1, f"{duration:g} s at {rate:g} Hz")
     whole = np.arange(int(np.ceil(ticks)) + 1)

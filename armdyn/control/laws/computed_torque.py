@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, number
+from armdyn.arguments import Checked, checked, number
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
 from armdyn.control.loop.loop import Loop
@@ -15,7 +15,7 @@ from armdyn.models.robots.robot import Robot, expect_robot
 
 
 @dataclass(frozen=True)
-class ComputedTorque:
+class ComputedTorque(Checked):
     """tau = rnea(q, v, a_ref + ω² e + 2 ζ ω (v_ref - v) + ki ∫e dt) + feedforward, e = q_ref - q.
 
     Every joint of the nominal arm is then an independent oscillator about the reference (Siciliano, Sciavicco, Villani,
@@ -37,9 +37,6 @@ class ComputedTorque:
     bandwidth: float = checked(number, 100.0, unit="rad/s", sign="positive")
     damping: float = checked(number, 1.0, sign="positive")
     integral: float = checked(number, 0.0, unit="1/s³", sign="not negative")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:
         """The law along a reference; see `Controller`.

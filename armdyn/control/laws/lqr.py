@@ -6,7 +6,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, number
+from armdyn.arguments import Checked, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, extended, law_function, reference_of, table
@@ -109,7 +109,7 @@ _WEIGHTS = ("position", "velocity", "integral")
 
 
 @dataclass(frozen=True)
-class Lqr:
+class Lqr(Checked):
     """tau = tau_ref + K (e, ė, ∫e dt, tau_ref - tau of torques decided and not yet applied), K of each tick.
 
     K makes least Σ (|e|² + |velocity ė|² + |integral ∫e dt|²)/position² + |u|²/(half the torque range)² over the ticks,
@@ -147,7 +147,7 @@ class Lqr:
     phase: float = checked(number, 1.0, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         expect_one_count("weights", self.position, self.velocity, self.integral)
 
     def law(self, robot: Robot, ticks: Ticks, loop: Loop) -> Law:

@@ -8,7 +8,7 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from armdyn.arguments import MOST_MEMBERS, check_fields, checked, expect, flag, one_of, whole
+from armdyn.arguments import MOST_MEMBERS, Checked, checked, expect, flag, one_of, whole
 from armdyn.arrays import Array
 from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
 from armdyn.control.loop.law import Law, expect_motors
@@ -31,7 +31,7 @@ FORMS: tuple[Form, ...] = ("acceleration", "torque", "computed_torque")
 
 
 @dataclass(frozen=True)
-class PidGains:
+class PidGains(Checked):
     """Gains of u = kp e + ki ∫e dt + kd ė, eq. (27), with e = goal - position, eq. (26).
 
     Each is one number, or one per joint. Units below are of forms whose output is an acceleration of a
@@ -48,7 +48,7 @@ class PidGains:
     kd: PerJoint = checked(one_or_each, sign="not negative")
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         expect_one_count("gains", self.kp, self.ki, self.kd)
 
     def per_joint(self, nv: int) -> tuple[Array, Array, Array]:
@@ -71,7 +71,7 @@ whether they suit depends on the arm: `closed_loop_eigenvalues`."""
 
 
 @dataclass(frozen=True)
-class Pid:
+class Pid(Checked):
     """u = kp e + ki ∫e dt + kd (v_ref - v), eq. (27), with e = q_ref - q, and the torque computed from u.
 
     The torque depends on `form`: "torque", tau = u; "acceleration", tau = D(q) u;
@@ -96,7 +96,7 @@ class Pid:
     gravity: bool = checked(flag, False)
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if self.gravity and self.form == "computed_torque":
             raise ProblemError('gravity=True is for the other forms: form="computed_torque" compensates gravity itself')
 

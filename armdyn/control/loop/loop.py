@@ -5,7 +5,7 @@ from typing import Literal, Self
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, flag, number, one_of, whole
+from armdyn.arguments import Checked, checked, expect, flag, number, one_of, whole
 from armdyn.errors import ProblemError
 
 Velocity = Literal["filtered", "observer", "exact"]
@@ -37,7 +37,7 @@ LEAST_RATE, MOST_RATE = 1.0, 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Loop:
+class Loop(Checked):
     """A sampled loop: the reading at t = k / rate decides the torque that is held for one tick, `delay` ticks later.
 
     Attributes:
@@ -57,8 +57,8 @@ class Loop:
         ProblemError: something is not finite, out of range or unknown; a continuous loop with imperfections.
     """
 
-    rate: float = checked(number, 1000.0, unit="Hz", sign="positive")
-    delay: int = checked(whole, 1, least=0)
+    rate: float = checked(number, 1000.0, unit="Hz", least=LEAST_RATE, most=MOST_RATE)
+    delay: int = checked(whole, 1, least=0, most=_MOST_DELAY)
     encoder: float = checked(number, 1e-4, unit="rad", sign="not negative")
     velocity: Velocity = checked(one_of, "filtered", known=VELOCITIES)
     cutoff: float = checked(number, 80.0, unit="Hz", sign="positive")
@@ -69,11 +69,7 @@ class Loop:
     hold: Hold = checked(one_of, "zoh", known=HOLDS)
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        if not LEAST_RATE <= self.rate <= MOST_RATE:
-            raise ProblemError(f"rate is {self.rate:g} Hz; expected {LEAST_RATE:g} to {MOST_RATE:g} Hz")
-        if self.delay > _MOST_DELAY:
-            raise ProblemError(f"delay is {self.delay} ticks; expected at most {_MOST_DELAY}")
+        super().__post_init__()
         if self.hold == "continuous" and (self.delay or self.encoder or self.noise or self.velocity != "exact"):
             raise ProblemError(
                 'a loop with hold="continuous" has no imperfections: delay=0, encoder=0, noise=0, velocity="exact", '

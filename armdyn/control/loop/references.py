@@ -111,9 +111,7 @@ def ramp(robot: Robot, q_start: ArrayLike, q_goal: ArrayLike, duration: float) -
         ProblemError: wrong length or not finite; duration not within 1 µs to 100 s.
     """
     start, goal = pose_given(expect_robot(robot), q_start, "q_start"), pose_given(robot, q_goal, "q_goal")
-    T = number(duration, "duration", unit="s", sign="positive")
-    if not _SHORTEST <= T <= _LONGEST:
-        raise ProblemError(f"duration is {T:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
+    T = number(duration, "duration", unit="s", sign="positive", least=_SHORTEST, most=_LONGEST)
     s = np.linspace(0.0, 1.0, max(_LEAST, int(np.ceil(T * _PER_SECOND)) + 1))[:, None]
     q, v, a = (
         part * (goal - start) + offset

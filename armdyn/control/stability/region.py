@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import check_fields, checked, expect, interval, number, numbers, one_of
+from armdyn.arguments import Checked, checked, expect, interval, number, numbers, one_of
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
@@ -27,7 +27,7 @@ _EXACT = 1e-12
 
 @brief
 @dataclass(frozen=True)
-class GainRegion:
+class GainRegion(Checked):
     """One joint under PID control at its goal: m s³ + (kd + c) s² + (kp + k) s + ki = 0.
 
     By Routh's table it is stable if and only if kd + c > 0, kp + k > 0, ki ≥ 0 and (kd + c) (kp + k) > m ki. Without ki
@@ -47,9 +47,6 @@ class GainRegion:
     inertia: float = checked(number, unit="kg m²", sign="positive")
     stiffness: float = checked(number, unit="N m/rad")
     damping: float = checked(number, 0.0, unit="N m s/rad")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @classmethod
     def of(cls, robot: Robot, q_goal: ArrayLike, form: Form = "acceleration") -> Self:

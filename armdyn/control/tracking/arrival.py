@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from armdyn.arguments import check_fields, checked, number, one_of
+from armdyn.arguments import Checked, checked, number, one_of
 
 if TYPE_CHECKING:  # the command line's help names the rules, without numpy
     from armdyn.arrays import Array
@@ -23,7 +23,7 @@ ARRIVAL_RULES: tuple[ArrivalRule, ...] = ("last_entry_all_joints", "last_entry_f
 
 
 @dataclass(frozen=True)
-class Arrival:
+class Arrival(Checked):
     """Definition of arrival in the final position.
 
     Attributes:
@@ -36,9 +36,6 @@ class Arrival:
 
     rule: ArrivalRule = checked(one_of, "last_entry_all_joints", known=ARRIVAL_RULES, name="arrival_rule")
     tolerance: float = checked(number, 0.005, unit="rad", sign="positive", name="arrival_tolerance")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     def time(self, motion: Trajectory, goal: Array) -> float | None:
         """Arrival time of a motion [s], exact for the cubics between its samples; None if the motion does not arrive.

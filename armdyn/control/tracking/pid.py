@@ -17,7 +17,6 @@ from armdyn.control.stability.linear import closed_loop_eigenvalues
 from armdyn.control.tracking.arrival import Arrival, ArrivalRule
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.track import MOST_ROWS, Setup
-from armdyn.errors import ProblemError
 from armdyn.files import attributes
 from armdyn.models.robots.poses import pose_given
 from armdyn.models.robots.robot import Robot, expect_robot
@@ -67,9 +66,7 @@ def simulate_pid(
             10 µs to 10,000 s; unknown form or rule; less than two samples, or more than a million.
     """
     goal, start = pose_given(expect_robot(robot), q_goal, "q_goal"), pose_given(robot, q_start, "q_start")
-    seconds = number(duration, "duration", unit="s", sign="positive")
-    if not _SHORTEST <= seconds <= _LONGEST:
-        raise ProblemError(f"duration is {seconds:g} s; expected {_SHORTEST:g} to {_LONGEST:g} s")
+    seconds = number(duration, "duration", unit="s", sign="positive", least=_SHORTEST, most=_LONGEST)
     controller, arrival = Pid(gains, form, feedforward=False), Arrival(arrival_rule, arrival_tolerance)
     expect_motors(robot, "a PID controller")
     samples = whole(samples, "samples", least=2, most=MOST_SAMPLES)

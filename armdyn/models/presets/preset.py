@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from armdyn.arguments import one_of, several, shown, text
+from armdyn.arguments import each, one_of, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
@@ -200,7 +200,7 @@ class ControllerPreset:
         Raises:
             ProblemError: another number of joints, or other names.
         """
-        names = [text(name, "joints") for name in several(joints, "joints")]
+        names = each(joints, "joints", text)
         if len(names) != len(self.joints):
             raise ProblemError(
                 f"preset {self.name!r} has {len(self.joints)} joints, but {whose} has {len(names)}: "

@@ -94,9 +94,7 @@ def interfaces_of(table: Table, limits: ControllerLimits) -> tuple[Interface, ..
         if "rate" not in own.values:
             raise own.error("rate", f"{own.called('rate')} is missing: commands per second [Hz]")
         with own.at("rate"):
-            rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive")
-            if rate > MOST_RATE:
-                raise ProblemError(f"{own.called('rate')} is {rate:g} Hz; it must be at most {MOST_RATE:g}")
+            rate = number(own.values["rate"], own.called("rate"), unit="Hz", sign="positive", most=MOST_RATE)
         conditions = {}
         for kind in KINDS:
             conditions[kind] = texts_of(own, kind)

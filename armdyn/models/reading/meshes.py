@@ -10,9 +10,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import path, several
 from armdyn.arrays import Array
-from armdyn.errors import FileError, SpecError
+from armdyn.errors import FileError
 from armdyn.files import read_bounded
 
 _MAX_MESH_BYTES = 256 * 2**20
@@ -68,16 +67,6 @@ def geometries(
             keys = {"box": {"size": 3}, "sphere": {"radius": 1}}.get(shape.tag, {"length": 1, "radius": 1})
             sizes = [numbers(shape.get(key, missing), count, 1.0) for key, count in keys.items()]
             yield shape.tag, np.concatenate(sizes), None
-
-
-def folders_of(package_dirs: object) -> tuple[str, ...]:
-    """Check the argument `package_dirs`.
-
-    Raises:
-        SpecError: it is no list of paths.
-    """
-    folders = several(package_dirs, "package_dirs", error=SpecError)
-    return tuple(path(folder, f"package_dirs[{i}]", error=SpecError) for i, folder in enumerate(folders))
 
 
 def mesh_folders(urdf: Path, given: Sequence[str | os.PathLike[str]]) -> tuple[str, ...]:

@@ -13,9 +13,11 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio as pin
 
-from armdyn.errors import ArmdynError
+from armdyn.arguments import each
+from armdyn.arguments import path as path_of
+from armdyn.errors import ArmdynError, SpecError
 from armdyn.models.reading.from_pinocchio import Reading
-from armdyn.models.reading.meshes import folders_of, mesh_folders, resolve_mesh
+from armdyn.models.reading.meshes import mesh_folders, resolve_mesh
 from armdyn.models.reading.nearest_inertia import InertiaRepair, repaired_inertias, with_inertias
 from armdyn.models.reading.urdf_arm import check_inertia, configuration, read_arm
 from armdyn.models.reading.urdf_check import MOVING, parse_urdf
@@ -89,7 +91,7 @@ def repair_urdf(path: str | os.PathLike[str], *, package_dirs: Sequence[str | os
         check_inertia(reading.model, source)
     except ArmdynError as error:
         found["refusal"] = str(error)
-    packages = _packages(root, file, folders_of(package_dirs))
+    packages = _packages(root, file, each(package_dirs, "package_dirs", path_of, error=SpecError))
     return UrdfRepair(source=source, text=text, inertias=inertias, packages=packages, lock=lock, arm=chain, **found)
 
 

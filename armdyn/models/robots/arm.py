@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import check_fields, checked, expect, numbers, several, shown, text
+from armdyn.arguments import Checked, checked, expect, numbers, several, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
@@ -39,7 +39,7 @@ READERS = (
 
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Arm:
+class Arm(Checked):
     """An arm of revolute, continuous and prismatic joints.
 
     All of armdyn speaks of *joint coordinates*: one number per joint, an angle [rad] or a
@@ -65,20 +65,20 @@ class Arm:
         options: with which it was read.
     """
 
-    name: str = checked(text, name="name of a robot", error=SpecError)
-    model: pin.Model = checked(expect, kind=pin.Model, name="model of a robot", hint=f"use {READERS}", error=SpecError)
-    limits: JointLimits = checked(expect, kind=JointLimits, name="limits of a robot", error=SpecError)
-    joint_names: tuple[str, ...]
-    urdf: str = field(repr=False)
+    name: str = checked(text, error=SpecError)
+    model: pin.Model = checked(expect, kind=pin.Model, hint=f"use {READERS}", error=SpecError)
+    limits: JointLimits = checked(expect, kind=JointLimits, error=SpecError)
+    joint_names: tuple[str, ...] = checked(several, error=SpecError)
+    urdf: str = checked(text, error=SpecError, in_repr=False)
     source: str
-    package_dirs: tuple[str, ...] = ()
+    package_dirs: tuple[str, ...] = checked(several, (), error=SpecError)
     locked: Mapping[str, float] = field(default_factory=dict)
     repaired: str = ""
     payload: Payload | None = checked(expect, None, kind=Payload, hint="Payload(mass=…)", error=SpecError)
-    tip: str = checked(text, TIP, name="tip of a robot", error=SpecError)
-    friction: JointFriction = field(default_factory=JointFriction)
-    origin: RobotSource | None = field(default=None, repr=False)
-    options: RobotOptions = field(default_factory=RobotOptions, repr=False)
+    tip: str = checked(text, TIP, error=SpecError)
+    friction: JointFriction = checked(expect, JointFriction(), kind=JointFriction, error=SpecError)
+    origin: RobotSource | None = checked(expect, None, kind=RobotSource, error=SpecError, in_repr=False)
+    options: RobotOptions = checked(expect, RobotOptions(), kind=RobotOptions, error=SpecError, in_repr=False)
 
     def __new__(cls, *given: object, **fields: object) -> Self:
         """Refuse positional arguments: `Robot(model)` or `Robot("arm.urdf")` is meant for one of the readers."""
@@ -87,19 +87,14 @@ class Arm:
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
-        check_fields(self)
-        text(self.urdf, "urdf of a robot", error=SpecError)
-        expect(self.friction, JointFriction, "friction of a robot", error=SpecError)
+        super().__post_init__()
         expect(self.locked, Mapping, "locked of a robot", error=SpecError)  # type: ignore[type-abstract]
-        several(self.package_dirs, "package_dirs of a robot", error=SpecError)
-        names = several(self.joint_names, "joint_names of a robot", error=SpecError)
-        if not len(names) == self.limits.velocity.size == self.model.nv:
-            raise SpecError(
-                f"a robot of {self.model.nv} joints has {len(names)} joint names and {self.limits.velocity.size} limits"
-            )
-        expect(self.options, RobotOptions, "options of a robot", error=SpecError)
-        if self.origin is not None:
-            expect(self.origin, RobotSource, "origin of a robot", error=SpecError)
+        count, limits = len(self.joint_names), self.limits.velocity.size
+        if not count == limits == self.model.nv:
+            raise SpecError(f"a robot of {self.model.nv} joints has {count} joint names and {limits} limits")
+
+    def _of_whom(self) -> str:
+        return " of a robot"
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""

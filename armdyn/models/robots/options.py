@@ -9,9 +9,8 @@ from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, several, shown
+from armdyn.arguments import Checked, checked, each, expect, path, several, shown
 from armdyn.errors import SpecError
-from armdyn.models.reading.meshes import folders_of
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.spec import Payload, Tool
 from armdyn.reprs import brief
@@ -40,7 +39,7 @@ class RobotKeywords(TypedDict, total=False):
 
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RobotOptions:
+class RobotOptions(Checked):
     """Options of the readers of robots. Every reader takes these fields as keywords, or the whole value as `options`.
 
     Attributes:
@@ -77,7 +76,7 @@ class RobotOptions:
     """
 
     payload: Payload | None = None
-    tool: Tool | None = None
+    tool: Tool | None = checked(expect, None, kind=Tool, hint="Tool(mass=…, tip=…)", error=SpecError)
     lock: Mapping[str, float] | None = None
     arm: tuple[str, str] | None = None
     effort_limit: ArrayLike | None = None
@@ -91,11 +90,10 @@ class RobotOptions:
     friction_width: ArrayLike | None = None
     passive: Sequence[str] = ()
     inertias: Mapping[str, ArrayLike] | None = None
-    package_dirs: Sequence[str | os.PathLike[str]] = ()
+    package_dirs: Sequence[str | os.PathLike[str]] = checked(each, (), of=path, error=SpecError)
 
     def __post_init__(self) -> None:
-        if self.tool is not None:
-            expect(self.tool, Tool, "tool", "Tool(mass=…, tip=…)", error=SpecError)
+        super().__post_init__()
         for name, number in (("lock", "position [rad or m]"), ("inertias", "ten inertial parameters")):
             if (given := getattr(self, name)) is not None:
                 expect(given, Mapping, name, f"joint name to {number}", error=SpecError)  # type: ignore[type-abstract]
@@ -106,7 +104,6 @@ class RobotOptions:
                     f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
                 )
             object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
-        object.__setattr__(self, "package_dirs", folders_of(self.package_dirs))
 
 
 def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:

@@ -11,7 +11,7 @@ from typing import NamedTuple, Self, Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, several, text
+from armdyn.arguments import each, expect, text
 from armdyn.errors import SpecError
 from armdyn.models.mjcf.document import parse_mjcf, read_mjcf
 from armdyn.models.mjcf.reading import read_mjcf_arm
@@ -325,4 +325,4 @@ def expect_robots(robots: object, name: str) -> tuple[Robot, ...]:
     Raises:
         ProblemError: it is no list, or has something else in it.
     """
-    return tuple(expect_robot(robot, f"{name}[{i}]") for i, robot in enumerate(several(robots, name)))
+    return each(robots, name, expect_robot)

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import numbers, several, shown, text
+from armdyn.arguments import checked, each, numbers, shown, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
@@ -19,7 +19,7 @@ from armdyn.models.reading.meshes import load_meshes
 from armdyn.models.scene.convex_parts import convex_hull, convex_parts, hull_volume
 from armdyn.models.scene.grid import hollow_parts
 from armdyn.models.scene.shapes import Obstacle
-from armdyn.models.values.placement import Placement
+from armdyn.models.values.placement import Placement, pose_rows
 from armdyn.reprs import brief
 
 MAX_TRIANGLES = 100_000
@@ -31,6 +31,18 @@ _LOOSE = 1.25
 """Ratio of the convex parts' volume to the body's, above which a grid is tried: its hollows would be filled."""
 _MAX_COORDINATE = 100.0
 """Largest distance of a vertex from the mesh's origin along an axis [m]: a mesh beyond it is in millimetres."""
+
+
+def _corners(part: object, name: str) -> tuple[tuple[float, ...], ...]:
+    """Corners of a convex part as rows of three numbers [m]."""
+    points = numbers(part, name, "corners [m], shape (m, 3)")
+    if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)) or len(points) > MAX_CORNERS:
+        raise ProblemError(
+            f"{name} is {shown(part)}; it must be finite corners, shape (m, 3), of at most {MAX_CORNERS}"
+        )
+    if not hull_volume(points):
+        raise ProblemError(f"{name} is flat: its {len(points)} corners enclose no volume")
+    return tuple(map(tuple, points.tolist()))
 
 
 @brief
@@ -45,20 +57,17 @@ class Mesh(Obstacle):
         name: in messages.
     """
 
-    parts: Sequence[ArrayLike]
-    placement: Placement = (0.0, 0.0, 0.0)
+    parts: Sequence[ArrayLike] = checked(each, of=_corners)
+    placement: Placement = checked(pose_rows, (0.0, 0.0, 0.0))
     _: KW_ONLY
     name: str = "mesh"
 
     def __post_init__(self) -> None:
-        self._check()
-        what = f"obstacle {self.name!r}"
-        parts = [
-            _corners(part, f"parts[{i}] of {what}") for i, part in enumerate(several(self.parts, f"parts of {what}"))
-        ]
-        if not 0 < (count := sum(map(len, parts))) <= MAX_CORNERS:
-            raise ProblemError(f"the convex parts of {what} have {count} corners; they may have 4 to {MAX_CORNERS}")
-        object.__setattr__(self, "parts", tuple(tuple(map(tuple, part.tolist())) for part in parts))
+        super().__post_init__()
+        count = sum(map(len, self.parts))  # type: ignore[arg-type]  # tuples of corners now
+        if not 0 < count <= MAX_CORNERS:
+            whose = self._of_whom()
+            raise ProblemError(f"the convex parts{whose} have {count} corners; they may have 4 to {MAX_CORNERS}")
 
     @classmethod
     def from_triangles(
@@ -155,16 +164,10 @@ def _cut(meshes: Sequence[Any], what: str) -> list[Array]:
     return parts
 
 
-def _corners(part: object, what: str) -> Array:
-    """Corners of a convex part, shape (m, 3)."""
-    points = numbers(part, what, "corners [m], shape (m, 3)")
-    if points.ndim != 2 or points.shape[1] != 3 or not np.all(np.isfinite(points)) or len(points) > MAX_CORNERS:
-        raise ProblemError(
-            f"{what} is {shown(part)}; it must be finite corners, shape (m, 3), of at most {MAX_CORNERS}"
-        )
-    if not hull_volume(points):
-        raise ProblemError(f"{what} is flat: its {len(points)} corners enclose no volume")
-    return points
+def _member(value: object, name: str) -> Obstacle:
+    if not isinstance(value, Obstacle) or isinstance(value, Group):
+        raise ProblemError(f"{name} is {shown(value)}; it must be an obstacle, no group")
+    return value
 
 
 @brief
@@ -177,18 +180,9 @@ class Group(Obstacle):
         name: in messages.
     """
 
-    members: Sequence[Obstacle]
+    members: Sequence[Obstacle] = checked(each, of=_member)
     _: KW_ONLY
     name: str = "group"
-
-    def __post_init__(self) -> None:
-        self._check()
-        members = several(self.members, f"members of obstacle {self.name!r}")
-        for i, one in enumerate(members):
-            if not isinstance(one, Obstacle) or isinstance(one, Group):
-                what = f"members[{i}] of obstacle {self.name!r}"
-                raise ProblemError(f"{what} is {shown(one)}; it must be an obstacle, no group")
-        object.__setattr__(self, "members", tuple(members))
 
     def solids(self) -> list[tuple[Array, Any]]:
         """Solids of all members."""

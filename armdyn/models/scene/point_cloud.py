@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import numbers, text
+from armdyn.arguments import checked, number, numbers, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array, Index
 from armdyn.errors import ProblemError
@@ -21,7 +21,7 @@ from armdyn.files import read_bounded
 from armdyn.locks import built_once
 from armdyn.models.scene.grid import MOST_BOXES, few_boxes
 from armdyn.models.scene.shapes import Obstacle
-from armdyn.models.values.placement import Placement, Point, homogeneous
+from armdyn.models.values.placement import Placement, Point, homogeneous, point
 from armdyn.reprs import brief
 
 _MAX_BYTES = 64 * 2**20
@@ -46,12 +46,12 @@ class PointCloud(Obstacle):
     """
 
     points: ArrayLike
-    size: float
+    size: float = checked(number, unit="m", sign="positive")
     _: KW_ONLY
     name: str = "point cloud"
 
     def __post_init__(self) -> None:
-        self._check(lengths=["size"])
+        super().__post_init__()
         what = f"points of obstacle {self.name!r}"
         points = numbers(self.points, what, "points [m], shape (n, 3)")
         if points.ndim != 2 or points.shape[1] != 3:
@@ -145,14 +145,14 @@ class HeightMap(Obstacle):
     """
 
     heights: ArrayLike
-    size: float
-    origin: Point = (0.0, 0.0, 0.0)
-    step: float = 0.01
+    size: float = checked(number, unit="m", sign="positive")
+    origin: Point = checked(point, (0.0, 0.0, 0.0))
+    step: float = checked(number, 0.01, unit="m", sign="positive")
     _: KW_ONLY
     name: str = "height map"
 
     def __post_init__(self) -> None:
-        self._check(points=["origin"], lengths=["size", "step"])
+        super().__post_init__()
         what = f"heights of obstacle {self.name!r}"
         heights = numbers(self.heights, what, "heights [m], shape (nx, ny)")
         if heights.ndim != 2 or not np.all(np.abs(heights) < _MAX_CELL_INDEX * self.step):

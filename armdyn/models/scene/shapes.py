@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
@@ -10,13 +10,14 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import number, shown, text
+from armdyn.arguments import Checked, checked, number, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError
-from armdyn.models.values.placement import Placement, Point, homogeneous, point
+from armdyn.models.values.placement import Placement, Point, homogeneous, pose_rows
+from armdyn.models.values.placement import point as point_of
 
 
-class Obstacle:
+class Obstacle(Checked):
     """Obstacle: a body fixed in the world, a frozen dataclass with lengths in metres.
 
     A new shape is a subclass with `solid`, or `solids` if it is not convex, and its line in `obstacles.SHAPES`. Fields
@@ -46,21 +47,8 @@ class Obstacle:
         """Syntax of the shape in `--obstacle`, such as "R@X,Y,Z"."""
         return f"{','.join(cls.sizes.values())}@{';'.join('X,Y,Z' for _ in cls.places)}"
 
-    def _check(self, points: Sequence[str] = (), lengths: Sequence[str] = ()) -> None:
-        """Check the name, and keep points and positive lengths as numbers.
-
-        Raises:
-            ProblemError: a field is malformed.
-        """
-        text(self.name, "name of an obstacle")
-        for field in points:
-            object.__setattr__(self, field, point(getattr(self, field), f"{field} of obstacle {self.name!r}"))
-        for field in lengths:
-            what = f"{field} of obstacle {self.name!r}"
-            object.__setattr__(self, field, number(getattr(self, field), what, unit="m", sign="positive"))
-        if hasattr(self, "placement"):
-            pose = homogeneous(self.placement, f"placement of obstacle {self.name!r}")
-            object.__setattr__(self, "placement", tuple(map(tuple, pose.tolist())))
+    def _of_whom(self) -> str:
+        return f" of obstacle {text(self.name, 'name of an obstacle')!r}"
 
 
 @dataclass(frozen=True)
@@ -73,15 +61,12 @@ class Sphere(Obstacle):
         name: in messages.
     """
 
-    center: Point
-    radius: float
+    center: Point = checked(point_of)
+    radius: float = checked(number, unit="m", sign="positive")
     _: KW_ONLY
     name: str = "sphere"
 
     sizes, places = {"radius": "R"}, ("center",)
-
-    def __post_init__(self) -> None:
-        self._check(points=["center"], lengths=["radius"])
 
     def solid(self) -> tuple[Array, Any]:
         """Placement at the centre, and coal's sphere."""
@@ -92,17 +77,14 @@ class Sphere(Obstacle):
 class _Round(Obstacle):
     """A solid of revolution around a segment."""
 
-    a: Point
-    b: Point
-    radius: float
+    a: Point = checked(point_of)
+    b: Point = checked(point_of)
+    radius: float = checked(number, unit="m", sign="positive")
     _: KW_ONLY
     name: str = "capsule"
 
     sizes, places = {"radius": "R"}, ("a", "b")
     geometry: ClassVar[Any] = coal.Capsule
-
-    def __post_init__(self) -> None:
-        self._check(points=["a", "b"], lengths=["radius"])
 
     def solid(self) -> tuple[Array, Any]:
         """Placement in the middle with z from a to b, and coal's geometry."""
@@ -160,15 +142,15 @@ class Plane(Obstacle):
         name: in messages.
     """
 
-    point: Point
-    normal: Point = (0.0, 0.0, 1.0)
+    point: Point = checked(point_of)
+    normal: Point = checked(point_of, (0.0, 0.0, 1.0))
     _: KW_ONLY
     name: str = "plane"
 
     sizes, places = {"normal": "NX,NY,NZ"}, ("point",)
 
     def __post_init__(self) -> None:
-        self._check(points=["point", "normal"])
+        super().__post_init__()
         if not 1e-9 < np.linalg.norm(self.normal) < np.inf:
             raise ProblemError(f"normal of obstacle {self.name!r} is {self.normal}; it must have a length")
 
@@ -188,15 +170,15 @@ class Box(Obstacle):
         name: in messages.
     """
 
-    size: Point
-    placement: Placement
+    size: Point = checked(point_of)
+    placement: Placement = checked(pose_rows)
     _: KW_ONLY
     name: str = "box"
 
     sizes, places = {"size": "SX,SY,SZ"}, ("position",)
 
     def __post_init__(self) -> None:
-        self._check(points=["size"])
+        super().__post_init__()
         for edge in self.size:
             number(edge, f"an edge of obstacle {self.name!r}", unit="m", sign="positive")
 

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.arguments import expect, numbers, several, shown, text
+from armdyn.arguments import each, expect, numbers, shown, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import ArmdynError, SpecError, did_you_mean
 from armdyn.models.values.actuator_limits import ActuatorLimits, ConstantTorque
@@ -74,9 +74,7 @@ class JointLimits:
         Raises:
             ArmdynError: as `error`; there is no such joint.
         """
-        names = [
-            text(name, f"passive[{i}]", error=error) for i, name in enumerate(several(passive, "passive", error=error))
-        ]
+        names = each(passive, "passive", text, error=error)
         for name in names:
             if name not in joints:
                 meant = did_you_mean(name, joints)

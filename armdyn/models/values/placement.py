@@ -15,15 +15,15 @@ Placement: TypeAlias = ArrayLike | pin.SE3
 """A position [m], shape (3,), or a pose, shape (4, 4) or `pin.SE3`."""
 
 
-def point(value: ArrayLike, what: str, error: type[ArmdynError] = ProblemError) -> Point:
+def point(value: ArrayLike, name: str, error: type[ArmdynError] = ProblemError) -> Point:
     """Three finite numbers.
 
     Raises:
         ArmdynError: as `error`; the value is something else.
     """
-    array = numbers(value, what, "three numbers", error=error)
+    array = numbers(value, name, "three numbers", error=error)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
-        raise error(f"{what} is {shown(value)}; it must be three finite numbers")
+        raise error(f"{name} is {shown(value)}; it must be three finite numbers")
     x, y, z = (float(part) for part in array)
     return x, y, z
 
@@ -54,6 +54,11 @@ def homogeneous(placement: Placement, what: str) -> Array:
     if not turned <= 1e-6 or np.linalg.det(rotation) < 0:
         raise ProblemError(f"{what} has an invalid rotation: {rotation.tolist()}")
     return pose
+
+
+def pose_rows(placement: Placement, name: str) -> tuple[tuple[float, ...], ...]:
+    """A placement, see `homogeneous`, as the rows of its matrix: hashable."""
+    return tuple(map(tuple, homogeneous(placement, name).tolist()))
 
 
 def pose_of(position: ArrayLike, quaternion: ArrayLike | None, rpy: ArrayLike | None, what: str) -> Array:

@@ -10,10 +10,10 @@ from typing import Any, Literal, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import check_fields, checked, expect, number, numbers, several, shown, text
+from armdyn.arguments import Checked, checked, each, expect, number, numbers, several, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.values.placement import Placement, homogeneous, point
+from armdyn.models.values.placement import Placement, point, pose_rows
 from armdyn.reprs import brief
 
 GRAVITY = 9.81
@@ -21,7 +21,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, kw_only=True)
-class LinkSpec:
+class LinkSpec(Checked):
     """One link of a planar arm.
 
     Attributes:
@@ -35,9 +35,6 @@ class LinkSpec:
     com: float = checked(number, name="com of a link", unit="m", error=SpecError)
     mass: float = checked(number, name="mass of a link", unit="kg", sign="positive", error=SpecError)
     inertia: float = checked(number, name="inertia of a link", unit="kg m²", sign="positive", error=SpecError)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 PLANAR_LINKS = (
@@ -56,7 +53,7 @@ PLANAR_ARMS: tuple[PlanarArmName, ...] = ("r", "rr", "rrr")
 
 @brief
 @dataclass(frozen=True, kw_only=True)
-class ArmSpec:
+class ArmSpec(Checked):
     """A planar arm of revolute joints: R, RR, RRR and so on.
 
     Joint angles are relative; all zero is the arm stretched out horizontally; positive turns up,
@@ -70,21 +67,18 @@ class ArmSpec:
         effort_limit: every torque stays within ± this [N m].
     """
 
-    name: str
-    links: tuple[LinkSpec, ...]
+    name: str = checked(text, name="name of an arm", error=SpecError)
+    links: tuple[LinkSpec, ...] = checked(each, of=expect, kind=LinkSpec, name="links of an arm", error=SpecError)
     position_limit: float = checked(number, float(np.pi), unit="rad", sign="positive", error=SpecError)
     velocity_limit: float = checked(number, 1000.0, unit="rad/s", sign="positive", error=SpecError)
     effort_limit: float = checked(number, 3.0, unit="N m", sign="positive", error=SpecError)
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(_XML_TEXT, text(self.name, "name of an arm", error=SpecError)):
+        super().__post_init__()
+        if not re.fullmatch(_XML_TEXT, self.name):
             raise SpecError(f"name of an arm is {shown(self.name)}; a URDF can have no such characters")
-        links = several(self.links, "links of an arm", error=SpecError)
-        if not links:
+        if not self.links:
             raise SpecError("links is empty: an arm needs at least one link")
-        links = tuple(expect(link, LinkSpec, f"links[{i}] of an arm", error=SpecError) for i, link in enumerate(links))
-        object.__setattr__(self, "links", links)
-        check_fields(self)
 
     @classmethod
     def paper(cls, arm: PlanarArmName) -> Self:
@@ -227,10 +221,10 @@ class Tool(Payload):
         """
         super().__init__(mass=mass, com=com, inertia=inertia, frame=frame, shapes=shapes, name=name)
         try:
-            pose = homogeneous(tip, f"tip of tool {name!r}")
+            pose = pose_rows(tip, f"tip of tool {name!r}")
         except ProblemError as error:
             raise SpecError(str(error)) from None
-        object.__setattr__(self, "tip", tuple(map(tuple, pose.tolist())))
+        object.__setattr__(self, "tip", pose)
 
 
 def _moments(inertia: ArrayLike) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import check_fields, checked, number, text
+from armdyn.arguments import Checked, checked, number, text
 from armdyn.arrays import Array
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.robots.robot import Robot
@@ -89,7 +89,7 @@ def _by_payload_mass(problem: MinimumTimeProblem, phases: Phases) -> float:
 
 
 @dataclass(frozen=True)
-class Share:
+class Share(Checked):
     """A limit's share in the duration: −∂ln t_f/∂ln(limit). Raising the limit by 1 % saves that share of 1 %.
 
     A speed limit's share is the whole time of cruising at it. Without gravity and speed limits the shares of all torque
@@ -107,9 +107,6 @@ class Share:
     limit: str = checked(text)
     joint: str = checked(text)
     part: float = checked(number)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def name(self) -> str:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from armdyn.arguments import check_fields, checked, expect, flag, number, one_of, several, whole
+from armdyn.arguments import Checked, checked, each, expect, flag, number, one_of, whole
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SEARCH_LEVELS, SearchLevel
 from armdyn.optimal.task.tableau import TABLEAUS, Control, DynamicsForm
@@ -22,19 +22,15 @@ LEAST_TOLERANCE = 1e-10
 """Smallest goal error that counts as a miss [rad or m]: ten times the error of an integrator of tolerance 1e-10."""
 
 
-def _motions(value: object, name: str) -> tuple[Trajectory, ...]:
-    return tuple(expect(one, Trajectory, f"{name}[{i}]") for i, one in enumerate(several(value, name)))
-
-
 def _meshes(value: object, name: str) -> tuple[int, ...]:
-    if not (meshes := several(value, name)):
+    if not (meshes := each(value, name, whole, least=1)):
         raise ProblemError(f"{name} is empty; it must be numbers of at least 1")
-    return tuple(whole(mesh, f"{name}[{i}]", least=1) for i, mesh in enumerate(meshes))
+    return meshes
 
 
 @brief
 @dataclass(frozen=True, kw_only=True)
-class MinimumTimeOptions:
+class MinimumTimeOptions(Checked):
     """Options of `solve_minimum_time`.
 
     An attribute that is None is decided by the problem's policy; `armdyn doctor ROBOT --policy` shows it with reasons.
@@ -80,7 +76,7 @@ class MinimumTimeOptions:
         verbose: print the solvers' iterations.
     """
 
-    guesses: tuple[Trajectory, ...] = checked(_motions, ())
+    guesses: tuple[Trajectory, ...] = checked(each, (), of=expect, kind=Trajectory)
     search: SearchLevel = checked(one_of, "normal", known=SEARCH_LEVELS)
     starts: int | None = checked(whole, None, least=1, most=MAX_STARTS)
     seed: int = checked(whole, 0, least=0)
@@ -96,14 +92,9 @@ class MinimumTimeOptions:
     compile: bool | None = checked(flag, None)
     max_iterations: int = checked(whole, 500, least=1)
     tolerance: float = checked(number, 1e-8, sign="positive", finite=False)
-    calm: float = checked(number, 1e-3, sign="not negative")
+    calm: float = checked(number, 1e-3, least=0.0, most=MAX_CALM)
     bound: bool = checked(flag, True)
     bound_programs: int | None = checked(whole, None, least=1)
     time_limit: float = checked(number, 300.0, sign="positive", finite=False)
     workers: int | None = checked(whole, None, least=1)
     verbose: bool = checked(flag, False)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if self.calm > MAX_CALM:
-            raise ProblemError(f"calm is {self.calm:g}; it must be a part of the duration of at most {MAX_CALM:g}")

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from armdyn.arguments import check_fields, checked, flag, number, numbers, shown, text
+from armdyn.arguments import Checked, checked, flag, number, numbers, shown, text
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynWarning, ProblemError
 from armdyn.models.presets.preset import ControllerPreset
@@ -33,7 +33,7 @@ _UNBOUNDED = 2 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudioState:
+class StudioState(Checked):
     """State of the page.
 
     Attributes:
@@ -57,7 +57,7 @@ class StudioState:
     obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         for end in ("start", "goal"):
             positions = numbers(getattr(self, end), end)
             if not np.all(np.isfinite(positions)):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeVar
 
-from armdyn.arguments import check_fields, checked, expect, number, one_of
+from armdyn.arguments import Checked, checked, expect, number, one_of
 from armdyn.control.laws.registry import CONTROLLERS
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop
@@ -33,7 +33,7 @@ REFERENCES = tuple(_WITHOUT)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClosedLoopTask:
+class ClosedLoopTask(Checked):
     """A controller along a reference.
 
     Attributes:
@@ -64,7 +64,7 @@ class ClosedLoopTask:
     tolerance: float = checked(number, 0.005, unit="rad", sign="positive")
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         CONTROLLERS[self.controller].with_form(self.form, "form")
 
     @classmethod

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, one_of
+from armdyn.arguments import Checked, checked, expect, one_of
 from armdyn.cycle.solution import CycleSolution
 from armdyn.optimal import MinimumTimeOptions, Solution, Status, solve_minimum_time
 from armdyn.optimal.answer.words import standing
@@ -25,7 +25,7 @@ NEIGHBOURS: tuple[Neighbours, ...] = ("add", "lead", "off", "chain")
 
 
 @dataclass(frozen=True, kw_only=True)
-class MinimumTimeTask:
+class MinimumTimeTask(Checked):
     """Search of the fastest motion.
 
     Attributes:
@@ -46,9 +46,6 @@ class MinimumTimeTask:
     neighbours: Neighbours = checked(one_of, "add", known=NEIGHBOURS)
     progress: Callable[[str], None] | None = None
     same: SamePolicy = field(default_factory=SamePolicy)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @classmethod
     def read(cls, table: Table, problems: ProblemSource, names: Mapping[str, Table]) -> Self:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import check_fields, checked, expect, flag, interval, number, one_of, several, text
+from armdyn.arguments import Checked, checked, each, expect, flag, function, interval, number, one_of, text
 from armdyn.arrays import Array
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
@@ -32,7 +32,7 @@ slow to unstable."""
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Checked):
     """A number to choose; its logarithm is searched.
 
     Attributes:
@@ -44,21 +44,22 @@ class Parameter:
         ProblemError: not positive, or not in order.
     """
 
-    name: str
-    low: float
-    high: float
+    name: str = checked(text, name="name of a parameter")
+    low: float = checked(number, sign="positive")
+    high: float = checked(number, sign="positive")
 
     def __post_init__(self) -> None:
-        text(self.name, "name of a parameter")
-        for end in ("low", "high"):
-            object.__setattr__(self, end, number(getattr(self, end), f"{end} of {self.name}", sign="positive"))
+        super().__post_init__()
         if self.low >= self.high:
             raise ProblemError(f"low of {self.name} is {self.low:g}, high {self.high:g}; low must be the less")
+
+    def _of_whom(self) -> str:
+        return f" of {self.name}"
 
 
 @brief
 @dataclass(frozen=True, eq=False)
-class ControllerFamily:
+class ControllerFamily(Checked):
     """Controllers that differ in some numbers.
 
     Attributes:
@@ -70,18 +71,15 @@ class ControllerFamily:
         ProblemError: no parameters, or two of one name.
     """
 
-    name: str
-    parameters: tuple[Parameter, ...]
-    controller: Callable[[Values], Controller]
+    name: str = checked(text, name="name of a family")
+    parameters: tuple[Parameter, ...] = checked(
+        each, of=expect, kind=Parameter, hint='such as Parameter("kp", 1.0, 100.0)'
+    )
+    controller: Callable[[Values], Controller] = checked(function)
 
     def __post_init__(self) -> None:
-        text(self.name, "name of a family")
-        parameters = tuple(
-            expect(one, Parameter, f"parameters[{i}]", 'such as Parameter("kp", 1.0, 100.0)')
-            for i, one in enumerate(several(self.parameters, "parameters"))
-        )
-        object.__setattr__(self, "parameters", parameters)
-        names = [one.name for one in parameters]
+        super().__post_init__()
+        names = [one.name for one in self.parameters]
         if not names or len(set(names)) < len(names):
             raise ProblemError(f"parameters are {', '.join(names) or 'none'}; expected one or more, of different names")
 
@@ -152,7 +150,7 @@ class ControllerFamily:
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Ramps:
+class Ramps(Checked):
     """References along `ramp`, whose duration is chosen, too, as the parameter "ramp".
 
     Attributes:
@@ -167,9 +165,6 @@ class Ramps:
     q_start: ArrayLike
     q_goal: ArrayLike
     duration: tuple[float, float] = checked(interval, (0.1, 1.0), unit="s", sign="positive")
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
     @property
     def parameter(self) -> Parameter:

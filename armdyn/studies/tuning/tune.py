@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armdyn.arguments import check_fields, checked, expect, listener, number, one_of, path, whole
+from armdyn.arguments import Checked, checked, expect, listener, number, one_of, path, whole
 from armdyn.arrays import Array
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import Loop, expect_loop
@@ -41,7 +41,7 @@ TuningStatus = Literal["converged", "generations", "time_limit", "interrupted"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TuneOptions:
+class TuneOptions(Checked):
     """Index to minimise, and extent of the search.
 
     Attributes:
@@ -70,9 +70,6 @@ class TuneOptions:
     time_limit: float = checked(number, np.inf, unit="s", sign="positive", finite=False)
     workers: int | None = checked(whole, None, least=1)
     file: str | os.PathLike[str] | None = checked(path, None)
-
-    def __post_init__(self) -> None:
-        check_fields(self)
 
 
 @brief

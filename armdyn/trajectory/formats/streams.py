@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from armdyn.arguments import number, several
+from armdyn.arguments import each, number, several
 from armdyn.errors import TrajectoryError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Stream:
         com = several(self.payload_com, "payload_com", error=TrajectoryError)
         if len(com) != 3:
             raise TrajectoryError(f"payload_com has {len(com)} numbers; it is x, y, z [m]")
-        return mass, [number(x, f"payload_com[{i}]", unit="m", error=TrajectoryError) for i, x in enumerate(com)]
+        return mass, list(each(com, "payload_com", number, unit="m", error=TrajectoryError))
 
     def events(self, samples: Samples) -> list[PieceStart]:
         """The pieces at whose start something occurs: an event, or a change of the load.
