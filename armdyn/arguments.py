@@ -305,15 +305,15 @@ def each(value: object, name: str, of: Callable[..., Kind], **conditions: Any) -
     return tuple(of(one, name=" ".join([f"{first}[{i}]", *rest]), **conditions) for i, one in enumerate(members))
 
 
-def one_of(value: object, known: Sequence[str], name: str) -> str:
+def one_of(value: object, known: Sequence[str], name: str, *, error: type[ArmdynError] = ProblemError) -> str:
     """Return the value if it is one of the known names; raise otherwise.
 
     Raises:
-        ProblemError: the name is unknown.
+        ArmdynError: as `error`; the name is unknown.
     """
     if isinstance(value, str) and value in known:
         return value
-    raise ProblemError(f"{name} is {shown(value)}; it is one of {', '.join(map(repr, known))}")
+    raise error(f"{name} is {shown(value)}; it is one of {', '.join(map(repr, known))}")
 
 
 def path(value: object, name: str, *, error: type[ArmdynError] = ProblemError) -> str:

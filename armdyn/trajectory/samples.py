@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.arguments import each, number, numbers, text
+from armdyn.arguments import Checked, checked, each, number, numbers, text
 from armdyn.arrays import Array
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
     from armdyn.trajectory.pieces import Piece
     from armdyn.trajectory.value import Trajectory
 
-
-_ARRAYS = ("t", "q", "v", "a", "tau")
 
 MOST_RATE = 1e5
 """Samples per second beyond which a rate is a mistake [Hz]: drives close their current loops ten times slower."""
@@ -45,41 +44,46 @@ _LAST_STEP = 1e-3
 """Of a tick: a tick that is nearer to the end is left out. At `MOST_RATE` that is `LEAST_STAMP`."""
 
 
-def check_fields(motion: Any, arrays: Sequence[str]) -> None:
-    """Check and freeze the fields that trajectories and samples share: arrays, joint names, texts.
-
-    Args:
-        motion: whose fields are replaced.
-        arrays: names of the arrays, the times first.
+def finite(value: object, name: str) -> Array:
+    """An array of finite numbers.
 
     Raises:
-        TrajectoryError: a field is no array of finite numbers, or no text; times do not increase, or arrays or names do
-            not fit each other.
+        TrajectoryError: it is no such array.
     """
-    for field in arrays:
-        array = numbers(getattr(motion, field), field, "an array of numbers", error=TrajectoryError)
-        array.setflags(write=False)
-        object.__setattr__(motion, field, array)
-        if not np.all(np.isfinite(array)):
-            raise TrajectoryError(f"{field} has a value that is not finite")
-    names = each(motion.joint_names, "joint_names", text, error=TrajectoryError)
-    object.__setattr__(motion, "joint_names", names)
-    for field in ("name", "model_hash"):
-        text(getattr(motion, field), field, error=TrajectoryError)
+    array = numbers(value, name, "an array of numbers", error=TrajectoryError)
+    if not np.all(np.isfinite(array)):
+        raise TrajectoryError(f"{name} has a value that is not finite")
+    return array
+
+
+names_of = partial(each, of=text, error=TrajectoryError)
+"""The check of a motion's `joint_names`."""
+
+
+def check_shapes(motion: Any, arrays: Sequence[str]) -> None:
+    """Check that times increase, and that the arrays and names of trajectories and samples fit them.
+
+    Args:
+        motion: its fields are checked one by one.
+        arrays: names of the arrays but the times.
+
+    Raises:
+        TrajectoryError: they do not.
+    """
     n = motion.t.size if motion.t.ndim == 1 else 0
     if n < 2 or not np.all(np.diff(motion.t) > 0):
         raise TrajectoryError(f"t must be at least two increasing times [s], got shape {motion.t.shape}")
-    for field in arrays[1:]:
+    for field in arrays:
         shape = getattr(motion, field).shape
         if len(shape) != 2 or shape[0] != n:
             raise TrajectoryError(f"{field} has shape {shape}; expected ({n}, joints) as t has {n} samples")
-    if names and len(names) != motion.v.shape[1]:
-        raise TrajectoryError(f"{len(names)} joint names for {motion.v.shape[1]} joints")
+    if (count := len(motion.joint_names)) and count != motion.v.shape[1]:
+        raise TrajectoryError(f"{count} joint names for {motion.v.shape[1]} joints")
 
 
 @brief
 @dataclass(frozen=True)
-class Samples:
+class Samples(Checked):
     """States at strictly increasing stamps, and torques held from each stamp to the next.
 
     `Trajectory.resample` makes them. Rows of `a` and `tau` are means over the step that begins at their stamp; the
@@ -100,18 +104,19 @@ class Samples:
         TrajectoryError: arrays do not fit each other, a number is not finite, or stamps do not increase from 0.
     """
 
-    t: Array
-    q: Array
-    v: Array
-    a: Array
-    tau: Array
-    joint_names: tuple[str, ...] = ()
-    name: str = ""
-    model_hash: str = ""
+    t: Array = checked(finite)
+    q: Array = checked(finite)
+    v: Array = checked(finite)
+    a: Array = checked(finite)
+    tau: Array = checked(finite)
+    joint_names: tuple[str, ...] = checked(names_of, ())
+    name: str = checked(text, "", error=TrajectoryError)
+    model_hash: str = checked(text, "", error=TrajectoryError)
     pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
-        check_fields(self, _ARRAYS)
+        super().__post_init__()
+        check_shapes(self, ("q", "v", "a", "tau"))
         if self.t[0] != 0:
             raise TrajectoryError(f"t begins at {self.t[0]:g} s; stamps are times [s] from 0 on")
         for field in ("v", "a", "tau"):

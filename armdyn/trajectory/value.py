@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import expect, number, numbers, text
+from armdyn.arguments import Checked, checked, expect, number, numbers, one_of, text
 from armdyn.arrays import Array, Flags
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
@@ -18,7 +18,7 @@ from armdyn.reprs import brief, called
 from armdyn.trajectory import joining, npz
 from armdyn.trajectory.interpolation import cubic
 from armdyn.trajectory.pieces import Load, Piece, check_pieces, to_text
-from armdyn.trajectory.samples import LEAST_STEP, Samples, check_fields, samples_of
+from armdyn.trajectory.samples import LEAST_STEP, Samples, check_shapes, finite, names_of, samples_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -44,7 +44,7 @@ class Sample(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Checked):
     """A motion: samples of state and torque over time.
 
     Between samples the position is the cubic that matches position and velocity at both ends. The torque is linear,
@@ -63,18 +63,19 @@ class Trajectory:
         pieces: parts with a model and payload of their own, in order; empty: the motion is one piece.
     """
 
-    t: Array
-    q: Array
-    v: Array
-    tau: Array
-    joint_names: tuple[str, ...] = ()
-    name: str = ""
-    model_hash: str = ""
-    hold: Hold = "linear"
+    t: Array = checked(finite)
+    q: Array = checked(finite)
+    v: Array = checked(finite)
+    tau: Array = checked(finite)
+    joint_names: tuple[str, ...] = checked(names_of, ())
+    name: str = checked(text, "", error=TrajectoryError)
+    model_hash: str = checked(text, "", error=TrajectoryError)
+    hold: Hold = checked(one_of, "linear", known=HOLDS, error=TrajectoryError)
     pieces: tuple[Piece, ...] = ()
 
     def __post_init__(self) -> None:
-        check_fields(self, _ARRAYS)
+        super().__post_init__()
+        check_shapes(self, _ARRAYS[1:])
         nearest = int(np.argmin(np.diff(self.t)))
         if self.t[nearest + 1] - self.t[nearest] < LEAST_STEP:
             raise TrajectoryError(
@@ -83,8 +84,6 @@ class Trajectory:
             )
         if self.v.shape != self.tau.shape:
             raise TrajectoryError(f"v has shape {self.v.shape} but tau {self.tau.shape}")
-        if text(self.hold, "hold", error=TrajectoryError) not in HOLDS:
-            raise TrajectoryError(f"hold is {self.hold!r}; it is one of {', '.join(map(repr, HOLDS))}")
         object.__setattr__(self, "pieces", check_pieces(self.pieces, self.t))
         if self.pieces:
             own = {one.model_hash for one in self.pieces}

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from armdyn.arguments import Checked, checked
 from armdyn.arrays import Array
 from armdyn.models.values.per_joint import per_joint
 from armdyn.reprs import brief
@@ -17,9 +18,14 @@ FrictionValue = ArrayLike | Literal["urdf"]
 """One number, one per joint, or "urdf": that of the URDF's `<dynamics>`."""
 
 
+def _width(value: ArrayLike, name: str) -> float | Array:
+    width = per_joint(value, None, name, unit="rad/s", sign="positive")
+    return width if np.ptp(width) else float(width.flat[0])
+
+
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
-class JointFriction:
+class JointFriction(Checked):
     """Friction torque of the joints: tau_f(v) = damping v + coulomb tanh(v / width).
 
     Joint by joint, independent of load and position; the URDF's `<dynamics damping= friction=>`. The
@@ -37,18 +43,9 @@ class JointFriction:
         SpecError: negative or not finite; a width of zero.
     """
 
-    damping: ArrayLike = 0.0
-    coulomb: ArrayLike = 0.0
-    width: float | Array = FRICTION_WIDTH
-
-    def __post_init__(self) -> None:
-        for name in ("damping", "coulomb"):
-            array = per_joint(getattr(self, name), None, f"joint friction: {name}", sign="not negative")
-            array.setflags(write=False)
-            object.__setattr__(self, name, array)
-        width = per_joint(self.width, None, "joint friction: width", unit="rad/s", sign="positive")
-        width.setflags(write=False)
-        object.__setattr__(self, "width", width if np.ptp(width) else float(width.flat[0]))
+    damping: ArrayLike = checked(per_joint, 0.0, name="joint friction: damping", joints=None, sign="not negative")
+    coulomb: ArrayLike = checked(per_joint, 0.0, name="joint friction: coulomb", joints=None, sign="not negative")
+    width: float | Array = checked(_width, FRICTION_WIDTH, name="joint friction: width")
 
     @property
     def listed_width(self) -> float | list[float]:

@@ -16,7 +16,7 @@ PerJoint = float | tuple[float, ...]
 def per_joint(
     value: ArrayLike,
     joints: Sequence[str] | None,
-    what: str,
+    name: str,
     *,
     unit: str = "",
     error: type[ArmdynError] = SpecError,
@@ -29,7 +29,7 @@ def per_joint(
     Args:
         value: as given: real numbers; no text, no booleans, no None, no rows of different length.
         joints: their names; None where no arm is known yet: then any number of them is right, and one stays one.
-        what: the quantity's name in messages.
+        name: the quantity's name in messages.
         unit: likewise.
         error: class of the raised error.
         scalar: whether one number may stand for all joints; where there is one joint it may anyway.
@@ -43,16 +43,16 @@ def per_joint(
         ArmdynError: as `error`; the message has the quantity, joint, value and the right form.
     """
     expected = _expected(joints, scalar)
-    array = numbers(value, what, expected, error=error)
+    array = numbers(value, name, expected, error=error)
     if joints is not None and array.ndim == 0 and (scalar or len(joints) == 1):
         array = np.full(len(joints), array)
     if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:
-        raise error(f"{what} has shape {array.shape}; expected {expected}")
+        raise error(f"{name} has shape {array.shape}; expected {expected}")
     for i, number in enumerate(np.ravel(array)):
         if right := _right_instead(float(number), finite, sign):
             of = f" of joint {joints[i]!r}" if joints is not None else ""
             at = f" (index {i})" if array.ndim else ""
-            raise error(f"{what}{of} is {f'{number} {unit}'.rstrip()}{at}; it must {right}")
+            raise error(f"{name}{of} is {f'{number} {unit}'.rstrip()}{at}; it must {right}")
     return array
 
 
