@@ -36,21 +36,27 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """Result of reading an arm from a file or a Pinocchio model.
+    """Result of reading an arm from a file or a Pinocchio model: fields of an `Arm`.
 
     Attributes:
+        source: name of the file or text.
         model: of the moving joints only.
         locked: joint name to the position it is locked at [rad or m].
         tip: the frame at the end of the arm.
         limits: of the moving joints.
+        urdf: its text; empty: it was no URDF.
         repaired: links whose inertia `armdyn doctor --repair` changed, as the file says.
+        package_dirs: folders in which `package://` is looked up.
     """
 
+    source: str
     model: pin.Model
     locked: Mapping[str, float]
     tip: str
     limits: JointLimits
+    urdf: str = ""
     repaired: str = ""
+    package_dirs: tuple[str, ...] = ()
 
 
 def read_model(model: pin.Model, source: str, lock: Mapping[str, float], arm: tuple[str, str] | None) -> Reading:
@@ -154,7 +160,7 @@ def arm_of(model: pin.Model, source: str, locked: Mapping[str, float], arm: tupl
             tip += "'"
         last = reduced.getJointId(str(model.names[last]))
         reduced.addFrame(pin.Frame(tip, last, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    return Reading(model=reduced, locked=locked, tip=tip, limits=joint_limits(reduced))
+    return Reading(source=source, model=reduced, locked=locked, tip=tip, limits=joint_limits(reduced))
 
 
 def _in_bounds(position: Any) -> bool:

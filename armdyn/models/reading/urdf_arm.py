@@ -40,7 +40,7 @@ def read_arm(text: str, source: str, lock: Mapping[str, float], arm: tuple[str, 
     moving = {str(frame.name) for frame in model.frames if free & set(model.supports[frame.parentJoint])}
     check_inertias(root, source, moving)
     marks = [mark.get("repaired", "") for mark in root.findall(MARK)]
-    return replace(arm_of(model, source, locked, arm), repaired=", ".join(filter(None, marks)))
+    return replace(arm_of(model, source, locked, arm), urdf=text, repaired=", ".join(filter(None, marks)))
 
 
 @lru_cache(maxsize=16)

@@ -8,6 +8,7 @@ import warnings
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
+from typing import Literal
 
 from armdyn.arguments import shown, text
 from armdyn.errors import SpecError, UnknownRobotError, UrdfError
@@ -16,31 +17,19 @@ PACKAGE = "robot_descriptions"
 INSTALL = f"names that end so are of {PACKAGE}, which is not installed: pip install {PACKAGE}"
 
 
-@dataclass(frozen=True)
-class Description:
-    """Place of a robot's description.
-
-    Attributes:
-        path: its URDF or MJCF.
-        mjcf: it is MJCF.
-        folders: where a URDF's meshes are.
-    """
-
-    path: Path
-    mjcf: bool
-    folders: tuple[str, ...]
-
-
 def is_description(name: str) -> bool:
     """Whether a name looks like one of robot_descriptions."""
     return name.startswith(f"{PACKAGE}:") or name.endswith("_description")
 
 
-def described(name: str) -> Description:
+def described(name: str) -> tuple[Literal["urdf", "mjcf"], str, tuple[str, ...]]:
     """A robot's description, cloned by robot_descriptions if it was not yet.
 
     Args:
         name: the package's, with or without "robot_descriptions:" before it.
+
+    Returns:
+        Format of the description, its file, and the folders of a URDF's meshes.
 
     Raises:
         UnknownRobotError: it has no such robot, or is not installed.
@@ -63,9 +52,9 @@ def described(name: str) -> Description:
         raise UrdfError(name, what) from None
     if (urdf := getattr(module, "URDF_PATH", None)) is not None:
         homes = (module.PACKAGE_PATH, module.REPOSITORY_PATH, str(Path(module.PACKAGE_PATH).parent))
-        return Description(Path(urdf), False, tuple(map(str, homes)))
+        return "urdf", str(urdf), tuple(map(str, homes))
     if (mjcf := getattr(module, "MJCF_PATH", None)) is not None:
-        return Description(Path(mjcf), True, ())
+        return "mjcf", str(mjcf), ()
     raise UrdfError(name, f"{PACKAGE} has it as xacro only; run xacro and give armdyn the URDF")
 
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple, Self, Unpack
+from typing import Self, Unpack
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, read_arm
 from armdyn.models.reading.urdf_xml import check_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
-from armdyn.models.robots.library import BENCHMARKS, described, library_arm
+from armdyn.models.robots.library import BENCHMARKS, library_arm
 from armdyn.models.robots.options import RobotKeywords, RobotOptions, robot_options
 from armdyn.models.robots.source import RobotSource
 from armdyn.models.values.friction import FRICTION_WIDTH
@@ -31,15 +31,6 @@ from armdyn.reprs import brief
 
 UNNAMED = "model"
 """Name of a robot whose model has none."""
-
-
-class _Parsed(NamedTuple):
-    """Parsed source of a robot: the model of its joints, its URDF if any, and the folders of its meshes."""
-
-    reading: Reading
-    urdf: str = ""
-    source: str = ""
-    package_dirs: tuple[str, ...] = ()
 
 
 @brief
@@ -61,24 +52,14 @@ class Robot(Arm):
         """
         expect(source, RobotSource, "source", 'such as RobotSource.named("panda")', error=SpecError)
         given = robot_options(None, {"options": options})
-        parsed = _parsed(source, given)
-        reading, own_friction = parsed.reading, None if source.format in ("library", "spec") else "urdf"
+        reading, own_friction = _reading(source, given), None if source.format in ("library", "spec") else "urdf"
         if given.tool is not None and given.tool.frame is None:
             given = replace(given, tool=replace(given.tool, frame=reading.tip))
+        if source.limits is not None:
+            reading = replace(reading, limits=source.limits)
         name = source.name if source.format == "model" else str(reading.model.name)
         robot = cls(
-            name=name,
-            model=reading.model,
-            limits=source.limits or reading.limits,
-            joint_names=tuple(list(reading.model.names)[1:]),
-            urdf=parsed.urdf,
-            source=parsed.source,
-            package_dirs=parsed.package_dirs,
-            locked=reading.locked,
-            repaired=reading.repaired,
-            tip=reading.tip,
-            origin=source,
-            options=given,
+            name=name, joint_names=tuple(list(reading.model.names)[1:]), origin=source, options=given, **vars(reading)
         )
         robot = replace(robot, name=robot.marked(robot.name))
         if _payload_is_link(source, given):
@@ -203,7 +184,7 @@ class Robot(Arm):
             UnknownRobotError: robot_descriptions has no such robot, or is not installed.
             UrdfError: it cannot be had, or is no fixed-base arm.
         """
-        return cls.from_source(RobotSource.of_description(described(name)), robot_options(payload, keywords))
+        return cls.from_source(RobotSource.of_description(name), robot_options(payload, keywords))
 
     @classmethod
     def from_mjcf(
@@ -286,18 +267,18 @@ def _payload_is_link(source: RobotSource, options: RobotOptions) -> bool:
     return source.spec is not None and options.tool is None and options.inertias is None
 
 
-def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
-    """Pinocchio's model of a source, of any format."""
+def _reading(source: RobotSource, options: RobotOptions) -> Reading:
+    """The reading of a source, of any format."""
     lock, arm, folders, name = options.lock or {}, options.arm, tuple(map(str, options.package_dirs)), source.name
     if source.format == "model":
         called = f"Pinocchio model {name!r}"
-        return _Parsed(read_model(source.model, called, lock, arm), source=called)
+        return read_model(source.model, called, lock, arm)
     if source.format == "mjcf":
         root = read_mjcf(Path(name)) if source.text is None else parse_mjcf(source.text, name)
-        return _Parsed(read_mjcf_arm(root, name, lock, arm), source=name)
+        return read_mjcf_arm(root, name, lock, arm)
     if source.spec is not None:
         urdf = urdf_from_spec(source.spec, options.payload if _payload_is_link(source, options) else None)
-        return _Parsed(read_arm(urdf, name, lock, arm), urdf, name)
+        return read_arm(urdf, name, lock, arm)
     file, folders = source.file, (*source.package_dirs, *folders)
     if source.format == "library":
         file, shared, part = library_arm(name)
@@ -305,9 +286,8 @@ def _parsed(source: RobotSource, options: RobotOptions) -> _Parsed:
         if arm is None and part is not None:
             arm = part.first, part.last
     if file is None:
-        return _Parsed(read_arm(source.text or "", name, lock, arm), source.text or "", name, folders)
-    urdf = read_urdf(file)
-    return _Parsed(read_arm(urdf, str(file), lock, arm), urdf, str(file), mesh_folders(Path(file), folders))
+        return replace(read_arm(source.text or "", name, lock, arm), package_dirs=folders)
+    return replace(read_arm(read_urdf(file), str(file), lock, arm), package_dirs=mesh_folders(Path(file), folders))
 
 
 def expect_robot(robot: object, name: str = "robot") -> Robot:

@@ -13,7 +13,7 @@ from armdyn.arguments import shown
 from armdyn.errors import FileError, SpecError, UnknownRobotError
 from armdyn.files import place_inside
 from armdyn.models.mjcf.document import is_mjcf
-from armdyn.models.robots.library import Description, described, is_description, library_names
+from armdyn.models.robots.library import described, is_description, library_names
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec
 
@@ -53,9 +53,10 @@ class RobotSource:
         return cls(format="spec", name=f"ArmSpec {spec.name!r}", spec=spec)
 
     @classmethod
-    def of_description(cls, found: Description) -> RobotSource:
-        """The source of a robot of robot_descriptions."""
-        return cls(format="mjcf" if found.mjcf else "urdf", name=str(found.path), package_dirs=found.folders)
+    def of_description(cls, name: str) -> RobotSource:
+        """The source of a robot of robot_descriptions, by its name there; see `library.described`."""
+        kind, file, folders = described(name)
+        return cls(format=kind, name=file, package_dirs=folders)
 
     @classmethod
     def named(cls, name: str) -> RobotSource:
@@ -69,7 +70,7 @@ class RobotSource:
         if Path(name).suffix or Path(name).is_file():
             return cls(format="mjcf" if is_mjcf(name) else "urdf", name=name)
         if is_description(name):
-            return cls.of_description(described(name))
+            return cls.of_description(name)
         if name not in (known := library_names()):
             raise UnknownRobotError(name, (*PLANAR_ARMS, *known))
         return cls(format="library", name=name)
