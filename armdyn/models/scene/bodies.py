@@ -89,6 +89,26 @@ def elements_of_links(robot: Robot, root: Element, tag: str) -> Iterator[tuple[s
             yield from ((name, frame, element) for element in link.findall(tag))
 
 
+_SIZES: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "box": (coal.Box, ("halfSide",)),
+    "sphere": (coal.Sphere, ("radius",)),
+    "capsule": (coal.Capsule, ("radius", "halfLength")),
+    "cylinder": (coal.Cylinder, ("radius", "halfLength")),
+}
+"""Classes of coal and their sizes, by the names that URDF, MuJoCo and `_collision/` have for them."""
+
+
+def sizes_of(geometry: Any) -> tuple[str, Array]:
+    """Kind of a convex solid of coal, and its half edges, or radius and half length [m].
+
+    Of any other solid the kind is "convex", and its corners, shape (m, 3), are the sizes.
+    """
+    for kind, (made, names) in _SIZES.items():
+        if isinstance(geometry, made):
+            return kind, np.hstack([getattr(geometry, name) for name in names])
+    return "convex", np.array(geometry.points())
+
+
 def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBalls, attached: bool = False) -> Body:
     """A body on a frame's joint; the balls are in the geometry's own axes."""
     points, radius = balls
@@ -98,13 +118,12 @@ def _body(name: str, frame: pin.Frame, at: Array, geometry: Any, balls: EqualBal
 
 def _shapes(element: Element, folders: tuple[str, ...]) -> Iterator[tuple[Any, EqualBalls]]:
     """Geometry of coal, and balls whose convex hull contains it."""
-    kinds = {"box": coal.Box, "sphere": coal.Sphere, "cylinder": coal.Cylinder, "capsule": coal.Capsule}
     for tag, sizes, file in geometries(element, folders):
         if file is not None:
             corners_of = (corners for mesh, _ in load_meshes(file, sizes) for corners in convex_parts(mesh))
             yield from ((convex_hull(corners), (corners, 0.0)) for corners in corners_of)
-        elif tag in kinds:
-            geometry = kinds[tag](*(sizes if tag == "box" else sizes[::-1]))  # coal has the radius first
+        elif tag in _SIZES:
+            geometry = _SIZES[tag][0](*(sizes if tag == "box" else sizes[::-1]))  # coal has the radius first
             yield geometry, balls_around(geometry, _ROUND)
 
 
@@ -131,18 +150,17 @@ def balls_around(geometry: Any, corners: int) -> EqualBalls:
         geometry: a convex solid.
         corners: of the polygon around a cylinder's circle.
     """
-    if isinstance(geometry, coal.Box):
-        return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, -1).T * np.array(geometry.halfSide), 0.0
-    if isinstance(geometry, coal.Sphere):
-        return np.zeros((1, 3)), float(geometry.radius)
-    if isinstance(geometry, coal.Capsule):
-        return np.array([[0, 0, -geometry.halfLength], [0, 0, geometry.halfLength]]), float(geometry.radius)
-    if isinstance(geometry, coal.Cylinder):
-        angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
-        circle = geometry.radius / np.cos(np.pi / corners) * np.array([np.cos(angle), np.sin(angle)]).T
-        half = geometry.halfLength
-        return np.vstack([np.column_stack([circle, np.full(corners, z)]) for z in (-half, half)]), 0.0
-    return np.array(geometry.points()), 0.0
+    kind, sizes = sizes_of(geometry)
+    if kind == "box":
+        return np.array(np.meshgrid(*([-1.0, 1.0],) * 3)).reshape(3, -1).T * sizes, 0.0
+    if kind in ("convex", "sphere"):
+        return (sizes, 0.0) if kind == "convex" else (np.zeros((1, 3)), float(sizes[0]))
+    radius, half = sizes.tolist()
+    if kind == "capsule":
+        return np.array([[0, 0, -half], [0, 0, half]]), radius
+    angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    circle = radius / np.cos(np.pi / corners) * np.array([np.cos(angle), np.sin(angle)]).T
+    return np.vstack([np.column_stack([circle, np.full(corners, z)]) for z in (-half, half)]), 0.0
 
 
 def _in_a_row(points: Array, radius: float) -> EqualBalls:

@@ -12,7 +12,7 @@ from armdyn.errors import BridgeError, ProblemError
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.tree import Tree
-from armdyn.models.scene.bodies import ROUND_FINE, Body, balls_around, bodies
+from armdyn.models.scene.bodies import ROUND_FINE, Body, balls_around, bodies, sizes_of
 from armdyn.models.scene.obstacles import Obstacle
 
 _INFINITE = 1e300
@@ -100,16 +100,9 @@ def _shape(geometry: Any) -> Any:
     """Convert a convex geometry of coal's Python module for the C++ module."""
     import _armdyn_collision as collision
 
-    if isinstance(geometry, coal.Box):
-        return collision.shape("box", np.array(geometry.halfSide))
-    if isinstance(geometry, coal.Sphere):
-        return collision.shape("sphere", np.array([geometry.radius]))
     if isinstance(geometry, coal.Halfspace):
         return collision.shape("half space", np.append(geometry.n, geometry.d))
-    for kind, name in ((coal.Capsule, "capsule"), (coal.Cylinder, "cylinder")):
-        if isinstance(geometry, kind):
-            return collision.shape(name, np.array([geometry.radius, geometry.halfLength]))
-    return collision.shape("convex", np.array(geometry.points()))
+    return collision.shape(*sizes_of(geometry))
 
 
 _POSES = 60

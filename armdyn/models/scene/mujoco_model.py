@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -16,7 +15,7 @@ from armdyn.errors import ProblemError
 from armdyn.models.reading.nearest_inertia import nearest_physical
 from armdyn.models.reading.urdf_check import POINT_MASS
 from armdyn.models.robots.robot import Robot, expect_robot
-from armdyn.models.scene.bodies import Body, bodies
+from armdyn.models.scene.bodies import Body, bodies, sizes_of
 from armdyn.trajectory.formats.mujoco import Mujoco, xml_name
 from armdyn.trajectory.samples import Samples
 
@@ -29,9 +28,6 @@ least stable motions of nine library arms diverge; up to 100 their errors at the
 
 _INERTIAS = 50
 """Samples of a motion at which the joints' inertias are looked up for the gains of the feedback."""
-
-_SHAPES = {"Box": "box", "Sphere": "sphere", "Capsule": "capsule", "Cylinder": "cylinder"}
-"""Classes of coal to MuJoCo's types of geometry; others are convex meshes."""
 
 
 def mujoco_model(
@@ -158,16 +154,12 @@ def _body(parent: Element, robot: Robot, joint: int) -> Element:
 
 def _geometry(body: Element, asset: Element, name: str, solid: Body) -> None:
     """A solid that only shows; a mesh has its vertices in the file, and MuJoCo takes their convex hull."""
-    shape: Any = solid.geometry
-    kind = _SHAPES.get(type(shape).__name__, "mesh")
-    if kind == "mesh":
-        SubElement(asset, "mesh", name=name, vertex=_words(np.array(shape.points()).ravel(), digits=6))
-        what = {"mesh": name}
-    else:
-        size = shape.halfSide if kind == "box" else [shape.radius]
-        what = {"size": _words(size if kind in ("box", "sphere") else [*size, shape.halfLength])}
-    shown = {"contype": "0", "conaffinity": "0", "group": "2"}
-    SubElement(body, "geom", {"type": kind, **what, **_pose(solid.placement), **shown})
+    kind, sizes = sizes_of(solid.geometry)
+    what = {"type": kind, "size": _words(sizes.ravel())}
+    if kind == "convex":
+        SubElement(asset, "mesh", name=name, vertex=_words(sizes.ravel(), digits=6))
+        what = {"type": "mesh", "mesh": name}
+    SubElement(body, "geom", {**what, **_pose(solid.placement), "contype": "0", "conaffinity": "0", "group": "2"})
 
 
 def _pose(placement: Array) -> dict[str, str]:
