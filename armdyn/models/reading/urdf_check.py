@@ -34,6 +34,17 @@ _KEPT: dict[str, tuple[str, ...]] = {
 }
 """Elements and attributes that dynamics need."""
 
+_MOVED = ("axis", "limit", "dynamics")
+"""Elements of joints that move."""
+
+_NOT_NEGATIVE = {
+    "value": "mass is {} kg",
+    "effort": "effort limit is {}",
+    "velocity": "velocity limit is {}",
+    "damping": "damping is {}",
+    "friction": "friction is {}",
+}
+
 
 def parse_urdf(text: str, source: str) -> ElementTree.Element:
     """The checked XML tree of a URDF: no DTD, no entity, bounded size, one tree of joints, finite numbers.
@@ -91,7 +102,7 @@ def check_inertias(root: ElementTree.Element, source: str, moving: Set[str]) -> 
 
 def inertia_tensor(inertial: ElementTree.Element, source: str, where: str) -> Array:
     """The inertia of an `<inertial>` about the centre of mass [kg m²], shape (3, 3)."""
-    xx, xy, xz, yy, yz, zz = _numbers(inertial.find("inertia"), MOMENTS, source, where)
+    xx, xy, xz, yy, yz, zz = (one[0] for one in _numbers(inertial, "inertia", source, where).values())
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
@@ -119,7 +130,7 @@ def dynamics_urdf(root: ElementTree.Element) -> str:
         keys = ("name",) if element.tag == "link" else ("name", "type")
         copy = ElementTree.SubElement(bare, element.tag, {key: str(element.get(key)) for key in keys})
         fixed = ("parent", "child", "origin")  # a fixed joint's other elements were not checked
-        more = () if element.get("type") == "fixed" else ("axis", "limit", "dynamics")
+        more = () if element.get("type") == "fixed" else _MOVED
         tags = ("inertial",) if element.tag == "link" else (*fixed, *more)
         for tag in tags:
             _copy(element, tag, copy)
@@ -154,35 +165,30 @@ def _named(root: ElementTree.Element, tag: str, source: str) -> dict[str, Elemen
     return found
 
 
-def _numbers(
-    element: ElementTree.Element | None, keys: tuple[str, ...], source: str, where: str, largest: float = np.inf
-) -> list[float]:
-    """Attributes as finite numbers; a missing element is an error, a missing attribute too."""
+def _numbers(parent: ElementTree.Element, tag: str, source: str, where: str) -> dict[str, list[float]]:
+    """Attributes of an element in another one, checked, as finite numbers; mass and inertia must be complete."""
+    element, needed = parent.find(tag), _KEPT[tag] if tag in ("mass", "inertia") else ()
     if element is None:
-        raise UrdfError(source, f"lacks the element with {', '.join(keys)}", where)
-    for key in keys:
+        if needed:
+            raise UrdfError(source, f"lacks the element with {', '.join(needed)}", where)
+        return {}
+    for key in needed:
         if key not in element.attrib:
-            raise UrdfError(source, f"<{element.tag}> lacks {key}", where)
-    named = [(element.attrib[key], f"<{element.tag}> {key}") for key in keys]
-    return [finite_numbers(text, name, source, where, largest=largest)[0] for text, name in named]
-
-
-def _vectors(element: ElementTree.Element, source: str, where: str) -> list[Array]:
-    """The attributes xyz and rpy, those that there are, each of shape (3,)."""
-    named = [(element.attrib[key], f"<{element.tag}> {key}") for key in ("xyz", "rpy") if key in element.attrib]
-    return [np.array(finite_numbers(text, name, source, where, 3)) for text, name in named]
+            raise UrdfError(source, f"<{tag}> lacks {key}", where)
+    largest, found = np.inf if tag in ("limit", "dynamics") else LARGEST, {}
+    for key in (key for key in _KEPT[tag] if key in element.attrib):
+        count = 3 if key in ("xyz", "rpy") else 1
+        values = finite_numbers(element.attrib[key], f"<{tag}> {key}", source, where, count, largest=largest)
+        if key in _NOT_NEGATIVE and values[0] < 0:
+            raise UrdfError(source, f"{_NOT_NEGATIVE[key].format(values[0])}; it must not be negative", where)
+        found[key] = values
+    return found
 
 
 def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
     inertial = link.find("inertial")
-    if inertial is None:
-        return
-    if (origin := inertial.find("origin")) is not None:
-        _vectors(origin, source, where)
-    (mass,) = _numbers(inertial.find("mass"), ("value",), source, where, LARGEST)
-    if mass < 0:
-        raise UrdfError(source, f"mass is {mass} kg; it must not be negative", where)
-    _numbers(inertial.find("inertia"), MOMENTS, source, where, LARGEST)
+    for tag in () if inertial is None else ("origin", "mass", "inertia"):
+        _numbers(inertial, tag, source, where)  # type: ignore[arg-type]  # it is there
 
 
 def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:
@@ -194,31 +200,17 @@ def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dic
         link = None if element is None else element.get("link")
         if link not in links:
             raise UrdfError(source, f"{tag} link {clipped(link)!r} does not exist", where)
-    if (origin := joint.find("origin")) is not None:
-        _vectors(origin, source, where)
+    found = {tag: _numbers(joint, tag, source, where) for tag in ("origin", *(() if kind == "fixed" else _MOVED))}
     if kind == "fixed":
         return
-    if (axis := joint.find("axis")) is not None:
-        for vector in _vectors(axis, source, where):
-            if not 1e-6 < np.linalg.norm(vector) < 1e6:  # readers divide by it
-                what = "axis is zero" if not np.any(vector) else f"axis is {vector}; its length should be 1"
-                raise UrdfError(source, what, where)
-    if (dynamics := joint.find("dynamics")) is not None:
-        given = tuple(key for key in _KEPT["dynamics"] if dynamics.get(key) is not None)
-        for key, value in zip(given, _numbers(dynamics, given, source, where), strict=True):
-            if value < 0:
-                raise UrdfError(source, f"{key} is {value}; it must not be negative", where)
-    limit = joint.find("limit")
-    if limit is None:
-        if kind == "continuous":
-            return
+    axis = found["axis"].get("xyz", [1.0])
+    if not 1e-6 < np.linalg.norm(axis) < 1e6:  # readers divide by it
+        raise UrdfError(
+            source, f"axis is {np.array(axis)}; its length should be 1" if np.any(axis) else "axis is zero", where
+        )
+    if joint.find("limit") is None and kind != "continuous":
         raise UrdfError(source, f"a {kind} joint needs <limit lower upper effort velocity>; it has none", where)
-    given = tuple(key for key in _KEPT["limit"] if limit.get(key) is not None)
-    numbers = dict(zip(given, _numbers(limit, given, source, where), strict=True))
-    for key in ("effort", "velocity"):
-        if numbers.get(key, 0.0) < 0:
-            raise UrdfError(source, f"{key} limit is {numbers[key]}; it must not be negative", where)
-    lower, upper = numbers.get("lower", 0.0), numbers.get("upper", 0.0)
+    lower, upper = (found["limit"].get(key, [0.0])[0] for key in ("lower", "upper"))
     if kind != "continuous" and lower > upper:
         raise UrdfError(source, f"lower limit {lower} is above upper limit {upper}", where)
 
