@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -13,6 +13,7 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import ProblemError
 from armdyn.identification.equations import WHAT, Equations, What
 from armdyn.identification.log import Signals
+from armdyn.locks import cached_property
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.scene.collision import CollisionModel
@@ -92,7 +93,7 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     """
     expect_robot(robot)
     options = ExcitingOptions() if options is None else expect(options, ExcitingOptions, "options")
-    search = _Search.of(robot, number(duration, "duration", unit="s", least=1.0, most=600.0), options)
+    search = _Search(robot, number(duration, "duration", unit="s", least=1.0, most=600.0), options)
     rng = np.random.default_rng(options.seed)
     tried = (search.fitted(search.random(rng)) for _ in range(options.candidates))
     found = [one for one in tried if one is not None and search.clear(one)]
@@ -112,62 +113,62 @@ def exciting_motion(robot: Robot, duration: float = 10.0, options: ExcitingOptio
     return search.motion(best)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Search:
     """Motions of an arm as coefficients of splines, shape (k, nv).
 
     Attributes:
         robot: the arm.
+        duration: of the motions [s].
         options: of the search.
-        equations: equations of the unknowns.
-        t: checked times [s], shape (n,).
-        spline: the spline's values and two derivatives at these times for unit coefficients, each of shape (n, k).
-        lower: least positions [rad or m], shape (nv,).
-        upper: largest, likewise.
-        collision: distances; None: there are no obstacles.
     """
 
     robot: Robot
+    duration: float
     options: ExcitingOptions
-    equations: Equations
-    t: Array
-    spline: tuple[Array, Array, Array] = field(repr=False)
-    lower: Array
-    upper: Array
-    collision: CollisionModel | None
 
-    @classmethod
-    def of(cls, robot: Robot, duration: float, options: ExcitingOptions) -> _Search:
-        free = max(4, round(options.knots * duration))
-        t = np.linspace(0, duration, round(duration / _CHECKED) + 1)
-        limits = robot.limits
-        endless = ~(np.isfinite(limits.position_lower) & np.isfinite(limits.position_upper))
-        lower = np.where(endless, -np.pi, limits.position_lower)
-        upper = np.where(endless, np.pi, limits.position_upper)
-        idle = (1 - options.margin) / 2 * (upper - lower)
-        states = [np.zeros((2, robot.nv)) for _ in range(4)]
-        torque = np.where(limits.effort_upper < np.inf, limits.effort_upper, 1.0) * np.ones((2, 1))
-        unit = Signals(t=np.arange(2.0), q=states[0], v=states[1] + 1, a=states[2], tau=torque, width=1)
-        allowed = contacts(options.allowed_contacts, "allowed_contacts", robot, options.obstacles)
-        kept = options.obstacles or options.self_collision
-        return cls(
-            robot=robot,
-            options=options,
-            equations=Equations.of(robot, options.what, [unit], robot.friction.width),
-            t=t,
-            spline=_spline(free, t),
-            lower=lower + idle,
-            upper=upper - idle,
-            collision=CollisionModel(robot, options.obstacles, options.self_collision, allowed) if kept else None,
-        )
+    @cached_property
+    def equations(self) -> Equations:
+        """Equations of the unknowns, for joints that move at unit speed under their largest torques."""
+        most, none = self.robot.limits.effort_upper, np.zeros((2, self.robot.nv))
+        tau = none + np.where(most < np.inf, most, 1.0)
+        unit = Signals(t=np.arange(2.0), q=none, v=none + 1, a=none, tau=tau, width=1)
+        return Equations.of(self.robot, self.options.what, [unit], self.robot.friction.width)
+
+    @cached_property
+    def t(self) -> Array:
+        """Checked times [s], shape (n,)."""
+        return np.linspace(0, self.duration, round(self.duration / _CHECKED) + 1)
+
+    @cached_property
+    def spline(self) -> tuple[Array, Array, Array]:
+        """The spline's values and two derivatives at these times for unit coefficients, each of shape (n, k)."""
+        return _spline(max(4, round(self.options.knots * self.duration)), self.t)
+
+    @cached_property
+    def ends(self) -> tuple[Array, Array]:
+        """Least and largest positions [rad or m], each of shape (nv,)."""
+        lower, upper = self.robot.limits.position_lower, self.robot.limits.position_upper
+        endless = ~np.isfinite(upper - lower)
+        lower, upper = np.where(endless, -np.pi, lower), np.where(endless, np.pi, upper)
+        idle = (1 - self.options.margin) / 2 * (upper - lower)
+        return lower + idle, upper - idle
+
+    @cached_property
+    def collision(self) -> CollisionModel | None:
+        """Distances; None: there are no obstacles."""
+        robot, own = self.robot, self.options
+        allowed = contacts(own.allowed_contacts, "allowed_contacts", robot, own.obstacles)
+        kept = own.obstacles or own.self_collision
+        return CollisionModel(robot, own.obstacles, own.self_collision, allowed) if kept else None
 
     def random(self, rng: np.random.Generator) -> Array:
         """Coefficients of a random motion, which starts clear of obstacles."""
-        coefficients = rng.uniform(self.lower, self.upper, (self.spline[0].shape[1], self.robot.nv))
+        coefficients = rng.uniform(*self.ends, (self.spline[0].shape[1], self.robot.nv))
         for _ in range(_STARTS):
             if self._keeps_clearance(coefficients[:1]):
                 break
-            coefficients[0] = rng.uniform(self.lower, self.upper)
+            coefficients[0] = rng.uniform(*self.ends)
         return coefficients
 
     def states(self, coefficients: Array) -> tuple[Array, Array, Array]:
@@ -177,7 +178,7 @@ class _Search:
 
     def fitted(self, coefficients: Array) -> Array | None:
         """Coefficients scaled about the first pose into the limits; None: they cannot be."""
-        coefficients = np.clip(coefficients, self.lower, self.upper)
+        coefficients = np.clip(coefficients, *self.ends)
         start, margin = coefficients[:1], self.options.margin
         speed = np.where(np.isfinite(self.robot.limits.velocity), margin * self.robot.limits.velocity, _SPEED)
         fast = np.max(np.abs(self.spline[1] @ coefficients), axis=0) / speed
@@ -220,15 +221,8 @@ class _Search:
         """The motion, with torques by inverse dynamics."""
         q, v, a = self.states(coefficients)
         tau = inverse_dynamics(self.robot)(q, v, a)
-        return Trajectory(
-            t=self.t,
-            q=q,
-            v=v,
-            tau=tau,
-            joint_names=self.robot.joint_names,
-            name=f"exciting motion of {self.robot.name}",
-            model_hash=self.robot.model_hash,
-        )
+        name, robot = f"exciting motion of {self.robot.name}", self.robot
+        return Trajectory(self.t, q, v, tau, joint_names=robot.joint_names, name=name, model_hash=robot.model_hash)
 
 
 def _spline(free: int, t: Array) -> tuple[Array, Array, Array]:
