@@ -177,7 +177,7 @@ class Estimate:
         arms = []
         for x in fit.x + away @ np.linalg.cholesky(fit.covariance).T:
             # The physical arm nearest to x in the metric of the region; the gradient keeps the estimate where it is.
-            near = Normal(matrix=precision, vector=precision @ x + barrier * gradient, constant=0.0, count=0)
+            near = Normal(precision, precision @ x + barrier * gradient, 0.0)
             arms.append(self.equations.robot_at(minimise(unknowns, near, barrier, fit.x)))
         return tuple(arms)
 

@@ -7,6 +7,7 @@ every iterate is physical.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,40 +15,24 @@ from armdyn.arrays import Array
 from armdyn.identification.unknowns import Unknowns
 
 
-@dataclass(frozen=True, kw_only=True)
-class Normal:
-    """Normal equations of weighted least squares: x' matrix x / 2 − vector' x + constant / 2.
-
-    Attributes:
-        matrix: shape (p, p).
-        vector: shape (p,).
-        constant: sum of the weighted squares at x = 0.
-        count: number of weighted equations.
-    """
+class Normal(NamedTuple):
+    """Normal equations of weighted least squares: x' matrix x / 2 − vector' x + constant / 2."""
 
     matrix: Array
+    """Shape (p, p)."""
     vector: Array
+    """Shape (p,)."""
     constant: float
-    count: int
+    """Sum of the weighted squares at x = 0."""
 
     @classmethod
     def of(cls, columns: Array, torque: Array, weights: Array) -> Normal:
         """Normal equations of columns, shape (m, nv, p), torques and weights, shape (m, nv)."""
         flat, weighted = columns.reshape(-1, columns.shape[-1]), (torque * weights).ravel()
-        return cls(
-            matrix=(flat * weights.reshape(-1, 1)).T @ flat,
-            vector=flat.T @ weighted,
-            constant=float(weighted @ torque.ravel()),
-            count=torque.size,
-        )
+        return cls((flat * weights.reshape(-1, 1)).T @ flat, flat.T @ weighted, float(weighted @ torque.ravel()))
 
     def __sub__(self, other: Normal) -> Normal:
-        return Normal(
-            matrix=self.matrix - other.matrix,
-            vector=self.vector - other.vector,
-            constant=self.constant - other.constant,
-            count=self.count - other.count,
-        )
+        return Normal(self.matrix - other.matrix, self.vector - other.vector, self.constant - other.constant)
 
     def squares(self, x: Array) -> float:
         """Sum of the weighted squared residuals."""
