@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -126,6 +127,20 @@ class Curve:
     def passing(self) -> Array:
         """Times of the via points [s], shape (legs - 1,)."""
         return np.cumsum([leg.duration for leg in self.legs])[:-1]
+
+    def velocity_jumps(self, speed: Array) -> Array:
+        """Jumps of the velocities where legs meet, over the velocity limits or, without one, over the leg's fastest.
+
+        Args:
+            speed: velocity limits [rad/s or m/s], shape (nv,), or infinite.
+
+        Returns:
+            Jumps [-], shape (legs - 1, nv); zero between the legs of a motion.
+        """
+        ends = [leg.at(np.array([0.0, 1.0]))[1] for leg in self.legs]
+        jumps = np.array([after[0] - before[1] for before, after in pairwise(ends)]).reshape(-1, speed.size)
+        fastest = np.max([leg.fastest for leg in self.legs], axis=0) + np.finfo(float).tiny
+        return np.asarray(np.abs(jumps) / np.where(np.isfinite(speed), speed, fastest))
 
     def slower(self, factor: float) -> Self:
         """The curve, slowed down by a factor on its duration."""

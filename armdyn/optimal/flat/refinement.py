@@ -221,7 +221,9 @@ def refine_among_obstacles(task: Task, guess: Curve) -> RefinedCurve:
     found, solved, iterations = list[RefinedCurve](), None, 0
 
     def rank(one: RefinedCurve) -> tuple[bool, bool, float]:
-        return not constraints_mended(task, one.reports), one.excess > most_excess, one.curve.duration
+        broken = np.any(one.curve.velocity_jumps(task.problem.limits.velocity) > numbers.parted)
+        broken |= not constraints_mended(task, one.reports)
+        return bool(broken), one.excess > most_excess, one.curve.duration
 
     for k in range(numbers.rounds):
         solved = solve_curve(task, guess if solved is None else solved.curve, spec, solved)

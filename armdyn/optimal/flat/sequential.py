@@ -96,8 +96,7 @@ class Sequential:
             taken, step, trust, tried = self._step(at, merit, trust, eager=k < eager)
             iterations += tried
             missed = (
-                at.penalties[2] > policy.distance * policy.distance_left
-                and policy.other < policy.most_other * self._whole
+                at.penalties[2] > policy.other * policy.other_left and policy.other < policy.most_other * self._whole
             )
             if taken is None and missed:  # a slow arm gains more by violated rows than their price
                 policy = self.policy = replace(policy, other=10 * policy.other)
@@ -210,9 +209,8 @@ class Sequential:
     def _kept(self, at: _Iterate) -> bool:
         torque, distance, other = at.penalties
         policy = self.policy
-        return (
-            torque <= policy.torque * policy.torque_left and distance + other <= policy.distance * policy.distance_left
-        )
+        left = torque <= policy.torque * policy.torque_left, distance <= policy.distance * policy.distance_left
+        return all(left) and other <= policy.other * policy.other_left
 
     def _convex(self, at: _Iterate) -> ConvexStep:
         """The quadratic program at an iterate, without the bounds of the step."""

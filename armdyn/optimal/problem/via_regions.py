@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ _ARM = 0.3
 def via_positions(
     robot: Robot, limits: JointLimits, ends: tuple[Array, Array], via: Sequence[Any], is_clear: Callable[[Array], bool]
 ) -> tuple[Array, ...]:
-    """Joint positions at every via point; in a region the sample whose frame is nearest to the neighbouring pose.
+    """Joint positions at every via point; in a region those with the least travel between the neighbouring poses.
 
     Args:
         robot: the arm.
@@ -52,18 +51,26 @@ def via_positions(
 def _sampled(
     robot: Robot, limits: JointLimits, region: GoalPose, ends: tuple[Array, Array], is_clear: Callable[[Array], bool]
 ) -> Array:
-    """Joint positions in a region: at its centre if that can be reached; collision-free ones if any are found."""
+    """Joint positions in a region: at its centre if that can be reached; collision-free ones if any are found.
+
+    Of those near start, goal and the middle of both the ones with the least travel: an arm that stretches on its way
+    may pass the region with its elbow on either side.
+    """
+    speed = np.where(np.isfinite(limits.velocity), limits.velocity, 1.0)
+
+    def travel(q: Array) -> float:
+        return float(sum(np.max(np.abs(q - end) / speed) for end in ends))
 
     def away(q: Array) -> float:
         off = region.pose.actInv(frame_placement(robot, region.frame, q))
         return float(np.linalg.norm(off.translation) + _ARM * np.linalg.norm(pin.log3(off.rotation)))
 
     def candidates() -> Iterator[Array]:
-        near, nothing = sorted(ends, key=away), np.zeros(robot.nv)
+        near, nothing, middle = sorted(ends, key=away), np.zeros(robot.nv), np.add(*ends) / 2
         centre = replace(region, tolerance=())
-        for goal, start in product((centre, region), near):
-            if (q := slid(robot, goal, start, nothing, limits)) is not None:
-                yield q
+        for goal in (centre, region):
+            near_by = (slid(robot, goal, start, nothing, limits) for start in (*near, middle))
+            yield from sorted((q for q in near_by if q is not None), key=travel)
         with suppress(ProblemError):
             yield from poses_reaching(robot, centre, near[0], limits)
         yield from poses_reaching(robot, region, near[0], limits)

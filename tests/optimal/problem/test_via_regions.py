@@ -8,7 +8,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.models.scene.reaching import poses_reaching, swing
+from armdyn.models.scene.reaching import frame_placement, poses_reaching, swing
 from problems import POSES, paper_arm, solve
 
 START, GOAL = POSES["rr"]
@@ -84,6 +84,31 @@ def test_a_planar_arm_passes_a_position(fastest):
     assert solution.usable
     beyond = deviations(robot, region, solution.trajectory, np.array(solution.via_times))[0, [0, 2]]
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
+
+
+def test_the_elbow_passes_a_region_on_the_side_of_least_travel():
+    """A stretching arm may pass with its elbow up or down; a region around a point takes no longer than the point."""
+    inside = np.array([-0.56, -0.84])  # the other elbow, nearer to the goal, takes half as long again
+    robot, ends = paper_arm("rr"), {"q_start": [-0.89, -1.33], "q_goal": [-0.82, 0.25], "velocity_limit": 5.0}
+    exact = ad.MinimumTimeProblem(robot, via=[inside], **ends)
+    at = frame_placement(robot, "tip", inside).translation
+    region = exact.variant(via=[ad.GoalPose("tip", at, tolerance=(0.01, 0, 0.01, 0, 0, 0))])
+    assert region.poses[1] == pytest.approx(inside, abs=1e-6)
+    assert solve(region, bound=False).duration < solve(exact, bound=False).duration
+
+
+@pytest.mark.parametrize(
+    ("arm", "start", "goal", "at"),
+    [
+        ("rr", [-1.1, -0.3], [-1.6, 0.4], [0.27, 0.0, -0.39]),
+        ("rrr", [1.5, -0.9, 0.4], [1.1, 0.9, 1.7], [-0.27, 0.0, 0.58]),
+    ],
+)
+def test_velocities_do_not_jump_where_legs_meet(arm, start, goal, at):
+    """Curves whose velocities jump there are shorter, and no motion follows them."""
+    via = [ad.GoalPose("tip", at, tolerance=(0.02, 0, 0.02, 0, 0, 0))]
+    problem = ad.MinimumTimeProblem(paper_arm(arm), q_start=start, q_goal=goal, via=via, velocity_limit=20.0)
+    assert solve(problem, bound=False).usable
 
 
 @pytest.mark.parametrize(

@@ -93,11 +93,23 @@ class SequentialPolicy:
     )
     torque_left: float = tuned(0.5, "of half the range", "summed excess, left to slowing down", TRAINED)
     distance_left: float = tuned(1e-3, "m", "summed missing distance, left to later rounds", TRAINED)
+    other_left: float = tuned(
+        0.01,
+        "of their scales",
+        "summed excess of other rows; with 0.1 velocities may jump between legs by 9 % of their limits",
+        "SCARA, random regions",
+    )
     coarse_enough: float = tuned(3e-3, "of the merit", "change that ends the iteration on the coarse mesh", TRAINED)
     enough: float = tuned(1e-3, "of the merit", "the same on the last mesh", TRAINED)
     free_enough: float = tuned(1e-6, "of the merit", "the same without obstacles", FREE)
     rounds: int = tuned(8, "rounds", "on the last mesh, until distances and limits are kept", TRAINED)
     slowed: float = tuned(1e-3, "of the duration", "slowing down that ends the rounds; twice as much the next", TRAINED)
+    parted: float = tuned(
+        1e-3,
+        "of the velocity limits",
+        "larger jumps of velocities between legs make a curve no motion; converged ones have 1e-4 at most",
+        "UR5, Panda, SCARA and three-link arms, 40 random regions",
+    )
     switching: int = tuned(10, "intervals", "from either end in which torques change fast", TRAINED)
     switch_margin: float = tuned(0.02, "of half the range", "of torques there, at first", TRAINED)
     end_margin: float = tuned(0.15, "of half the range", "of torques in the first and last interval, at first", TRAINED)
