@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import typer
 
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
 from armdyn.cli.invocation import command_name, in_options, option_value
+from armdyn.cli.layout import Followed
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -86,41 +88,69 @@ def escape(text: str) -> str:
     return escaped(text)
 
 
-@dataclass
+@dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Answer of a command, filled in while it runs.
+    """Answer of a command.
 
     Attributes:
         facts: for the JSON object.
+        shown: for the terminal: text in rich's markup, and tables.
         code: the exit code.
+        remarks: lines for standard error, unless the answer is the JSON object.
+        then: words of the command that follows; empty: none.
     """
 
-    facts: dict[str, object] = field(default_factory=dict)
+    facts: Mapping[str, object] = field(default_factory=dict)
+    shown: Sequence[str | Table] = ()
     code: int = DONE
+    remarks: Sequence[str] = ()
+    then: Sequence[str] = ()
 
-    def done(self, status: str, facts: Mapping[str, object], files: Iterable[Path] = ()) -> None:
-        """Record success."""
-        self.facts |= {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
 
-    def judge(self, usable: bool, *, interrupted: bool = False, as_required: bool = True) -> None:
-        """Set the exit code of a result.
+def judged(
+    facts: Mapping[str, object],
+    *shown: str | Table,
+    usable: bool,
+    as_required: bool = True,
+    remarks: Sequence[str] = (),
+    files: Iterable[Path] = (),
+) -> Answer:
+    """The answer of a command with a result, or with a part of it after Ctrl-C: then its status is "interrupted".
 
-        Args:
-            usable: whether the result is usable, such as a usable motion.
-            interrupted: whether Ctrl-C has cut the command short.
-            as_required: whether the result meets `--require` or `--at-least`.
-        """
-        code = DONE if as_required else NOT_AS_REQUIRED
-        self.code = INTERRUPTED if interrupted else code if usable else NOT_USABLE
+    Args:
+        facts: of the result, its status among them.
+        shown: for the terminal.
+        usable: whether the result is usable, such as a usable motion.
+        as_required: whether the result meets `--require` or `--at-least`.
+        remarks: for standard error.
+        files: that were written.
+    """
+    code = NOT_USABLE if not usable else DONE if as_required else NOT_AS_REQUIRED
+    if facts["status"] == "interrupted":
+        code, remarks = INTERRUPTED, [*remarks, _complaint(facts["message"])]
+    known = {**facts, "files": [str(file) for file in files]}
+    return Answer(facts=known, shown=shown, code=code, remarks=remarks)
 
-    def interrupted(self) -> None:
-        """Record an interrupt."""
-        self.failed("interrupted", "interrupted", INTERRUPTED)
 
-    def failed(self, status: str, message: str, code: int) -> None:
-        """Record a failure."""
-        self.facts |= {"success": False, "status": status, "message": message}
-        self.code = code
+def done(status: str, facts: Mapping[str, object], *shown: str | Table, files: Iterable[Path] = ()) -> Answer:
+    """The answer of a command that succeeded."""
+    known = {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
+    return Answer(facts=known, shown=shown)
+
+
+def failed(status: str, message: str, code: int, **facts: object) -> Answer:
+    """The answer of a command that failed."""
+    known = {**facts, "success": False, "status": status, "message": message}
+    return Answer(facts=known, code=code, remarks=[_complaint(message)])
+
+
+def interrupted(message: str = "interrupted", **facts: object) -> Answer:
+    """The answer of a command that Ctrl-C ended."""
+    return failed("interrupted", message, INTERRUPTED, **facts)
+
+
+def _complaint(message: object) -> str:
+    return f"[bold red]armdyn:[/] {escape(str(message))}"
 
 
 def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
@@ -135,68 +165,72 @@ def cut_short(summary: Mapping[str, Any]) -> dict[str, Any]:
     return {**summary, "success": False, "status": "interrupted", "message": message}
 
 
-@contextmanager
-def answering(as_json: bool, *, last: bool = True) -> Iterator[Answer]:
-    """Turn results, errors and warnings of the block into output and an exit code, without tracebacks.
+def carry_out(command: Callable[[], Answer]) -> NoReturn:
+    """Run a command, and turn its answer, errors and warnings into output and an exit code, without tracebacks.
 
     Args:
-        as_json: the answer is one JSON object, and `console` says nothing.
-        last: no other command follows whose JSON object is the answer, unless this one fails.
+        command: the running one, whose options --json, --quiet and --then decide the output.
 
     Raises:
-        typer.Exit: always, with the code.
+        typer.Exit: always, with the code; `Followed` where another command follows.
     """
-    answer = Answer()
+    as_json = bool(option_value("json")) or "--json" in shlex.split(option_value("then") or "")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
+        console.quiet = as_json or bool(option_value("quiet"))
         try:
-            console.quiet = as_json or bool(option_value("quiet"))
             with interrupts.Raised():
-                yield answer
+                answer = command()
+                for each in answer.shown:
+                    console.print(each)
         except typer.Exit:
             raise
-        except DiskFullError as error:
-            answer.failed("disk_full", str(error), DISK_FULL)
-        except ArmdynError as error:
-            answer.failed("bad_input", in_options(str(error)), BAD_INPUT)
-        except OSError as error:
-            if is_full(error):
-                answer.failed("disk_full", str(DiskFullError(error.filename or "standard output")), DISK_FULL)
-            else:
-                answer.failed("bad_input", _os_message(error), BAD_INPUT)
         except (Exception, KeyboardInterrupt) as error:
-            if interrupts.pressed() or isinstance(error, KeyboardInterrupt):
-                answer.interrupted()
-            elif os.environ.get("ARMDYN_DEBUG"):
+            if os.environ.get("ARMDYN_DEBUG") and _is_bug(error):
                 raise
-            else:
-                hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
-                answer.failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
+            answer = _failure(error)
         finally:
             console.quiet = False
     interrupts.answer()
     messages = list(dict.fromkeys(in_options(str(w.message)) for w in caught if issubclass(w.category, ArmdynWarning)))
     for message in messages:
         errors.print(f"[yellow]warning:[/] {escape(message)}")
-    if as_json and (last or answer.code):
-        answer.facts["warnings"] = messages
-        write_json(answer.facts)
-    if answer.code in (INTERNAL, BAD_INPUT, DISK_FULL, INTERRUPTED) and "message" in answer.facts and not as_json:
-        errors.print(f"[bold red]armdyn:[/] {escape(str(answer.facts['message']))}")
+    if answer.then:
+        raise Followed([*answer.then, *(["--json"] if as_json and "--json" not in answer.then else [])])
+    if as_json:
+        write_json({**answer.facts, "warnings": messages})
+    for line in () if as_json else answer.remarks:
+        errors.print(line)
     raise typer.Exit(answer.code)
+
+
+def _is_bug(error: BaseException) -> bool:
+    """Whether an exception is neither the user's nor the disk's fault, nor a consequence of Ctrl-C."""
+    return not (isinstance(error, (ArmdynError, OSError, KeyboardInterrupt)) or interrupts.pressed())
+
+
+def _failure(error: BaseException) -> Answer:
+    """The answer of a command that raised an exception."""
+    if isinstance(error, DiskFullError):
+        return failed("disk_full", str(error), DISK_FULL)
+    if isinstance(error, ArmdynError):
+        return failed("bad_input", in_options(str(error)), BAD_INPUT)
+    if isinstance(error, OSError):
+        if is_full(error):
+            return failed("disk_full", str(DiskFullError(error.filename or "standard output")), DISK_FULL)
+        reason = error.strerror or str(error) or type(error).__name__
+        return failed("bad_input", reason if error.filename is None else f"{reason}: {error.filename}", BAD_INPUT)
+    if _is_bug(error):
+        hint = "this is a bug in armdyn; ARMDYN_DEBUG=1 shows where"
+        return failed("internal_error", f"internal error ({type(error).__name__}: {error}); {hint}", INTERNAL)
+    return interrupted()
 
 
 def write_json(facts: Mapping[str, object]) -> None:
     """Write facts of the command that is running as the JSON object of its answer."""
     printed = {"schema": SCHEMA, "command": command_name(), **facts}
     sys.stdout.write(json.dumps(printed, allow_nan=False) + "\n")
-
-
-def _os_message(error: OSError) -> str:
-    """The operating system's message, with the file."""
-    what = error.strerror or str(error) or type(error).__name__
-    return what if error.filename is None else f"{what}: {error.filename}"
 
 
 @contextmanager

@@ -11,9 +11,8 @@ from types import NoneType
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, answering, console, escape, facts_table, table, working
+from armdyn.cli.console import NOT_USABLE, Answer, done, escape, facts_table, table, working
 from armdyn.cli.options.groups import argument, flag, option
-from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
 from armdyn.errors import ProblemError
@@ -46,8 +45,7 @@ def doctor(
         "tip, missing limits. Nothing is written without --out."
     ),
     out: Path | None = option("FILE", "With --repair: write the URDF with physical inertias, marked as repaired."),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """Check the installation, or a robot as armdyn reads it.
 
     [dim]armdyn doctor
@@ -57,39 +55,35 @@ def doctor(
     armdyn doctor my_arm.urdf
     armdyn doctor my_arm.urdf --repair --out mended.urdf[/]
     """
-    with answering(json) as answer:
-        if out is not None and not repair:
-            raise ProblemError(f"--out {out} belongs to --repair, which is not given")
-        if repair:
-            repaired(answer, robot, part, out)
-            return
-        tables: list[str | Table]
-        if robot is None:
-            arm, facts = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), _installation()
-            answer.done("healthy", facts)
-            tables = [facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()})]
-        else:
-            arm = part.read(robot)
-            joints, remarks = _joints(arm), _remarks(arm)
-            answer.done("read", {"robot": arm.name, "tip": arm.tip, "joints": joints, "remarks": remarks})
-            tables = [_table(arm, joints), *(f"[yellow]note:[/] {escape(remark)}" for remark in remarks)]
-        if policy:
-            rows = _policy(arm)
-            answer.facts["policy"] = policy_facts(rows)
-            tables.append(policy_table(arm.name, rows))
-        if build:
-            with working(f"machine code of {arm.name}"):
-                seconds = _built(arm)
-            answer.facts["built"] = seconds
-            tables.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
-        error = _disagreement(arm)
-        answer.facts["dynamics_error"] = error
-        if error > _AGREE:
-            answer.facts |= {"success": False, "status": "dynamics_disagree"}
-            answer.code = NOT_USABLE
-        verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
-        for shown in (*tables, f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})"):
-            console.print(shown)
+    if out is not None and not repair:
+        raise ProblemError(f"--out {out} belongs to --repair, which is not given")
+    if repair:
+        return repaired(robot, part, out)
+    shown: list[str | Table]
+    if robot is None:
+        arm, status = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), "healthy"
+        facts = _installation()
+        shown = [facts_table("armdyn's installation", {k: str(v) for k, v in facts.items()})]
+    else:
+        arm, status = part.read(robot), "read"
+        joints, remarks = _joints(arm), _remarks(arm)
+        facts = {"robot": arm.name, "tip": arm.tip, "joints": joints, "remarks": remarks}
+        shown = [_table(arm, joints), *(f"[yellow]note:[/] {escape(remark)}" for remark in remarks)]
+    if policy:
+        rows = _policy(arm)
+        facts["policy"] = policy_facts(rows)
+        shown.append(policy_table(arm.name, rows))
+    if build:
+        with working(f"machine code of {arm.name}"):
+            seconds = _built(arm)
+        facts["built"] = seconds
+        shown.append(f"machine code of {escape(arm.name)} is there, after {seconds:.1f} s")
+    facts["dynamics_error"] = error = _disagreement(arm)
+    verdict = "[green]agree[/]" if error <= _AGREE else "[bold red]DISAGREE[/]"
+    shown.append(f"CasADi and Pinocchio dynamics {verdict} (largest relative difference {error:.1e})")
+    if error <= _AGREE:
+        return done(status, facts, *shown)
+    return Answer(facts={**facts, "success": False, "status": "dynamics_disagree"}, shown=shown, code=NOT_USABLE)
 
 
 def _built(robot: ad.Robot) -> float:

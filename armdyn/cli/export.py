@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.arguments import one_of, shown
-from armdyn.cli.console import NOT_USABLE, answering, console, escape
-from armdyn.cli.motion.check import show_check
+from armdyn.cli.console import NOT_USABLE, Answer, done, escape
+from armdyn.cli.motion.check import check_shown
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
-from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
@@ -177,8 +175,7 @@ def export(
     fields: FormatOptions,
     mujoco: ModelOptions,
     controller: PresetOptions,
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """A motion as a table, ROS 2's message, MuJoCo's model or keyframes, or a program for a robot's controller.
 
     Each row has a time, q, v, a and tau. Rows are 1 / rate apart, the first at 0, the last at the motion's end. Torques
@@ -206,45 +203,38 @@ def export(
     armdyn export results/trajectory.npz --format urscript --payload 2.5 --payload-com 0,0,0.08
     armdyn export results/trajectory.npz --format panda-python --preset franka-panda[/]
     """
-    with answering(json) as answer:
-        kind = rows.kind
-        output_format = fields.fill(kind)
-        mujoco.expect_format(kind)
-        if kind is Mujoco and controller.read() is not None:
-            raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
-        motion, target = rows.motion(file), rows.target(file)
-        preset = None if kind is Mujoco else preset_of(file, controller)
-        default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
-        samples, ticks, deviation = sampled(
-            output_format, motion, rows.rate, default_rate if preset is None else preset.chosen.rate
-        )
-        found = None if preset is None else check_samples(preset, samples, isinstance(output_format, Ros2))
-        if found is not None and not found.ok and controller.preset is not None:
-            answer.failed("refused", f"not written: {found}", NOT_USABLE)
-            answer.facts["controller"] = found.facts()
-            show_check(found, target.name)
-            console.print("[red]not written[/]; without --preset it is, for simulations and figures")
-            return
-        content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(target, content.encode())
-        count, duration = samples.t.size, motion.duration
-        facts = {"format": kind.name, "rate": ticks, "samples": count, "duration": duration, "deviation": deviation}
-        answer.done("written", facts | ({} if found is None else {"controller": found.facts()}), [target])
-        _show(target, facts, found)
-
-
-def _show(target: Path, facts: Mapping[str, Any], found: ad.ControllerCheck | None) -> None:
-    """The written file, and the controller's verdict."""
-    even = "its own samples" if facts["rate"] is None else f"{facts['rate']:g} Hz"
-    console.print(f"{escape(str(target))}  ({facts['samples']} rows at {even}, {facts['duration']:.6f} s)")
+    kind = rows.kind
+    output_format = fields.fill(kind)
+    mujoco.expect_format(kind)
+    if kind is Mujoco and controller.read() is not None:
+        raise ProblemError("--preset checks commands for a controller; the format mujoco has none")
+    motion, target = rows.motion(file), rows.target(file)
+    preset = None if kind is Mujoco else preset_of(file, controller)
+    default_rate = _MODEL_RATE if mujoco.model else usual_rate(kind)
+    samples, ticks, deviation = sampled(
+        output_format, motion, rows.rate, default_rate if preset is None else preset.chosen.rate
+    )
+    found = None if preset is None else check_samples(preset, samples, isinstance(output_format, Ros2))
+    facts: dict[str, object]
+    if found is not None and not found.ok and controller.preset is not None:
+        more = "[red]not written[/]; without --preset it is, for simulations and figures"
+        facts = {"success": False, "status": "refused", "message": f"not written: {found}", "controller": found.facts()}
+        return Answer(facts=facts, shown=[*check_shown(found, target.name), more], code=NOT_USABLE)
+    content = mujoco.content(file, motion, samples, fields.motors) if mujoco.model else output_format.text(samples)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(target, content.encode())
+    count, duration = samples.t.size, motion.duration
+    facts = {"format": kind.name, "rate": ticks, "samples": count, "duration": duration, "deviation": deviation}
+    facts |= {} if found is None else {"controller": found.facts()}
+    even = "its own samples" if ticks is None else f"{ticks:g} Hz"
+    said = [f"{escape(str(target))}  ({count} rows at {even}, {duration:.6f} s)"]
     if found is not None:
-        console.print(escape(str(found)))
+        said.append(escape(str(found)))
         if not found.ok:
             warnings.warn(f"the controller would refuse {target.name}: {found}", ArmdynWarning, stacklevel=2)
-    if facts["deviation"] is not None:
-        spline = f"at most {facts['deviation']:.2g} rad or m off the motion"
-        console.print(f"ros2_control's spline between the points is {spline}")
+    if deviation is not None:
+        said.append(f"ros2_control's spline between the points is at most {deviation:.2g} rad or m off the motion")
+    return done("written", facts, *said, files=[target])
 
 
 def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:

@@ -5,17 +5,14 @@ from __future__ import annotations
 import shlex
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
-
 import armdyn as ad
 from armdyn.arguments import whole
-from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
+from armdyn.cli.console import Answer, done, escape, facts_table, table, working
 from armdyn.cli.invocation import invocation, is_given
-from armdyn.cli.layout import Followed
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.path_constraints import SceneOptions
 from armdyn.cli.options.preset import PresetOptions
@@ -26,6 +23,8 @@ from armdyn.files import attributes, write_whole
 from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from armdyn.identification.equations import What
 
 _FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
@@ -90,7 +89,7 @@ def identify(
     scene: SceneOptions,
     controller: PresetOptions,
     output: OutputOptions,
-) -> None:
+) -> Answer:
     """Inertias, friction or payload of an arm from logs of its motions.
 
     The result is always physical, and keeps the file's numbers that the logs do not determine. It is written as
@@ -106,47 +105,36 @@ def identify(
     armdyn identify rrr log.csv --payload-only --then mintime --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
     armdyn mintime results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5[/]
     """
-    then = shlex.split(options.then or "")
-    as_json = output.json or "--json" in then
-    try:
-        with answering(as_json, last=not then) as answer:
-            what, arm = options.what, robot.read(payload.carried())
-            if (options.exciting is None) == (not logs):
-                raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
-            about = [*given(scene), *given(controller)]
-            if about and options.exciting is None:
-                raise ProblemError(f"--{about[0].replace('_', '-')} is of a motion to log: give --exciting SECONDS")
-            if options.exciting is not None:
-                if then:
-                    raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
-                if of_logs := [name for name in _OF_LOGS if is_given(name)]:
-                    raise ProblemError(f"--{of_logs[0].replace('_', '-')} is of an identification: give a LOG")
-                scene.expect_bodies()
-                sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
-                _write_motion(answer, arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
-                return
-            folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
-            file = _identify(answer, arm, logs or (), options, folder)
-    except typer.Exit as end:
-        if end.exit_code or not then:
-            raise
-    flags = ["--json"] if as_json and "--json" not in then else []
-    raise Followed([then[0], str(file), *then[1:], *flags])
+    what, arm, then = options.what, robot.read(payload.carried()), shlex.split(options.then or "")
+    if (options.exciting is None) == (not logs):
+        raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
+    about = [*given(scene), *given(controller)]
+    if about and options.exciting is None:
+        raise ProblemError(f"--{about[0].replace('_', '-')} is of a motion to log: give --exciting SECONDS")
+    if options.exciting is not None:
+        if then:
+            raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
+        if of_logs := [name for name in _OF_LOGS if is_given(name)]:
+            raise ProblemError(f"--{of_logs[0].replace('_', '-')} is of an identification: give a LOG")
+        scene.expect_bodies()
+        sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
+        return _write_motion(arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
+    folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
+    made = _identify(arm, logs or (), options, folder)
+    return replace(made, then=[then[0], str(folder / _FILE), *then[1:]]) if then else made
 
 
-def _write_motion(answer: Answer, arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> None:
+def _write_motion(arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> Answer:
     with working(f"exciting motion of {arm.name}"):
         motion = ad.exciting_motion(arm, duration, sought)
     folder.mkdir(parents=True, exist_ok=True)
     file = motion.save(folder / _MOTION)
-    answer.done("written", {"robot": arm.name, "duration": motion.duration}, [file])
-    console.print(f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)")
+    said = f"{escape(str(file))}  ({motion.duration:g} s, from rest to rest)"
+    return done("written", {"robot": arm.name, "duration": motion.duration}, said, files=[file])
 
 
-def _identify(
-    answer: Answer, arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOptions, folder: Path
-) -> Path:
-    """Identify an arm, write and show the result; the robot's file."""
+def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOptions, folder: Path) -> Answer:
+    """Identify an arm, and write the result."""
     whole(options.likely, "likely", 0, _MOST_LIKELY)
     what, settings = options.what, ad.IdentifyOptions(held_out=options.held_out)
     with working(f"identification of {arm.name}"):
@@ -157,9 +145,7 @@ def _identify(
         files = _written(estimate, text, facts, folder)
     for warning in estimate.warnings:
         warnings.warn(f"{warning}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
-    answer.done("identified", facts, files)
-    _show(estimate, files[0])
-    return files[0]
+    return done("identified", facts, *_shown(estimate, files[0]), files=files)
 
 
 def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:
@@ -199,7 +185,7 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
     }
 
 
-def _show(estimate: ad.Estimate, file: Path) -> None:
+def _shown(estimate: ad.Estimate, file: Path) -> list[str | Table]:
     words = {
         "combinations measured": f"{estimate.measured_combinations} of {estimate.combinations}",
         "condition number": f"{estimate.condition:.3g}",
@@ -207,7 +193,7 @@ def _show(estimate: ad.Estimate, file: Path) -> None:
     }
     if estimate.unmoved:
         words["not moved"] = ", ".join(estimate.unmoved)
-    console.print(facts_table(f"{estimate.robot.name}: identified", words))
+    shown: list[str | Table] = [facts_table(f"{estimate.robot.name}: identified", words)]
     if estimate.judged is not None:
         judged = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
         rows = [
@@ -215,12 +201,12 @@ def _show(estimate: ad.Estimate, file: Path) -> None:
             for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True)
         ]
         title = f"root mean square on the end of the logs [{joint_unit(estimate.robot.slides, 'N m', 'N')}]"
-        console.print(table(title, ("joint", ">torque", ">error before", ">after"), rows))
+        shown.append(table(title, ("joint", ">torque", ">error before", ">after"), rows))
     measured = [one for one in estimate.parameters if one.measured]
     rows = [
         (one.name, f"{one.prior:.4g}", f"{one.value:.4g}", f"{one.interval[1] - one.value:.2g}", one.unit)
         for one in measured[:_MOST_ROWS]
     ]
-    console.print(table("", ("measured", ">before", ">value", ">± (95 %)", "unit"), rows))
-    left = len(estimate.parameters) - len(measured)
-    console.print(f"{left} numbers are the robot's rather than the logs'; --json lists all {len(estimate.parameters)}")
+    shown.append(table("", ("measured", ">before", ">value", ">± (95 %)", "unit"), rows))
+    left, count = len(estimate.parameters) - len(measured), len(estimate.parameters)
+    return [*shown, f"{left} numbers are the robot's rather than the logs'; --json lists all {count}"]

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import INTERRUPTED, answering, console, escape, progress_bar, table
+from armdyn.cli.console import DONE, NOT_USABLE, Answer, console, done, escape, interrupted, progress_bar, table
+from armdyn.cli.invocation import option_value
 from armdyn.cli.options.groups import argument, flag, option
-from armdyn.cli.options.results import JSON
 from armdyn.control.tracking.arrival import ARRIVAL_RULES
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import numbers
@@ -30,8 +30,7 @@ def reproduce(
         "When a PID loop has arrived: " + ", ".join(ARRIVAL_RULES) + ".",
         show_default="last_entry_first_joint, the paper's",
     ),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """The whole paper: every example, table and figure, with the published numbers next to ours.
 
     Open DIR/index.html in a browser: it is there as soon as the examples with 100.6 g are, which come first.
@@ -44,34 +43,28 @@ def reproduce(
     [dim]armdyn reproduce --payload 0.1006
     armdyn reproduce --only table4,figure2[/]
     """
-    with answering(json) as answer:
-        from armdyn.paper.reproduce import reproduce as carry_out
+    from armdyn.paper.reproduce import reproduce as carry_out
 
-        plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
-        try:
-            with progress_bar("reproduce", len(plan.cases())) as bar:
+    plan, count = _plan(only or (), payload or (), arrival_rule, fresh), 0
+    try:
+        with progress_bar("reproduce", len(plan.cases())) as bar:
 
-                def done(outcome: "Outcome", number: int, of: int) -> None:
-                    nonlocal count
-                    count = number
-                    bar.update(number, outcome.case.name, of)
+            def ended(outcome: "Outcome", number: int, of: int) -> None:
+                nonlocal count
+                count = number
+                bar.update(number, outcome.case.name, of)
 
-                def shown(outcomes: "Sequence[Outcome]") -> None:
-                    with bar.aside():
-                        _print_examples(outcomes, plan, out)
+            def shown(outcomes: "Sequence[Outcome]") -> None:
+                with bar.aside():
+                    _print_examples(outcomes, plan, out)
 
-                result = carry_out(out, plan, done, None if json else shown)
-        except KeyboardInterrupt:
-            message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command again"
-            answer.facts |= {"success": False, "status": "interrupted", "message": message, "out": str(out)}
-            answer.code = INTERRUPTED
-        else:
-            answer.facts |= result.summary()
-            answer.judge(bool(answer.facts["success"]))
-            console.print(result.message())
-            console.print(
-                f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}"
-            )
+            result = carry_out(out, plan, ended, shown)
+    except KeyboardInterrupt:
+        message = f"interrupted; {count} of {len(plan.cases())} results are in {out}: run the same command again"
+        return interrupted(message, out=str(out))
+    places = f"all of them are in {escape(str(out / 'index.html'))}; tables in {escape(str(out / 'tables'))}"
+    facts = result.summary()
+    return Answer(facts=facts, shown=[result.message(), places], code=DONE if facts["success"] else NOT_USABLE)
 
 
 def _plan(only: Sequence[str], payloads: Sequence[str], rule: str | None, fresh: bool) -> "Plan":
@@ -103,26 +96,21 @@ def urdf(
     arm: str = argument("ARM", "r, rr or rrr."),
     payload: float = option("KG", "Point mass at the tip \\[kg].", default=0.0),
     out: Path | None = option("DIR", "Write a file there instead of printing."),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """The URDF of one of the paper's arms, with its payload as a link at the tip.
 
     [dim]armdyn urdf rr --payload 0.1006 > rr.urdf[/]
     """
-    with answering(json) as answer:
-        from armdyn.models import ArmSpec, Payload
-        from armdyn.models.values.urdf import urdf_file_name, urdf_from_spec
+    from armdyn.models import ArmSpec, Payload
+    from armdyn.models.values.urdf import urdf_file_name, urdf_from_spec
 
-        spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses unknown arms
-        load = Payload(mass=payload)
-        text = urdf_from_spec(spec, load)
-        answer.done("written", {})
-        if out is not None:
-            probe_folder(out, urdf_file_name(spec, load)).mkdir(parents=True, exist_ok=True)
-            path = write_whole(out / urdf_file_name(spec, load), text.encode())
-            answer.facts["files"] = [str(path)]
-            console.print(escape(str(path)))
-        elif json:
-            answer.facts["urdf"] = text
-        else:
-            sys.stdout.write(text)
+    spec = ArmSpec.paper(arm)  # type: ignore[arg-type]  # paper refuses unknown arms
+    load = Payload(mass=payload)
+    text = urdf_from_spec(spec, load)
+    if out is not None:
+        probe_folder(out, urdf_file_name(spec, load)).mkdir(parents=True, exist_ok=True)
+        path = write_whole(out / urdf_file_name(spec, load), text.encode())
+        return done("written", {}, escape(str(path)), files=[path])
+    if not option_value("json"):
+        sys.stdout.write(text)
+    return done("written", {"urdf": text})

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import Answer, answering, console, facts_table, table
-from armdyn.cli.options.groups import argument, flag
+from armdyn.cli.console import Answer, done, facts_table, table
+from armdyn.cli.options.groups import argument
 from armdyn.cli.options.preset import known_presets, preset_named
-from armdyn.cli.options.results import JSON
 from armdyn.files import as_json
 
 if TYPE_CHECKING:
@@ -22,8 +21,7 @@ def presets(
         default=None,
         autocompletion=known_presets,
     ),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """Conditions that robots' controllers put on motions, as far as documents make them public.
 
     A motion that violates a necessary condition is stopped; recommended ones the controller tolerates, or smooths away.
@@ -34,14 +32,11 @@ def presets(
     armdyn mintime panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5 --preset franka-panda
     armdyn check planned.csv --preset ur5e[/]
     """
-    with answering(json) as answer:
-        if name is not None:
-            _show(preset_named(name), answer)
-            return
-        listed = [ad.ControllerPreset.named(one) for one in ad.ControllerPreset.names()]
-        answer.done("listed", {"presets": [_facts(preset) for preset in listed]})
-        console.print(_list(listed))
-        console.print("\narmdyn presets NAME shows limits, sources, unpublished conditions. Your own: docs/presets.md.")
+    if name is not None:
+        return _shown(preset_named(name))
+    listed = [ad.ControllerPreset.named(one) for one in ad.ControllerPreset.names()]
+    more = "\narmdyn presets NAME shows limits, sources, unpublished conditions. Your own: docs/presets.md."
+    return done("listed", {"presets": [_facts(preset) for preset in listed]}, _list(listed), more)
 
 
 def _facts(preset: ad.ControllerPreset) -> dict[str, object]:
@@ -65,16 +60,14 @@ def _list(listed: list[ad.ControllerPreset]) -> Table:
     return table("Controller presets", ("name", ">joints", ">Hz", "interfaces", "necessary", "as of"), rows)
 
 
-def _show(preset: ad.ControllerPreset, answer: Answer) -> None:
+def _shown(preset: ad.ControllerPreset) -> Answer:
     """One preset: facts, and a table of its limits."""
-    answer.done("listed", {"presets": [_facts(preset)]})
     words = {"robot": preset.robot, "as of": preset.date, "sources": "\n".join(preset.sources)}
     for one in preset.interfaces:
         recommended = f"\nrecommended: {_plain(one.recommended)}" if one.recommended else ""
         words[f"{one.name}, {one.rate:g} Hz"] = f"necessary: {_plain(one.necessary) or 'nothing'}{recommended}"
     words["not public"] = "\n".join(preset.not_public) or "not said"
-    console.print(facts_table(preset.name, words))
-    console.print(_limits(preset))
+    return done("listed", {"presets": [_facts(preset)]}, facts_table(preset.name, words), _limits(preset))
 
 
 def _plain(conditions: tuple[str, ...]) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.cli.console import NOT_USABLE, Answer, console, escape, table
+from armdyn.cli.console import NOT_USABLE, Answer, done, escape, table
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, probe_folder, write_whole
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from armdyn.models import InertiaRepair, UrdfRepair
 
 
-def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | None) -> None:
-    """Print the faults and gaps of a URDF; with `out` write the URDF with physical inertias.
+def repaired(robot: str | None, part: PartOptions, out: Path | None) -> Answer:
+    """The faults and gaps of a URDF; with `out` write the URDF with physical inertias.
 
     Raises:
         ArmdynError: the robot has no URDF, or the file cannot be written.
@@ -34,17 +35,17 @@ def repaired(answer: Answer, robot: str | None, part: PartOptions, out: Path | N
     written = []
     if target is not None and found.inertias:
         written = [write_whole(target, found.text.encode())]
-    answer.done("refused" if found.refusal else "repairable" if found.inertias else "physical", _facts(found), written)
-    if found.refusal:
-        answer.facts |= {"success": False, "message": found.refusal}
-        answer.code = NOT_USABLE
-    console.print(_table(found.inertias) if found.inertias else "all inertias are physical")
-    for line in _proposals(found):
-        console.print(escape(line))
+    shown = [_table(found.inertias) if found.inertias else "all inertias are physical"]
+    shown += map(escape, _proposals(found))
     if written:
-        console.print(f'{escape(str(written[0]))}  (results of it say "repaired model")')
+        shown.append(f'{escape(str(written[0]))}  (results of it say "repaired model")')
     elif out is not None:
-        console.print("nothing to change: nothing is written")
+        shown.append("nothing to change: nothing is written")
+    made = done("repairable" if found.inertias else "physical", _facts(found), *shown, files=written)
+    if not found.refusal:
+        return made
+    failure = {"success": False, "status": "refused", "message": found.refusal}
+    return replace(made, facts={**made.facts, **failure}, code=NOT_USABLE)
 
 
 def _urdf_of(robot: str | None) -> Path:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import Answer, answering, console, escape, facts_table, table, working
+from armdyn.cli.console import Answer, console, done, escape, facts_table, table, working
+from armdyn.cli.invocation import option_value
 from armdyn.cli.options.groups import argument, flag
-from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
 from armdyn.reprs import joint_unit
@@ -29,8 +29,7 @@ def robots(
         autocompletion=known_names,
     ),
     everything: bool = flag("Also the library's robots of several limbs, and those armdyn refuses.", name="--all"),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """Robots by name: the paper's arms, benchmarks with joints without a motor, and example-robot-data's.
 
     Each name works wherever a command takes ROBOT, and in Robot.from_library(NAME). Everything of a robot that
@@ -41,40 +40,35 @@ def robots(
     armdyn robots --all
     armdyn doctor baxter_left[/]
     """
-    with answering(json) as answer:
-        if name is not None:
-            _print_poses(PartOptions().read(name), answer)
-            return
-        from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
+    if name is not None:
+        return _poses(PartOptions().read(name))
+    from armdyn.models.robots.library import BENCHMARKS, LIBRARY_ARMS, other_robots
 
-        with working("robots") as progress:
-            arms = [_facts(name, progress) for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
-            others = [_facts(name, progress) for name in other_robots()] if everything or json else []
-        answer.done("listed", {"robots": arms, "others": others})
-        console.print(table("Arms by name", _HEADS, map(_row, arms)))
-        if others:
-            title = "The library's other robots, base fixed and every joint free"
-            console.print(table(title, _HEADS, map(_row, others)))
-        every, some, none = _marks()
-        console.print(
-            f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
-            "Minimum time needs torque limits: give missing ones with --effort-limit. armdyn doctor NAME shows "
-            "every joint."
-        )
+    with working("robots") as progress:
+        arms = [_facts(name, progress) for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS)]
+        others = [_facts(name, progress) for name in other_robots()] if everything or option_value("json") else []
+    titles = {"Arms by name": arms, "The library's other robots, base fixed and every joint free": others}
+    tables = [table(title, _HEADS, map(_row, rows)) for title, rows in titles.items() if rows]
+    every, some, none = _marks()
+    legend = (
+        f"\nLimits of position q, velocity v and torque τ: {every} of all joints, {some} of some, {none} of none. "
+        "Minimum time needs torque limits: give missing ones with --effort-limit. armdyn doctor NAME shows "
+        "every joint."
+    )
+    return done("listed", {"robots": arms, "others": others}, *tables, legend)
 
 
-def _print_poses(robot: ad.Robot, answer: Answer) -> None:
+def _poses(robot: ad.Robot) -> Answer:
     """The poses of one robot."""
     poses = robot.poses
     listed = {name: q.tolist() for name, q in poses.items()}
-    answer.done("listed", {"robot": robot.name, "joints": list(robot.joint_names), "poses": listed})
+    facts = {"robot": robot.name, "joints": list(robot.joint_names), "poses": listed}
+    if not poses:
+        return done("listed", facts, f"{escape(robot.name)} has no pose with a name: no SRDF is by its URDF")
     words = {name: ", ".join(f"{x:.4g}" for x in q) for name, q in poses.items()}
-    if not words:
-        console.print(f"{escape(robot.name)} has no pose with a name: no SRDF is by its URDF")
-        return
-    console.print(facts_table(f"{robot.name}: poses [{joint_unit(robot.slides)}]", words))
     joints, first = escape(", ".join(robot.joint_names)), escape(next(iter(poses)))
-    console.print(f"\nPositions are those of {joints}.\n--q-start {first}, --q-goal and --via take these names.")
+    more = f"\nPositions are those of {joints}.\n--q-start {first}, --q-goal and --via take these names."
+    return done("listed", facts, facts_table(f"{robot.name}: poses [{joint_unit(robot.slides)}]", words), more)
 
 
 def _facts(name: str, progress: Callable[[str], None]) -> Facts:

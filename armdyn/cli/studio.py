@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import armdyn as ad
 from armdyn import models
 from armdyn.cli import interrupts
-from armdyn.cli.console import answering, console, facts_table, working, write_json
+from armdyn.cli.console import Answer, console, facts_table, working, write_json
+from armdyn.cli.invocation import option_value
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.options.groups import OUTPUT, TASK, flag, option
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
@@ -87,7 +88,7 @@ def studio(
         "N", "Port; if it is taken, the next free.", default=8080, min=1, max=65535, rich_help_panel=OUTPUT
     ),
     fresh: bool = flag("Begin anew, though --out has the state of a last session.", rich_help_panel=TASK),
-) -> None:
+) -> Answer:
     """Page in the browser with the arm: drag start and goal, and see the fastest motion at once.
 
     Start and goal follow a gizmo at the tool, by inverse kinematics, or a slider for each joint. Obstacles are added,
@@ -109,24 +110,24 @@ def studio(
     armdyn studio my_arm.urdf --payload 2 --obstacle box:0.2,0.2,0.6@0.5,0,0.3
     armdyn studio problem.toml --port 9000 --out results/cell[/]
     """
-    with answering(output.json):
-        _expect_viser()
-        from armdyn.show.studio.origins import free_port
-        from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Session, SessionSetup
-        from armdyn.show.studio.state import StudioState
+    _expect_viser()
+    from armdyn.show.studio.origins import free_port
+    from armdyn.show.studio.session import MOTION_FILE, PROBLEM_FILE, REPORT_FILE, STATE_FILE, Session, SessionSetup
+    from armdyn.show.studio.state import StudioState
 
-        folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
-        with working(f"reading {task.robot.robot}"):
-            problem, options = task.problem()
-            setup = SessionSetup.of(problem, search.over(options).options())
-            kept = None if fresh else _kept_state(setup, folder)
-            state = StudioState.of(problem, setup.options.calm) if kept is None else kept
-            free = free_port(host, port)
-        with Session(setup, folder, state) as session:
-            from armdyn.show.studio.page import serve
+    folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
+    with working(f"reading {task.robot.robot}"):
+        problem, options = task.problem()
+        setup = SessionSetup.of(problem, search.over(options).options())
+        kept = None if fresh else _kept_state(setup, folder)
+        state = StudioState.of(problem, setup.options.calm) if kept is None else kept
+        free = free_port(host, port)
+    with Session(setup, folder, state) as session:
+        from armdyn.show.studio.page import serve
 
-            interrupts.at("the studio")
-            serve(session, host, free, partial(_print_address, output.json, folder, host, port, kept is not None))
+        interrupts.at("the studio")
+        serve(session, host, free, partial(_print_address, folder, host, port, kept is not None))
+    return Answer()
 
 
 def _expect_viser() -> None:
@@ -145,13 +146,13 @@ def _kept_state(setup: SessionSetup, folder: Path) -> StudioState | None:
         return None
 
 
-def _print_address(as_json: bool, folder: Path, host: str, requested: int, restored: bool, port: int) -> None:
+def _print_address(folder: Path, host: str, requested: int, restored: bool, port: int) -> None:
     """Print the page's address."""
     from armdyn.show.studio.origins import is_loopback
     from armdyn.show.studio.session import STATE_FILE
 
     url = f"http://{f'[{host}]' if ':' in host else host}:{port}"
-    if as_json:
+    if option_value("json"):
         facts = {"url": url, "host": host, "port": port, "folder": str(folder), "restored": restored}
         write_json({"success": True, "status": "serving", **facts})
         sys.stdout.flush()

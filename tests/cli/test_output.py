@@ -181,4 +181,4 @@ def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_pat
 )
 def test_a_folder_has_the_letters_of_its_robot_s_name_in_any_script(name, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert OutputOptions(out=None, json=False).folder("mintime", name) == Path("results", f"mintime-{folder}")
+    assert OutputOptions(out=None).folder("mintime", name) == Path("results", f"mintime-{folder}")

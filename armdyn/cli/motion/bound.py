@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, facts_table, working
-from armdyn.cli.options.groups import flag
+from armdyn.cli.console import Answer, done, facts_table, working
 from armdyn.cli.options.joints import friction_facts, friction_words, reserve_words
-from armdyn.cli.options.results import JSON
 from armdyn.cli.options.task import ProblemOptions
 
 
-def bound(
-    task: ProblemOptions,
-    json: bool = flag(JSON),
-) -> None:
+def bound(task: ProblemOptions) -> Answer:
     """Lower bound on the duration between two poses, proven: no motion is faster.
 
     Velocity limits alone give one; torque limits add the least time of speeding up and slowing down. All is
@@ -25,18 +20,16 @@ def bound(
     [dim]armdyn bound panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]
     """
-    with answering(json) as answer:
-        from armdyn.optimal.answer.summary import reserve_summary
+    from armdyn.optimal.answer.summary import reserve_summary
 
-        problem, _ = task.problem()
-        task.path_constraints.expect_bodies()
-        arm = problem.robot
-        with working(f"lower bound of {arm.name}"):
-            found = ad.lower_bound(problem)
-        facts = {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
-        answer.done("unbounded" if found is None else "bounded", facts)
-        words = friction_words(arm) | reserve_words(problem) | _words(found)
-        console.print(facts_table(f"{arm.name}: lower bound", words))
+    problem, _ = task.problem()
+    task.path_constraints.expect_bodies()
+    arm = problem.robot
+    with working(f"lower bound of {arm.name}"):
+        found = ad.lower_bound(problem)
+    facts = {"robot": arm.name, **friction_facts(arm), "reserve": reserve_summary(problem), **_facts(found)}
+    words = friction_words(arm) | reserve_words(problem) | _words(found)
+    return done("unbounded" if found is None else "bounded", facts, facts_table(f"{arm.name}: lower bound", words))
 
 
 def _facts(found: ad.LowerBound | None) -> dict[str, object]:

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, escape, table
-from armdyn.cli.options.groups import argument, flag, option
+from armdyn.cli.console import DONE, NOT_USABLE, Answer, escape, table
+from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.preset import known_presets, preset_named
-from armdyn.cli.options.results import JSON
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
 
@@ -45,8 +44,7 @@ def check(
         "Model of the arm: names of its joints, and torques by inverse dynamics where FILE has none.",
         autocompletion=known_names,
     ),
-    json: bool = flag(JSON),
-) -> None:
+) -> Answer:
     """Check whether a robot's controller accepts a motion, any planner's.
 
     The motion becomes commands at the controller's rate: between its points straight lines where it has positions only,
@@ -61,17 +59,15 @@ def check(
     armdyn check results/mintime-panda --preset franka-panda --interface torque
     armdyn check planned.csv --preset my_arm.toml --json[/]
     """
-    with answering(json) as answer:
-        chosen = preset_named(preset, interface)
-        arm = None if robot is None else part.read(robot, payload.carried())
-        if arm is None and (payload.carried() is not None or part != PartOptions()):
-            raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
-        motion, names = _motion(file, chosen, arm)
-        found = chosen.check(motion, names)
-        answer.facts |= {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
-        answer.facts |= found.facts()
-        answer.judge(found.ok)
-        show_check(found, file.name)
+    chosen = preset_named(preset, interface)
+    arm = None if robot is None else part.read(robot, payload.carried())
+    if arm is None and (payload.carried() is not None or part != PartOptions()):
+        raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
+    motion, names = _motion(file, chosen, arm)
+    found = chosen.check(motion, names)
+    facts = {"success": found.ok, "status": "accepted" if found.ok else "refused", "message": str(found)}
+    code = DONE if found.ok else NOT_USABLE
+    return Answer(facts=facts | found.facts(), shown=check_shown(found, file.name), code=code)
 
 
 def _motion(
@@ -97,22 +93,18 @@ def _motion(
     return planned, names
 
 
-def show_check(found: ad.ControllerCheck, name: str) -> None:
-    """Print a check: the verdict, each condition, and the unchecked ones."""
+def check_shown(found: ad.ControllerCheck, name: str) -> list[str | Table]:
+    """A check for the terminal: the verdict, each condition, and the unchecked ones."""
     refused = next((row for row in found.offences if row.necessary), None)
-    console.print(
-        f"[bold]{escape(name)}[/]: {found.preset}, {found.interface} interface, {found.rate:g} commands per second"
-    )
-    if refused is None:
-        console.print("[green]accepted[/]: all necessary conditions are kept")
-    else:
-        console.print(
+    head = f"[bold]{escape(name)}[/]: {found.preset}, {found.interface} interface, {found.rate:g} commands per second"
+    verdict = "[green]accepted[/]: all necessary conditions are kept"
+    if refused is not None:
+        verdict = (
             f"[red]refused[/]: {escape(refused.joint)} exceeds its {_plain(refused.condition)} limit, first at "
             f"t = {refused.first:.4g} s: {refused.first_shown} of {abs(refused.limit):.5g} {refused.unit}"
         )
-    console.print(_table(found))
     points = f"Between its points: {found.interpolation} interpolation."
-    console.print("\n".join([points, *(f"Note: {escape(note)}." for note in found.notes)]))
+    return [head, verdict, _table(found), points, *(f"Note: {escape(note)}." for note in found.notes)]
 
 
 def _table(found: ad.ControllerCheck) -> Table:

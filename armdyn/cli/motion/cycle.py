@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from armdyn.arguments import one_of
-from armdyn.cli.console import Answer, answering, console, cut_short, escape, facts_table, table, working
+from armdyn.cli.console import Answer, cut_short, done, escape, facts_table, judged, table, working
 from armdyn.cli.export import KINDS, sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
@@ -68,7 +68,7 @@ def cycle(
         rich_help_panel=OUTPUT,
     ),
     results: ResultOptions,
-) -> None:
+) -> Answer:
     """Fastest cycle of a robot: moves, grasps, releases and waits in order, from a file.
 
     Each move takes the arm with its payload from rest to rest, past its way points and along its straight
@@ -89,15 +89,11 @@ def cycle(
     armdyn cycle cell.toml --costs --require gap:3%
     armdyn cycle cell.toml --format panda-python --format ros2 --out results/cell[/]
     """
-    with answering(results.output.json) as answer:
-        if example:
-            _write_example(Path(file or _EXAMPLE), answer)
-            return
-        if file is None:
-            raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
-        formats = _formats(format)
-        most = _largest_gap(require)
-        _solve(file, costs, most, search, formats, results, answer)
+    if example:
+        return _write_example(Path(file or _EXAMPLE))
+    if file is None:
+        raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
+    return _solve(file, costs, _largest_gap(require), search, _formats(format), results)
 
 
 def _solve(
@@ -107,9 +103,8 @@ def _solve(
     search: CycleSearchOptions,
     formats: Sequence[str],
     results: ResultOptions,
-    answer: Answer,
-) -> None:
-    """Solve the cycle of a file, write its files, and fill in the answer."""
+) -> Answer:
+    """Solve the cycle of a file, and write its files."""
     from armdyn.cycle import cycle_costs, solve_cycle
     from armdyn.cycle.cycle_files import OPTIONS, read_cycle_file
     from armdyn.cycle.summary import cycle_summary
@@ -129,16 +124,15 @@ def _solve(
         summary = cut_short(cycle_summary(solution, read.cycle, found))
         written = _write(folder, name, solution, summary, formats, results, progress)
     missing = _missing(solution, most)
-    answer.facts |= {"robot": robot.name, **summary, "missing": missing, **written.facts}
-    interrupted = summary["status"] == "interrupted"
-    answer.judge(solution.usable, interrupted=interrupted, as_required=not missing)
-    if summary["steps"]:
-        heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
-        console.print(table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"])))
-    console.print(facts_table("", _words(solution, summary) | missing_words(missing) | written.words))
+    words = facts_table("", _words(solution, summary) | missing_words(missing) | written.words)
+    heads = [f">{head}" if head in _NUMBERS else head for head in _COLUMNS]
+    steps = table(f"{name}: cycle of {robot.name}", heads, map(_cells, summary["steps"]))
+    shown = [steps, words] if summary["steps"] else [words]
+    facts = {"robot": robot.name, **summary, "missing": missing}
+    return judged(facts, *shown, usable=solution.usable, as_required=not missing, files=written.files)
 
 
-def _write_example(path: Path, answer: Answer) -> None:
+def _write_example(path: Path) -> Answer:
     """Write the example; an existing file is not overwritten.
 
     Raises:
@@ -148,8 +142,8 @@ def _write_example(path: Path, answer: Answer) -> None:
         raise FileError(path, "is there already; armdyn cycle --example OTHER.toml writes to another name")
     content = package_files("armdyn.cycle").joinpath(_EXAMPLE).read_bytes()
     path.parent.mkdir(parents=True, exist_ok=True)
-    answer.done("written", {}, [write_whole(path, content)])
-    console.print(f"{escape(str(path))}  (armdyn cycle {escape(str(path))} solves it)")
+    said = f"{escape(str(path))}  (armdyn cycle {escape(str(path))} solves it)"
+    return done("written", {}, said, files=[write_whole(path, content)])
 
 
 def _formats(given: Sequence[str] | None) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, cut_short, facts_table, working
+from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
 from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
@@ -170,7 +170,7 @@ def mintime(
         "With --preset: do not solve again without each necessary condition for its cost.",
         rich_help_panel=LIMITS,
     ),
-) -> None:
+) -> Answer:
     """Fastest motion between two poses that the actuators allow.
 
     Solves many guesses, resolves the best one to exact switching times, and replays its torques through Pinocchio's
@@ -199,30 +199,27 @@ def mintime(
     armdyn mintime results/identify-rrr/identified.toml --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
-    with answering(results.output.json) as answer:
-        required = requirements_of(require or ())
-        from armdyn.optimal.answer.words import standing
+    required = requirements_of(require or ())
+    from armdyn.optimal.answer.words import standing
 
-        problem, options = _problem(task, results)
-        task.path_constraints.expect_bodies()
-        if no_costs and problem.preset is None:
-            raise ProblemError("--no-costs is about the conditions of --preset, which is not given")
-        arm, search = problem.robot, search.over(options)
-        folder = results.folder("mintime", task.robot.robot)
-        with working(f"minimum time of {arm.name}") as progress:
-            solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
-            found = _Result(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
-            summary, obstacles = cut_short(found.summary), solution.problem.obstacles
-            motions = {"trajectory": solution.trajectory}
-            written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
-            written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
-        missing = missing_of(required, solution.usable, standing(solution))
-        about = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm)}
-        answer.facts |= {**about, **summary, "missing": missing, **written.facts}
-        stopped = summary["status"] == "interrupted"
-        answer.judge(solution.usable and not found.verdict.refused, interrupted=stopped, as_required=not missing)
-        words = found.words | missing_words(missing) | written.words
-        console.print(facts_table(f"{arm.name}: minimum time", words))
+    problem, options = _problem(task, results)
+    task.path_constraints.expect_bodies()
+    if no_costs and problem.preset is None:
+        raise ProblemError("--no-costs is about the conditions of --preset, which is not given")
+    arm, search = problem.robot, search.over(options)
+    folder = results.folder("mintime", task.robot.robot)
+    with working(f"minimum time of {arm.name}") as progress:
+        solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
+        found = _Result(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
+        summary, obstacles = cut_short(found.summary), solution.problem.obstacles
+        motions = {"trajectory": solution.trajectory}
+        written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
+        written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
+    missing = missing_of(required, solution.usable, standing(solution))
+    facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
+    shown = facts_table(f"{arm.name}: minimum time", found.words | missing_words(missing) | written.words)
+    usable = solution.usable and not found.verdict.refused
+    return judged(facts, shown, usable=usable, as_required=not missing, files=written.files)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, cut_short, facts_table, working
+from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
 from armdyn.cli.motion.mintime import SolverOptions
 from armdyn.cli.options.groups import argument
 from armdyn.cli.options.joints import FastJointOptions, friction_facts, friction_words, reserve_words
@@ -32,7 +32,7 @@ def optimality(
     rates: RateOptions,
     search: SolverOptions,
     results: ResultOptions,
-) -> None:
+) -> Answer:
     """Compare a planner's motion with the fastest between the same two states.
 
     Reports whether the motion keeps torque, velocity and position limits, how long each joint is on none of them, and
@@ -48,29 +48,28 @@ def optimality(
     armdyn optimality ur5 moveit.yaml
     armdyn optimality rr results/track-rr/trajectory.npz --search quick[/]
     """
-    with answering(results.output.json) as answer:
-        from armdyn.cli.reports.saved import motion_of
-        from armdyn.trajectory.planned import SUFFIXES
+    from armdyn.cli.reports.saved import motion_of
+    from armdyn.trajectory.planned import SUFFIXES
 
-        if robot.robot.lower().endswith(SUFFIXES):
-            raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
-        arm = joints.fit(robot.read(payload.carried()))
-        motion = motion_of(arm, file)
-        folder = results.folder("optimality", robot.robot, MOTIONS)
-        with working(f"fastest motion of {arm.name}") as progress:
-            found = ad.time_optimality(
-                arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
-            )
-            summary, solution = cut_short(_facts(found)), found.solution
-            motions = {"trajectory": replace(found.trajectory, name=file.stem)}
-            if solution.moves:
-                motions["optimum"] = replace(solution.trajectory, name="fastest")
-            title = f"{arm.name}: {_title(found)}"
-            written = results.write(folder, arm, motions, summary, title, progress=progress)
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        answer.judge(bool(summary["success"]), interrupted=summary["status"] == "interrupted")
-        words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
-        console.print(facts_table(f"{arm.name}: {file.name} against the fastest motion", words))
+    if robot.robot.lower().endswith(SUFFIXES):
+        raise ProblemError(f"{robot.robot} stands where the robot belongs: armdyn optimality ROBOT FILE")
+    arm = joints.fit(robot.read(payload.carried()))
+    motion = motion_of(arm, file)
+    folder = results.folder("optimality", robot.robot, MOTIONS)
+    with working(f"fastest motion of {arm.name}") as progress:
+        found = ad.time_optimality(
+            arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
+        )
+        summary, solution = cut_short(_facts(found)), found.solution
+        motions = {"trajectory": replace(found.trajectory, name=file.stem)}
+        if solution.moves:
+            motions["optimum"] = replace(solution.trajectory, name="fastest")
+        title = f"{arm.name}: {_title(found)}"
+        written = results.write(folder, arm, motions, summary, title, progress=progress)
+    words = friction_words(arm) | reserve_words(solution.problem) | _words(found) | written.words
+    shown = facts_table(f"{arm.name}: {file.name} against the fastest motion", words)
+    facts = {"robot": arm.name, **friction_facts(arm), **summary}
+    return judged(facts, shown, usable=bool(summary["success"]), files=written.files)
 
 
 def _facts(found: ad.TimeOptimality) -> dict[str, object]:

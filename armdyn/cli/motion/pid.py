@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.console import Answer, facts_table, judged, working
 from armdyn.cli.options.groups import option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
@@ -65,11 +65,7 @@ class PidLoopOptions:
         )
 
 
-def pid(
-    task: ArmOptions,
-    loop: PidLoopOptions,
-    results: ResultOptions,
-) -> None:
+def pid(task: ArmOptions, loop: PidLoopOptions, results: ResultOptions) -> Answer:
     """Simulate a PID loop between two poses.
 
     r, rr and rrr move as in the paper's Examples 4 to 6, and count as arrived when joint 1 is there to stay.
@@ -78,22 +74,20 @@ def pid(
     armdyn pid problem.toml
     armdyn pid rr --form torque --gains 30,50,3[/]
     """
-    with answering(results.output.json) as answer:
-        from armdyn.control.tracking.pid import pid_summary
-        from armdyn.paper.printed.loop import PAPER_RULE
+    from armdyn.control.tracking.pid import pid_summary
+    from armdyn.paper.printed.loop import PAPER_RULE
 
-        arm, (start, goal), name = task.arm, task.ends("pid"), task.robot.robot
-        folder = results.folder("pid", name)
-        with working(f"PID loop of {arm.name}") as progress:
-            run = loop.run(arm, start, goal, PAPER_RULE if name in models.PLANAR_ARMS else ARRIVAL_RULES[0])
-            summary = pid_summary(run)
-            carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
-            title = f"{arm.name}{carried}: PID loop"
-            written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
-        answer.facts |= {"robot": arm.name, **friction_facts(arm), **summary, **written.facts}
-        answer.judge(run.arrival_time is not None)
-        words = friction_words(arm) | _words(run) | written.words
-        console.print(facts_table(f"{arm.name}: PID loop", words))
+    arm, (start, goal), name = task.arm, task.ends("pid"), task.robot.robot
+    folder = results.folder("pid", name)
+    with working(f"PID loop of {arm.name}") as progress:
+        run = loop.run(arm, start, goal, PAPER_RULE if name in models.PLANAR_ARMS else ARRIVAL_RULES[0])
+        summary = pid_summary(run)
+        carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None else ""
+        title = f"{arm.name}{carried}: PID loop"
+        written = results.write(folder, arm, {"trajectory": run.trajectory}, summary, title, progress=progress)
+    facts = {"robot": arm.name, **friction_facts(arm), **summary}
+    words = facts_table(f"{arm.name}: PID loop", friction_words(arm) | _words(run) | written.words)
+    return judged(facts, words, usable=run.arrival_time is not None, files=written.files)
 
 
 def _words(run: ad.Run) -> dict[str, str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import answering, console, escape, working
+from armdyn.cli.console import Answer, done, escape, working
 from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
@@ -29,7 +29,7 @@ def replay(
     payload: PayloadOptions,
     output: OutputOptions,
     slow_motion: str | None = option("X", "Seconds shown per second of motion; by default it is chosen."),
-) -> None:
+) -> Answer:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 
     If a result.json lies next to a motion, the page shows its verdict, such as certified or not, and its obstacles
@@ -37,22 +37,21 @@ def replay(
 
     [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]
     """
-    with answering(output.json) as answer:
-        from armdyn.cli.reports.subject import obstacles_in
-        from armdyn.show.page.motions import ShownMotion
-        from armdyn.show.replay import write_html
+    from armdyn.cli.reports.subject import obstacles_in
+    from armdyn.show.page.motions import ShownMotion
+    from armdyn.show.replay import write_html
 
-        arm = robot.read(payload.carried())
-        saved = [_saved(path, arm) for path in trajectories]
-        motions = [ShownMotion(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
-        obstacles = obstacles_in(saved[0].facts)
-        folder = output.folder("replay", robot.robot, ["replay.html"])
-        slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
-        folder.mkdir(parents=True, exist_ok=True)
-        with working(f"replay of {arm.name}"):
-            page = write_html(arm, motions, folder / "replay.html", slow_motion=slow, obstacles=obstacles)
-        answer.done("written", {}, [page])
-        console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
+    arm = robot.read(payload.carried())
+    saved = [_saved(path, arm) for path in trajectories]
+    motions = [ShownMotion(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
+    obstacles = obstacles_in(saved[0].facts)
+    folder = output.folder("replay", robot.robot, ["replay.html"])
+    slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
+    folder.mkdir(parents=True, exist_ok=True)
+    with working(f"replay of {arm.name}"):
+        page = write_html(arm, motions, folder / "replay.html", slow_motion=slow, obstacles=obstacles)
+    said = f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)"
+    return done("written", {}, said, files=[page])
 
 
 def _saved(path: Path, arm: ad.Robot) -> Saved:

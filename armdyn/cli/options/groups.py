@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 from typer.models import OptionInfo
 
+from armdyn.cli.console import Answer, carry_out
 from armdyn.cli.invocation import running
 
 TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
@@ -20,13 +21,13 @@ _ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options of joint positions, to which --degrees applies."""
 
 
-def with_options(command: Callable[..., None]) -> Callable[..., None]:
+def with_options(command: Callable[..., Answer]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
     A group is a frozen dataclass. Its fields, and the parameters of a command, are an `option`, a `flag` or an
     `argument`, or are groups themselves; they become the command's options in their order. All options of a group stand
     in the help panel that its class attribute `panel` names, if it has one. After them come the options that every
-    command has: --quiet, and --degrees where there are angles.
+    command has: --json, --quiet, and --degrees where there are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
@@ -47,7 +48,7 @@ def with_options(command: Callable[..., None]) -> Callable[..., None]:
     @wraps(command)
     def flattened(**values: Any) -> None:
         with running(command.__name__.replace("_", "-"), flat, values):
-            command(**{name: _gathered(name, hint, values) for name, hint in hints.items()})
+            carry_out(lambda: command(**{name: _gathered(name, hint, values) for name, hint in hints.items()}))
 
     flattened.__doc__ = _flowing(command.__doc__ or "")
     flattened.__annotations__ = {name: option.annotation for name, option in flat.items()}
@@ -85,13 +86,16 @@ def given(group: Any) -> dict[str, Any]:
 
 
 def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
-    """Options that a command has besides its own: --quiet, and --degrees if the command takes angles.
+    """Options that a command has besides its own: --json, --quiet, and --degrees if the command takes angles.
 
     Args:
         own: the command's own options, complete when the first common one is read.
     """
     angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
-    flags = [("quiet", "Print errors and warnings only; files are written, and the exit code is the result.", OUTPUT)]
+    flags = [
+        ("json", "One JSON object on standard output, nothing else.", OUTPUT),
+        ("quiet", "Print errors and warnings only; files are written, and the exit code is the result.", OUTPUT),
+    ]
     if angles:
         note = f"Numbers of {', '.join(angles)} are degrees, but for joints that slide and numbers with a unit or pi."
         flags.insert(0, ("degrees", f"{note} All other options stay as they are.", TASK))

@@ -19,16 +19,14 @@ if TYPE_CHECKING:
     from armdyn.show.report import Part
     from armdyn.trajectory import Trajectory
 
-JSON = "One JSON object on standard output, nothing else."
 NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
 
 
 @dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """Folder of the results, and form of the answer on standard output."""
+    """Folder of the results."""
 
     out: Path | None = option("DIR", "Folder for the results. By default results/COMMAND-ROBOT.")
-    json: bool = flag(JSON)
 
     def folder(self, command: str, name: str, files: Iterable[str] = ()) -> Path:
         """The requested folder, else results/COMMAND-ROBOT; checked before the work begins.
@@ -61,11 +59,6 @@ class Written:
     def with_files(self, more: Sequence[Path]) -> Self:
         """The results with more files."""
         return replace(self, files=[*self.files, *more])
-
-    @property
-    def facts(self) -> dict[str, object]:
-        """The files as JSON."""
-        return {"files": [str(file) for file in self.files]}
 
     @property
     def words(self) -> dict[str, str]:

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from armdyn.cli.console import answering, console, escape, table, working
+from armdyn.cli.console import Answer, done, escape, table, working
 from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
@@ -61,7 +61,7 @@ class ShownOptions:
         return read_moves(self.results, SubjectSpec(robot=self.robot, part=self.part, payload=self.payload.carried()))
 
 
-def report(shown: ShownOptions, output: OutputOptions) -> None:
+def report(shown: ShownOptions, output: OutputOptions) -> Answer:
     """One HTML page of saved results: the arm, its curves, its verdict and numbers.
 
     mintime, cycle, pid and track write it by themselves. Of several results the first is judged, and the others are its
@@ -71,21 +71,20 @@ def report(shown: ShownOptions, output: OutputOptions) -> None:
     [dim]armdyn report results/mintime-rr
     armdyn report results/mintime-rr results/pid-rr --until 0.5 --out results/both[/]
     """
-    with answering(output.json) as answer:
-        results, end = shown.results, shown.end()
-        subject, moves = shown.read()
-        title = moves[0].facts.text("title") if len(results) == 1 else ""
-        folder = results[0] if results[0].is_dir() else results[0].parent
-        folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else folder
-        from armdyn.show.page.report import report_of
+    results, end = shown.results, shown.end()
+    subject, moves = shown.read()
+    title = moves[0].facts.text("title") if len(results) == 1 else ""
+    folder = results[0] if results[0].is_dir() else results[0].parent
+    folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else folder
+    from armdyn.show.page.report import report_of
 
-        with working(f"report of {subject.name}"):
-            page = _written(folder, report_of(subject, moves, title, end))
-        answer.done("written", {"robot": subject.name}, [page])
-        console.print(f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)")
+    with working(f"report of {subject.name}"):
+        page = _written(folder, report_of(subject, moves, title, end))
+    said = f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)"
+    return done("written", {"robot": subject.name}, said, files=[page])
 
 
-def compare(shown: ShownOptions, output: OutputOptions) -> None:
+def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
     """Several motions of one arm side by side: a table, one report, and one figure for a paper.
 
     The others are compared with the first. The report has the first solid and the others as ghosts, all curves
@@ -97,38 +96,37 @@ def compare(shown: ShownOptions, output: OutputOptions) -> None:
     armdyn compare results/mintime-rr results/track-rr toppra.npz --out results/three
     armdyn compare toppra.csv ruckig.csv moveit.yaml --robot ur5 --payload 1[/]
     """
-    with answering(output.json) as answer:
-        if len(shown.results) < 2:
-            raise ProblemError("compare takes two results or more; armdyn report shows a single one")
-        end = shown.end()
-        subject, moves = shown.read()
-        folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
-        from armdyn.show.page.joints import compared, initial_span
-        from armdyn.show.page.motions import until
-        from armdyn.show.page.report import report_of
-        from armdyn.show.plots import plot_trajectories, save_figures
+    if len(shown.results) < 2:
+        raise ProblemError("compare takes two results or more; armdyn report shows a single one")
+    end = shown.end()
+    subject, moves = shown.read()
+    folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
+    from armdyn.show.page.joints import compared, initial_span
+    from armdyn.show.page.motions import until
+    from armdyn.show.page.report import report_of
+    from armdyn.show.plots import plot_trajectories, save_figures
 
-        with working(f"comparison of {subject.name}") as progress:
-            rows = compared(moves, subject.limits)
-            title = f"{subject.name}: {len(moves)} motions side by side"
-            page = _written(folder, report_of(subject, moves, title, end))
-            progress("drawing the figure")
-            unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-            shown_until = initial_span(moves, end) or end
-            drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
-            figure = plot_trajectories(
-                drawn,
-                limits=subject.limits,
-                title=title,
-                unresolved=unresolved,
-                captions=[
-                    f"{row.name}, {'not at the goal' if row.there is None else _duration_there(row)}" for row in rows
-                ],
-            )
-            files = [page, *save_figures(figure, folder / "figure", ("pdf", "svg"))]
-        answer.done("written", {"robot": subject.name, "motions": [asdict(row) for row in rows]}, files)
-        console.print(_table(title, rows))
-        console.print(f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}")
+    with working(f"comparison of {subject.name}") as progress:
+        rows = compared(moves, subject.limits)
+        title = f"{subject.name}: {len(moves)} motions side by side"
+        page = _written(folder, report_of(subject, moves, title, end))
+        progress("drawing the figure")
+        unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
+        shown_until = initial_span(moves, end) or end
+        drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
+        figure = plot_trajectories(
+            drawn,
+            limits=subject.limits,
+            title=title,
+            unresolved=unresolved,
+            captions=[
+                f"{row.name}, {'not at the goal' if row.there is None else _duration_there(row)}" for row in rows
+            ],
+        )
+        files = [page, *save_figures(figure, folder / "figure", ("pdf", "svg"))]
+    said = f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}"
+    facts = {"robot": subject.name, "motions": [asdict(row) for row in rows]}
+    return done("written", facts, _table(title, rows), said, files=files)
 
 
 def _written(folder: Path, made: Report) -> Path:

@@ -11,7 +11,7 @@ from typing import Any
 from rich.table import Table
 
 import armdyn as ad
-from armdyn.cli.console import Answer, console, errors, escape, table, working
+from armdyn.cli.console import Answer, escape, interrupted, judged, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
@@ -37,8 +37,7 @@ def run_payloads(
     options: ad.MinimumTimeOptions,
     required: Sequence[Requirement],
     results: SweepResults,
-    answer: Answer,
-) -> None:
+) -> Answer:
     """Solve one motion with several payloads, unless done before, and write table, figure and motions.
 
     Args:
@@ -47,7 +46,6 @@ def run_payloads(
         options: of every search.
         required: of every motion.
         results: files that are written.
-        answer: receives the facts.
     """
     first = next(iter(problems.values()))
     arm, figure = first.robot, not results.no_figure
@@ -57,8 +55,7 @@ def run_payloads(
         found, motions = _solved(folder, problems, options, progress)
         status = _status(found, len(problems))
         if not found:
-            answer.interrupted()
-            return
+            return interrupted()
         rows = [_line(row) for row in found]
         figure = figure and status != "interrupted"  # after Ctrl-C the user does not wait for it
         progress("writing the table and the figure" if figure else "writing the table")
@@ -68,24 +65,21 @@ def run_payloads(
         for row in found
         for text in missing_of(required, row.good, row.facts)
     ]
-    answer.facts |= {
+    facts = {
         "success": status == "done",
         "status": status,
         "robot": arm.name,
         "reserve": reserve_summary(first),
         "rows": rows,
         "missing": missing,
-        "files": [str(file) for file in files],
     }
-    answer.judge(status == "done", interrupted=status == "interrupted", as_required=not missing)
     if status == "interrupted":
-        answer.facts["message"] = f"interrupted; the solved payloads are in {folder}"
-    console.print(_table(arm.name, rows))
-    for what, parts in reserve_words(first).items():
-        console.print(f"{what}: {parts}")
-    console.print(f"results in {escape(str(folder))}")
-    if not results.output.json:
-        _complain(status, missing)
+        facts["message"] = f"interrupted; the solved payloads are in {folder}"
+    failing = ["some motions are not usable: their messages are in sweep.csv"] if status == "not_landed" else []
+    kept = [f"{what}: {parts}" for what, parts in reserve_words(first).items()]
+    shown: list[str | Table] = [_table(arm.name, rows), *kept, f"results in {escape(str(folder))}"]
+    remarks = [*failing, *(f"required: {escape(in_options(text))}" for text in missing)]
+    return judged(facts, *shown, usable=status == "done", as_required=not missing, remarks=remarks, files=files)
 
 
 def _solved(
@@ -135,14 +129,6 @@ def _status(found: Sequence[StudyRow], total: int) -> str:
     if len(found) < total or any(row.status == "interrupted" for row in found):
         return "interrupted"
     return "done" if all(row.facts["landed"] for row in found) else "not_landed"
-
-
-def _complain(status: str, missing: Sequence[str]) -> None:
-    """Print failures and missing requirements."""
-    if status == "not_landed":
-        errors.print("some motions are not usable: their messages are in sweep.csv")
-    for text in missing:
-        errors.print(f"required: {escape(in_options(text))}")
 
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:

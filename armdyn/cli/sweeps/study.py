@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from armdyn.cli.console import DONE, INTERRUPTED, NOT_USABLE, Answer, console, facts_table, progress_bar
+from armdyn.cli.console import Answer, facts_table, judged, progress_bar
 from armdyn.cli.options.groups import flag, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.errors import ProblemError
@@ -65,14 +65,13 @@ class SweepResults:
     no_figure: bool = flag(NO_FIGURE)
 
 
-def run_file(path: str, options: StudyOptions, results: SweepResults, answer: Answer) -> None:
+def run_file(path: str, options: StudyOptions, results: SweepResults) -> Answer:
     """Run a study's missing cases, and write tables and figures of all cases.
 
     Args:
         path: of the study.
         options: the executor.
         results: files that are written.
-        answer: receives the facts.
 
     Raises:
         ArmdynError: it is no study, or cannot be done.
@@ -103,26 +102,25 @@ def run_file(path: str, options: StudyOptions, results: SweepResults, answer: An
         table = [flat(row) for row in rows.rows()] if sum(run.counts.values()) <= _MOST_DRAWN else []
     if table and not (results.no_figure or run.interrupted):
         files += _drawn(study, table, folder, Path(path).stem)
-    _answered(answer, run, files)
-    console.print(facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files)))
+    words = facts_table(f"{Path(path).name}: {len(study)} cases", _words(study, run, table, files))
+    good = run.counts.keys() <= _ANSWERS
+    return judged(_facts(run, good), words, usable=good, files=files)
 
 
-def _answered(answer: Answer, run: StudyRun, files: Sequence[Path]) -> None:
+def _facts(run: StudyRun, good: bool) -> dict[str, object]:
     there = sum(run.counts.values())
-    odd = there - sum(count for status, count in run.counts.items() if status in _ANSWERS)
-    answer.judge(not odd, interrupted=run.interrupted)
-    answer.facts |= {
-        "success": answer.code == DONE,
-        "status": {INTERRUPTED: "interrupted", NOT_USABLE: "not_usable", DONE: "done"}[answer.code],
+    facts: dict[str, object] = {
+        "success": good and not run.interrupted,
+        "status": "interrupted" if run.interrupted else "done" if good else "not_usable",
         "cases": run.cases,
         "done": there,
         "statuses": run.counts,
         "done_here": run.done_here,
         "seconds": round(run.seconds, 3),
-        "files": [str(file) for file in files],
     }
     if run.interrupted:
-        answer.facts["message"] = f"interrupted with {there} of {run.cases} rows; the same command does the others"
+        facts["message"] = f"interrupted with {there} of {run.cases} rows; the same command does the others"
+    return facts
 
 
 def _drawn(study: Study, table: list[dict[str, Any]], folder: Path, title: str) -> list[Path]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.console import answering
+from armdyn.cli.console import Answer
 from armdyn.cli.motion.requirements import REQUIRE, requirements_of
 from armdyn.cli.options.groups import SOLVER, argument, given, option
 from armdyn.cli.options.joints import FastJointOptions
@@ -88,7 +88,7 @@ def sweep(
     study: StudyOptions,
     results: SweepResults,
     require: list[str] | None = REQUIRE,
-) -> None:
+) -> Answer:
     r"""Minimum time over payload, of a robot; or a study file's many cases over limits, gains, poses, reserve, arms.
 
     Of a ROBOT: the time that each gram costs, and the limit that decides. Each optimum is where the search for the next
@@ -114,20 +114,18 @@ def sweep(
       payload = { from = 0.05, to = 0.25, count = 10 }   # kg
       reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
-    with answering(results.output.json) as answer:
-        if kind_of_file(robot.robot) == "study":
-            refuse_with_a_file(robot.robot, poses, payloads, robot.part, joints, search)
-            if require:
-                raise ProblemError("--require is for a robot's sweep; a study's rows say which motions are certified")
-            run_file(robot.robot, study, results, answer)
-            return
-        if study != StudyOptions():
-            raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
-        from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
+    if kind_of_file(robot.robot) == "study":
+        refuse_with_a_file(robot.robot, poses, payloads, robot.part, joints, search)
+        if require:
+            raise ProblemError("--require is for a robot's sweep; a study's rows say which motions are certified")
+        return run_file(robot.robot, study, results)
+    if study != StudyOptions():
+        raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
+    from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
 
-        required = requirements_of(require or ())
-        problems, options = _problems(poses, payloads, robot, joints)
-        run_payloads(robot.robot, problems, search.options(options), required, results, answer)
+    required = requirements_of(require or ())
+    problems, options = _problems(poses, payloads, robot, joints)
+    return run_payloads(robot.robot, problems, search.options(options), required, results)
 
 
 def _problems(

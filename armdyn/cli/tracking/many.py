@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
-from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
 from armdyn.cli.options.groups import TASK, flag, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.cli.options.task import FastArmOptions, likely_arms
@@ -98,7 +98,7 @@ def monte_carlo(
     study: CountOptions,
     output: OutputOptions,
     no_figure: bool = flag(NO_FIGURE),
-) -> None:
+) -> Answer:
     """How often a controller settles on arms that differ from its model: in payload, friction and start.
 
     ROBOT may be identified.toml of armdyn identify: its likely arms, which fit the log, are then taken in turn.
@@ -110,34 +110,29 @@ def monte_carlo(
     armdyn monte-carlo problem.toml --count 200
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
-    with answering(output.json) as answer:
-        model = task.arm
-        law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, likely_arms(task))
-        options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
-        within = study.time(reference.duration)
-        drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
-        folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
+    model = task.arm
+    law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, likely_arms(task))
+    options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
+    within = study.time(reference.duration)
+    drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]
+    folder = output.folder("monte-carlo", task.robot.robot, [ROWS, TABLE, "reference.npz", *drawn, "result.json"])
 
-        with working(f"many arms like {model.name}") as progress:
-            motion = reference.motion(task, progress)
-            if isinstance(motion, ad.Solution):
-                no_motion(answer, motion)
-                return
-            folder.mkdir(parents=True, exist_ok=True)
-            found = ad.monte_carlo(model, motion, law, plants, joined, options, folder / ROWS, progress)
-            if found.interrupted:
-                answer.interrupted()
-                answer.facts["message"] = f"interrupted; {len(found.rows)} rows are in {folder / ROWS}"
-                return
-            summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": motion.duration}
-            summary |= found.summary(within)
-            progress("drawing the figure")
-            files = _write(folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not no_figure)
-        answer.facts |= {**summary, "files": [str(file) for file in files]}
-        success = found.success(within)
-        answer.judge(True, as_required=study.at_least is None or success.rate >= study.at_least)
-        title = f"{model.name}: {options.count} arms with {controller.controller}"
-        console.print(facts_table(title, _words(found, within, motion) | {"results": str(folder)}))
+    with working(f"many arms like {model.name}") as progress:
+        motion = reference.motion(task, progress)
+        if isinstance(motion, ad.Solution):
+            return no_motion(motion)
+        folder.mkdir(parents=True, exist_ok=True)
+        found = ad.monte_carlo(model, motion, law, plants, joined, options, folder / ROWS, progress)
+        if found.interrupted:
+            return interrupted(f"interrupted; {len(found.rows)} rows are in {folder / ROWS}")
+        summary = {"success": True, "status": "done", "robot": model.name, "reference_duration": motion.duration}
+        summary |= found.summary(within)
+        progress("drawing the figure")
+        files = _write(folder, found, replace(motion, model_hash=model.model_hash), summary, figure=not no_figure)
+    title = f"{model.name}: {options.count} arms with {controller.controller}"
+    words = facts_table(title, _words(found, within, motion) | {"results": str(folder)})
+    enough = study.at_least is None or found.success(within).rate >= study.at_least
+    return judged(summary, words, usable=True, as_required=enough, files=files)
 
 
 def _write(

@@ -10,7 +10,7 @@ from typing import ClassVar
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli import interrupts
-from armdyn.cli.console import Answer, answering, console, errors, escape, facts_table, working
+from armdyn.cli.console import NOT_USABLE, Answer, escape, facts_table, judged, working
 from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.joints import friction_words
@@ -73,7 +73,7 @@ def track(
     loop: LoopOptions,
     plant: PlantOptions,
     results: ResultOptions,
-) -> None:
+) -> Answer:
     """Simulate a controller on a real arm along a motion: sampled, delayed, saturated, with another payload.
 
     The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller's model carries
@@ -86,38 +86,34 @@ def track(
     armdyn track problem.toml --plant-payload 0.12
     armdyn track ur5 --reference results/mintime-ur5/trajectory.npz --controller computed-torque[/]
     """
-    with answering(results.output.json) as answer:
-        from armdyn.show.page.motions import until
+    from armdyn.show.page.motions import until
 
-        arm = task.arm
-        law, joined, real = controller.chosen(), loop.joined(), plant.real(task)
-        folder = results.folder("track", task.robot.robot, ("trajectory", "reference"))
+    arm = task.arm
+    law, joined, real = controller.chosen(), loop.joined(), plant.real(task)
+    folder = results.folder("track", task.robot.robot, ("trajectory", "reference"))
 
-        with working(f"tracking with {arm.name}") as progress:
-            motion = reference.motion(task, progress)
-            if isinstance(motion, ad.Solution):
-                no_motion(answer, motion)
-                return
-            progress("the loop")
-            run = ad.track(arm, motion, law, real, joined, reference.duration, tolerance=reference.tolerance)
-            summary = {"robot": arm.name, "reference_duration": motion.duration, **run.summary()}
-            title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
-            followed = replace(motion, name="reference", model_hash=arm.model_hash)
-            # A fifth longer than reference and settling took is worth looking at.
-            end = None if run.settled_time is None else 1.2 * max(run.settled_time, motion.duration)
-            motions = {"trajectory": until(run.trajectory, end), "reference": followed}
-            written = results.write(folder, real, motions, summary, title, progress=progress)
-        answer.facts |= {**summary, **written.facts}
-        answer.judge(run.settled)
-        words = friction_words(real) | _words(run, motion) | written.words
-        console.print(facts_table(f"{arm.name}: tracking with {controller.controller}", words))
+    with working(f"tracking with {arm.name}") as progress:
+        motion = reference.motion(task, progress)
+        if isinstance(motion, ad.Solution):
+            return no_motion(motion)
+        progress("the loop")
+        run = ad.track(arm, motion, law, real, joined, reference.duration, tolerance=reference.tolerance)
+        summary = {"robot": arm.name, "reference_duration": motion.duration, **run.summary()}
+        title = f"{arm.name}: {controller.controller}, {_outcome(run)}"
+        followed = replace(motion, name="reference", model_hash=arm.model_hash)
+        # A fifth longer than reference and settling took is worth looking at.
+        end = None if run.settled_time is None else 1.2 * max(run.settled_time, motion.duration)
+        motions = {"trajectory": until(run.trajectory, end), "reference": followed}
+        written = results.write(folder, real, motions, summary, title, progress=progress)
+    words = friction_words(real) | _words(run, motion) | written.words
+    shown = facts_table(f"{arm.name}: tracking with {controller.controller}", words)
+    return judged(summary, shown, usable=run.settled, files=written.files)
 
 
-def no_motion(answer: Answer, found: ad.Solution) -> None:
-    """Report that there is no motion to follow."""
-    answer.facts |= {"success": False, "status": str(found.status), "message": found.message}
-    answer.judge(False)
-    errors.print(f"no motion to follow: {escape(found.message)}")
+def no_motion(found: ad.Solution) -> Answer:
+    """The answer where there is no motion to follow."""
+    facts = {"success": False, "status": str(found.status), "message": found.message}
+    return Answer(facts=facts, code=NOT_USABLE, remarks=[f"no motion to follow: {escape(found.message)}"])
 
 
 def _outcome(run: ad.Run) -> str:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of
-from armdyn.cli.console import answering, console, facts_table, working
+from armdyn.cli.console import Answer, facts_table, judged, working
 from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
@@ -89,7 +89,7 @@ def tune(
     loop: LoopOptions,
     arms: ArmsOptions,
     output: OutputOptions,
-) -> None:
+) -> Answer:
     """Tune gains, and the ramp, so that the worst of some arms settles soonest, in the simulated sampled loop.
 
     The gains are chosen on the corners of the ranges, three payloads with the least and the greatest friction, and
@@ -102,34 +102,31 @@ def tune(
     armdyn tune results/identify-panda/identified.toml --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
-    with answering(output.json) as answer:
-        model, (start, goal) = task.arm, task.ends()
-        likely, options = likely_arms(task), search.options()
-        plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
-        first, others = (replace(plants, likely=own) for own in (likely[:half], likely[half:] or likely))
-        folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
-        folder.mkdir(parents=True, exist_ok=True)
-        options = replace(options, file=folder / ROWS)
-        with working(f"tuning {family.controller} for {model.name}") as progress:
-            found = ad.tune(
-                model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
-                first.corners(model), others.arms(model, search.held_out), loop.joined(), options, progress,
-            )  # fmt: skip
-        summary = _summary(found)
-        files = _write(folder, model, found, summary)
-        answer.facts |= {**summary, "files": [str(file) for file in files]}
-        settled = found.training.settled == found.training.count
-        answer.judge(settled, interrupted=found.status == "interrupted")
-        words = {
-            "status": found.message.partition(":")[0],
-            "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
-            "chosen on": str(found.training),
-            "held out": "-" if found.held_out is None else str(found.held_out),
-            "to run it": _to_run(found, family),
-            "controllers run": str(found.evaluations),
-            "results": str(folder),
-        }
-        console.print(facts_table(f"{model.name}: {family.controller}, tuned", words))
+    model, (start, goal) = task.arm, task.ends()
+    likely, options = likely_arms(task), search.options()
+    plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
+    first, others = (replace(plants, likely=own) for own in (likely[:half], likely[half:] or likely))
+    folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
+    folder.mkdir(parents=True, exist_ok=True)
+    options = replace(options, file=folder / ROWS)
+    with working(f"tuning {family.controller} for {model.name}") as progress:
+        found = ad.tune(
+            model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
+            first.corners(model), others.arms(model, search.held_out), loop.joined(), options, progress,
+        )  # fmt: skip
+    summary = _summary(found)
+    files = _write(folder, model, found, summary)
+    words = {
+        "status": found.message.partition(":")[0],
+        "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
+        "chosen on": str(found.training),
+        "held out": "-" if found.held_out is None else str(found.held_out),
+        "to run it": _to_run(found, family),
+        "controllers run": str(found.evaluations),
+        "results": str(folder),
+    }
+    shown = facts_table(f"{model.name}: {family.controller}, tuned", words)
+    return judged(summary, shown, usable=bool(summary["success"]), files=files)
 
 
 def _to_run(found: ad.Tuned, family: FamilyOptions) -> str:

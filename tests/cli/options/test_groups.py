@@ -6,6 +6,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from armdyn.cli.console import Answer
 from armdyn.cli.options.groups import argument, flag, option, with_options
 
 
@@ -24,7 +25,7 @@ class Ride:
     stop: list[str] | None = option("S", "On the way.")
 
 
-def ride(ride: Ride, loud: bool = flag("")) -> None:
+def ride(ride: Ride, loud: bool = flag("")) -> Answer:
     """A ride in a docstring
     of two lines.
 
@@ -36,6 +37,7 @@ def ride(ride: Ride, loud: bool = flag("")) -> None:
     """
     speed = ride.speed
     typer.echo(json.dumps([ride.name, speed.speed, speed.backwards, ride.stop, loud]))
+    return Answer()
 
 
 @pytest.fixture
@@ -65,7 +67,7 @@ def test_help_has_a_panel_for_each_group_and_flows(run):
 
 
 def test_two_groups_with_one_option_are_a_mistake():
-    def twice(one: Speed, two: Speed) -> None: ...
+    def twice(one: Speed, two: Speed) -> Answer: ...
 
     with pytest.raises(TypeError, match="two options 'speed'"):
         with_options(twice)
