@@ -14,9 +14,9 @@ from armdyn.reprs import joint_unit
 from armdyn.show.markup import Html, element, fill, join
 from armdyn.show.page.assets import asset
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.report import section_html, tile_html
-from armdyn.show.page.sections import Section, listed, making_section, stacked, td, th
-from armdyn.show.page.verdict import Tile
+from armdyn.show.page.report import Report, page_fields
+from armdyn.show.page.sections import Section, listed, making_section, stacked, td
+from armdyn.show.page.verdict import Tile, Verdict
 
 _WIDTH, _HEIGHT = 600.0, 150.0
 """Width and height of a curve's drawing; the page scales it."""
@@ -49,37 +49,40 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
         Section("numbers", "Measured numbers", _numbers(measured, bars=True), wide=True),
         None if command is None else making_section(command),
     ]
-    level, headline, text = _verdict(estimate)
-    parts = {
-        "title": join([f"{estimate.robot.name}: identified"]),
-        "lead": join([f"{estimate.robot.nv} joints · {len(measured)} of {len(estimate.parameters)} numbers measured"]),
-        "level": level,
-        "headline": headline,
-        "said": join([text]),
-        "tiles": join(tile_html(one) for one in _tiles(estimate)),
-        "sections": join(section_html(one) for one in sections if one is not None),
-        "style": asset("report.css") + asset("identification.css"),
-    }
-    return write_whole(path, fill(asset("identification.html"), parts).encode())
+    verdict = _verdict(estimate)
+    report = Report(
+        title=f"{estimate.robot.name}: identified",
+        lead=f"{estimate.robot.nv} joints · {len(measured)} of {len(estimate.parameters)} numbers measured",
+        headline=verdict.headline,
+        verdict=verdict,
+        tiles=tuple(_tiles(estimate)),
+        sections=tuple(one for one in sections if one is not None),
+    )
+    style = asset("report.css") + asset("identification.css")
+    return write_whole(path, fill(asset("identification.html"), page_fields(report) | {"style": style}).encode())
 
 
-def _verdict(estimate: Estimate) -> tuple[str, str, str]:
-    """Verdict on an identification: level ("good", "fair" or "bad"), headline and sentence."""
+def _verdict(estimate: Estimate) -> Verdict:
+    """Verdict on an identification."""
     if estimate.warnings:
         text = estimate.warnings[0]
-        return "fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}."
+        return Verdict("fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}.")
     judged, worse = estimate.judged, []
     if judged is not None:
         joints = zip(estimate.robot.joint_names, judged.before, judged.after, strict=True)
         worse = [joint for joint, before, after in joints if after > before]
     if judged is None:
-        return "fair", "Identified, not judged", "No part of the logs was held out."
+        return Verdict("fair", "Identified, not judged", "No part of the logs was held out.")
     if worse:
-        return "fair", "Not better in all joints", f"On data held out the fit predicts {', '.join(worse)} worse."
+        return Verdict(
+            "fair", "Not better in all joints", f"On data held out the fit predicts {', '.join(worse)} worse."
+        )
     if estimate.unmoved:
-        return "fair", "A joint did not move", f"The logs determine little of {', '.join(estimate.unmoved)}."
+        return Verdict("fair", "A joint did not move", f"The logs determine little of {', '.join(estimate.unmoved)}.")
     better = _total(judged.before) / max(_total(judged.after), 1e-300)
-    return "good", "Identified", f"On data held out the torque errors are {better:.3g} times smaller than before."
+    return Verdict(
+        "good", "Identified", f"On data held out the torque errors are {better:.3g} times smaller than before."
+    )
 
 
 def _total(errors: Array) -> float:
@@ -146,30 +149,28 @@ def _signed(value: float) -> str:
 
 def _error_section(estimate: Estimate, judged: Judged) -> Section:
     """Root mean square of the torque errors."""
-    head = [th(name) for name in ("joint", "torque", "error before", "after", "of the torque")]
+    heads = ("joint", "torque", "error before", "after", "of the torque")
     rows = []
     for j, joint in enumerate(estimate.robot.joint_names):
         torque, before, after = (one[j] for one in (judged.measured, judged.before, judged.after))
-        share = td(f"{100 * after / torque:.3g} %" if torque else "–", **({"class_": "over"} if after > before else {}))
-        rows.append([th(joint, "row"), *(td(f"{one:.3g}") for one in (torque, before, after)), share])
+        share = td(f"{100 * after / torque:.3g} %" if torque else "–", over=after > before)
+        rows.append([joint, *(f"{one:.3g}" for one in (torque, before, after)), share])
     unit = joint_unit(estimate.robot.slides, "N m", "N")
     note = element("p", f"Root mean square on data held out [{unit}].", class_="note")
-    return Section("errors", "Torque errors", join([note, stacked(head, rows)]))
+    return Section("errors", "Torque errors", join([note, stacked(heads, rows)]))
 
 
 def _numbers(numbers: Sequence[Estimated], *, bars: bool) -> Html:
     """Table of parameters with their confidence, next to the robot's own."""
     if not numbers:
         return element("p", "None: the logs determine no number better than the robot's file.")
-    head = [th("number"), th("file"), th("identified"), th("± (95 %)"), th("unit")]
+    heads = ["number", "file", "identified", "± (95 %)", "unit", *(["<file ◇ and 95 % interval"] if bars else [])]
     rows = []
     for one in numbers:
-        cells = [th(one.name, "row"), *(td(f"{x:.4g}") for x in (one.prior, one.value))]
-        rows.append([*cells, td(f"{one.interval[1] - one.value:.2g}"), td(one.unit)])
-        if bars:
-            rows[-1].append(element("td", _bar(one), class_="words"))
-    head = [*head, th("file ◇ and 95 % interval", class_="words")] if bars else head
-    return stacked(head, rows)
+        margin = f"{one.interval[1] - one.value:.2g}"
+        drawn = [element("td", _bar(one), class_="words")] if bars else []
+        rows.append([one.name, f"{one.prior:.4g}", f"{one.value:.4g}", margin, one.unit, *drawn])
+    return stacked(heads, rows)
 
 
 def _bar(one: Estimated) -> Html:

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 
 from armdyn.arguments import expect
 from armdyn.errors import ContactError
-from armdyn.files import write_whole
 from armdyn.models import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.report import Replay, Report, Subject, report_html, report_of
+from armdyn.show.page.report import Replay, Report, Subject, report_of, write_page
 from armdyn.show.page.sections import verdict_section
 from armdyn.show.page.verdict import Verdict
 from armdyn.trajectory import Trajectory
@@ -56,8 +55,7 @@ def write_html(
         ProblemError: `fps` is not from 1e-3 to 1e3, or `slow_motion` not from 1e-6 to 1e6.
         OSError: the folder cannot be written.
     """
-    made = replay_of(robot, trajectories, obstacles, Replay(fps, slow_motion))
-    return write_whole(path, report_html(made).encode())
+    return write_page(path, replay_of(robot, trajectories, obstacles, Replay(fps, slow_motion)))
 
 
 def replay_of(
@@ -98,7 +96,7 @@ def write_contacts(error: ContactError, path: str | os.PathLike[str]) -> Path:
     Raises:
         OSError: the folder cannot be written.
     """
-    return write_whole(path, report_html(contacts_report(error)).encode())
+    return write_page(path, contacts_report(error))
 
 
 def contacts_report(error: ContactError) -> Report:

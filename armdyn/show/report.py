@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from armdyn.arguments import listener
-from armdyn.files import write_whole
 from armdyn.models.scene.obstacles import obstacle_entry
 from armdyn.show.results import result_head, save_results
 
@@ -101,11 +100,11 @@ def write_report(
     """
     from armdyn.show.page.facts import Facts
     from armdyn.show.page.motions import ShownMotion
-    from armdyn.show.page.report import Subject, report_html, report_of
+    from armdyn.show.page.report import Subject, report_of, write_page
 
     facts = [Facts({**result_head(robot), **summary}), *([Facts()] * (len(motions) - 1))]
     moves = [
         ShownMotion(motion.name or name, motion, known)
         for (name, motion), known in zip(motions.items(), facts, strict=True)
     ]
-    return write_whole(path, report_html(report_of(Subject.of(robot, obstacles), moves, title)).encode())
+    return write_page(path, report_of(Subject.of(robot, obstacles), moves, title))

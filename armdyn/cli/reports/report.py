@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.motions import ShownMotion
-    from armdyn.show.page.report import Report, Subject
+    from armdyn.show.page.report import Subject
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,10 +76,11 @@ def report(shown: ShownOptions, output: OutputOptions) -> Answer:
     title = moves[0].facts.text("title") if len(results) == 1 else ""
     folder = results[0] if results[0].is_dir() else results[0].parent
     folder = output.folder("report", subject.name, ["report.html"]) if len(results) > 1 or output.out else folder
-    from armdyn.show.page.report import report_of
+    from armdyn.show.page.report import report_of, write_page
 
     with working(f"report of {subject.name}"):
-        page = _written(folder, report_of(subject, moves, title, end))
+        folder.mkdir(parents=True, exist_ok=True)
+        page = write_page(folder / "report.html", report_of(subject, moves, title, end))
     said = f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)"
     return done("written", {"robot": subject.name}, said, files=[page])
 
@@ -103,13 +104,14 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
     folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
     from armdyn.show.page.joints import compared, initial_span
     from armdyn.show.page.motions import until
-    from armdyn.show.page.report import report_of
+    from armdyn.show.page.report import report_of, write_page
     from armdyn.show.plots import plot_trajectories, save_figures
 
     with working(f"comparison of {subject.name}") as progress:
         rows = compared(moves, subject.limits)
         title = f"{subject.name}: {len(moves)} motions side by side"
-        page = _written(folder, report_of(subject, moves, title, end))
+        folder.mkdir(parents=True, exist_ok=True)
+        page = write_page(folder / "report.html", report_of(subject, moves, title, end))
         progress("drawing the figure")
         unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
         shown_until = initial_span(moves, end) or end
@@ -127,16 +129,6 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
     said = f"results in {escape(str(folder))}: {', '.join(file.name for file in files)}"
     facts = {"robot": subject.name, "motions": [asdict(row) for row in rows]}
     return done("written", facts, _table(title, rows), said, files=files)
-
-
-def _written(folder: Path, made: Report) -> Path:
-    """Write a report into a folder; returns the file."""
-    from armdyn.files import write_whole
-    from armdyn.show.page.report import report_html
-
-    page = report_html(made).encode()
-    folder.mkdir(parents=True, exist_ok=True)
-    return write_whole(folder / "report.html", page)
 
 
 def _table(title: str, rows: Sequence[Compared]) -> Table:

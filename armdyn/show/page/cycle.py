@@ -12,9 +12,9 @@ from armdyn.errors import ArmdynError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.attached import payload_from
 from armdyn.models.values.spec import Payload
-from armdyn.show.markup import Html, element, join
+from armdyn.show.markup import element, join
 from armdyn.show.page.facts import Facts
-from armdyn.show.page.sections import Section, stacked, td, th
+from armdyn.show.page.sections import Section, stacked, th
 from armdyn.show.visuals import VisualShape, body_shapes
 from armdyn.trajectory import Trajectory
 
@@ -41,26 +41,23 @@ def steps_section(facts: Facts) -> Section | None:
     steps = facts.parts("steps")
     if not steps:
         return None
-    head = [
-        *map(th, ("step", "time [s]")), th("share of the cycle", class_="words"),
-        *(th(name, class_="words") for name in ("carries", "decided by", "what would help")),
-    ]  # fmt: skip
-    body = [stacked(head, [_row(one) for one in steps])]
+    heads = ("step", "time [s]", "<share of the cycle", "<carries", "<decided by", "<what would help")
+    body = [stacked(heads, [_row(one) for one in steps])]
     order = [int(x) for x in facts.numbers("order") if x is not None]
     if order != sorted(order):
         body.append(element("p", f"The order {', '.join(map(str, order))} is the fastest one.", class_="note"))
     return Section("steps", "Steps", join(body), wide=True)
 
 
-def _row(step: Facts) -> list[Html]:
+def _row(step: Facts) -> list[str]:
     share, part, number = step.number("share") or 0.0, step.part("carries"), step.number("number") or 0.0
     bar = element("span", element("i", style=f"width:{min(100.0, 100 * share):.2f}%"), class_="share")
     carried = f"{part.text('name')}, {part.number('mass') or 0.0:g} kg" if part.text("name") else "–"
     return [
         th(f"{number:.0f}  {step.text('name')}", "row", data_begin=f"{step.number('begin') or 0.0:.9f}"),
-        td(f"{step.number('duration') or 0.0:.3f}"),
+        f"{step.number('duration') or 0.0:.3f}",
         element("td", bar, element("span", f"{100 * share:.0f} %"), class_="words part"),
-        *(td(words or "–", class_="words") for words in (carried, step.text("decided_by"), step.text("would_help"))),
+        *(words or "–" for words in (carried, step.text("decided_by"), step.text("would_help"))),
     ]
 
 

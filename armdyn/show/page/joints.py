@@ -10,7 +10,7 @@ from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.show.markup import Html, element, join
 from armdyn.show.page.motions import ShownMotion
-from armdyn.show.page.sections import Section, stacked, td, th
+from armdyn.show.page.sections import Section, stacked, td
 from armdyn.show.page.verdict import Tile, seconds, verdict_of
 from armdyn.trajectory import Trajectory
 
@@ -39,19 +39,16 @@ def joint_section(move: ShownMotion, joints: Sequence[str], limits: JointLimits,
     _, q, v, tau = dense(move.motion)
     switching = [len(times) for times in move.motion.switch_times]
     lower, upper = (np.broadcast_to(end, tau.shape) for end in limits.actuators.range(q, v))
-    words = ("joint", "from", "to", "peak speed", "of its limit", "peak torque", "of its limit", "jumps")
-    head = [th(word) for word in words]
+    heads = ("joint", "from", "to", "peak speed", "of its limit", "peak torque", "of its limit", "jumps")
     rows = []
     for j, name in enumerate(joints):
         turn, force = ("m", "N") if sliding[j] else ("rad", "N m")
         speed = most_used(v[:, j], -limits.velocity[j], limits.velocity[j])
         torque = most_used(tau[:, j], lower[:, j], upper[:, j])
-        rows.append([
-            th(name, "row"), td(f"{q[0, j]:z.4f} {turn}"), td(f"{q[-1, j]:z.4f} {turn}"),
-            td(f"{np.abs(v[:, j]).max():.4g} {turn}/s"), _share(speed),
-            td(f"{np.abs(tau[:, j]).max():.4g} {force}"), _share(torque), td(str(switching[j])),
-        ])  # fmt: skip
-    return Section("joints", "Joint by joint", stacked(head, rows), wide=True)
+        ends = [f"{x:z.4f} {turn}" for x in (q[0, j], q[-1, j])]
+        fastest, strongest = f"{np.abs(v[:, j]).max():.4g} {turn}/s", f"{np.abs(tau[:, j]).max():.4g} {force}"
+        rows.append([name, *ends, fastest, _share(speed), strongest, _share(torque), str(switching[j])])
+    return Section("joints", "Joint by joint", stacked(heads, rows), wide=True)
 
 
 @dataclass(frozen=True)
@@ -135,20 +132,16 @@ def comparison_section(rows: Sequence[Compared]) -> Section | None:
     """Several motions side by side; empty for one motion."""
     if len(rows) < 2:
         return None
-    words = ("motion", "arrival", "against the first", "recorded", "work", "peak speed", "peak torque", "verdict")
-    body = [
-        [
-            th(one.name, "row"), td(seconds(one.there)),
-            td("–" if k == 0 else _later(one)), td(seconds(one.duration)),
-            td(f"{one.work:.4g} J"), _share(one.speed), _share(one.torque), td(one.verdict),
-        ]
-        for k, one in enumerate(rows)
-    ]  # fmt: skip
+    heads = ("motion", "arrival", "against the first", "recorded", "work", "peak speed", "peak torque", "verdict")
+    body = []
+    for k, one in enumerate(rows):
+        times = [seconds(one.there), "–" if k == 0 else _later(one), seconds(one.duration)]
+        body.append([one.name, *times, f"{one.work:.4g} J", _share(one.speed), _share(one.torque), one.verdict])
     note = (
         "Arrival: time at which the goal is reached; a closed loop has arrived when it stays there, by its own rule. "
         "Work is ∫ Σ |τ q̇| dt. Peak speed and torque: the largest share of a joint's limit that is used."
     )
-    parts = [stacked([th(word) for word in words], body), element("p", note, class_="note")]
+    parts = [stacked(heads, body), element("p", note, class_="note")]
     return Section("comparison", "Side by side", join(parts), wide=True)
 
 
@@ -171,10 +164,8 @@ def _later(row: Compared) -> str:
 
 
 def _share(part: float | None) -> Html:
-    if part is None:
-        return td("–")
     # A millionth beyond is rounding, and a solver's tolerance.
-    return td(f"{100 * part:.3g} %", class_="over") if part > 1 + 2e-6 else td(f"{100 * part:.3g} %")
+    return td("–") if part is None else td(f"{100 * part:.3g} %", over=part > 1 + 2e-6)
 
 
 _WIDTH, _HEIGHT, _EDGE = 260.0, 170.0, 6.0

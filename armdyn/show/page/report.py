@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from armdyn.errors import TrajectoryError
+from armdyn.files import write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
@@ -85,7 +88,7 @@ class Report:
         verdict: of its first motion.
         tiles: the numbers that are seen first.
         sections: below the plots.
-        data: input of the scripts, as JSON.
+        data: input of the scripts, as JSON; none of a page without scripts.
     """
 
     title: str
@@ -94,7 +97,7 @@ class Report:
     verdict: Verdict
     tiles: tuple[Tile, ...]
     sections: tuple[Section, ...]
-    data: Mapping[str, Any]
+    data: Mapping[str, Any] = field(default_factory=dict)
 
 
 def report_of(
@@ -209,6 +212,15 @@ def _data(subject: Subject, moves: Sequence[ShownMotion], end: float | None, rep
         "motions": motions_data(shown, subject.limits, subject.sliding),
         "scene": packed,
     }
+
+
+def write_page(path: str | os.PathLike[str], report: Report) -> Path:
+    """Write the page of a report; returns the path.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
+    return write_whole(path, report_html(report).encode())
 
 
 def report_html(report: Report) -> str:

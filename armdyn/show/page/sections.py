@@ -103,16 +103,16 @@ def sensitivity_section(facts: Facts, joints: Sequence[str]) -> Section | None:
     columns = [by.numbers(name) for name in ("effort_upper", "effort_lower", "velocity")]
     if by.number("payload_mass") is None or any(len(column) != len(joints) for column in columns):
         return None
-    head = [th("joint"), *map(th, ("upper torque limit", "lower torque limit", "speed limit"))]
+    heads = ("joint", "upper torque limit", "lower torque limit", "speed limit")
     # The lower limit is a negative number: further down is less of it.
     signed = [columns[0], [None if x is None else -x for x in columns[1]], columns[2]]
     rows = [
-        [th(name, "row"), *(td("–" if x is None else "0" if x == 0 else f"{1e3 * x:+.3g}") for x in values)]
+        [name, *("–" if x is None else "0" if x == 0 else f"{1e3 * x:+.3g}" for x in values)]
         for name, *values in zip(joints, *signed, strict=True)
     ]
     gram = by.number("payload_mass") or 0.0
     text = f"1 g more at the tip costs {gram:.3g} ms. One N m (or N) more torque, one rad/s (or m/s) more speed, in ms:"
-    return Section("sensitivities", "Sensitivities", join([element("p", text), stacked(head, rows)]))
+    return Section("sensitivities", "Sensitivities", join([element("p", text), stacked(heads, rows)]))
 
 
 def optima_section(facts: Facts, duration: float) -> Section | None:
@@ -147,14 +147,14 @@ def path_constraint_section(facts: Facts) -> Section | None:
             ends = " to ".join(f"{100 * part:.3g}" for part in sorted({min(parts), max(parts)}))
             rows.append(("kept for feedback", f"{ends} % {what}"))
     worst = [
-        [
-            th(one.text("name"), "row"), td(one.text("said"), class_="words"), _percent(one.number("share") or 0.0),
-            td("no" if one.texts("reasons") else "yes"),
-        ]
-        for one in facts.parts("conditions") if one.number("share") is not None
-    ]  # fmt: skip
-    heads = [th("limit"), th("worst", class_="words"), th("of it"), th("kept")]
-    body = [*([stacked(heads, worst)] if worst else []), *([listed(rows)] if rows else [])]
+        [one.text("name"), one.text("said"), _percent(share), "no" if one.texts("reasons") else "yes"]
+        for one in facts.parts("conditions")
+        if (share := one.number("share")) is not None
+    ]
+    body = [
+        *([stacked(("limit", "<worst", "of it", "kept"), worst)] if worst else []),
+        *([listed(rows)] if rows else []),
+    ]
     return Section("path-constraints", "Path constraints", join(body)) if body else None
 
 
@@ -162,20 +162,14 @@ def controller_section(facts: Facts) -> Section | None:
     """Cost of each necessary condition of the controller's preset."""
     controller = facts.part("controller")
     rows = [
-        [
-            th(one.text("condition").replace("_", " "), "row"),
-            _percent(one.number("share") or 0.0),
-            td(_cost(one), class_="words"),
-        ]
+        [one.text("condition").replace("_", " "), _percent(one.number("share") or 0.0), _cost(one)]
         for one in controller.parts("costs")
     ]
     if not rows:
         return None
     text = f"{controller.text('preset')}, {controller.text('interface')} interface; one condition left out at a time."
-    heads = [th("condition"), th("of its limit"), th("costs", class_="words")]
-    return Section(
-        "controller", "Costs of the controller's conditions", join([element("p", text), stacked(heads, rows)])
-    )
+    body = [element("p", text), stacked(("condition", "of its limit", "<costs"), rows)]
+    return Section("controller", "Costs of the controller's conditions", join(body))
 
 
 def _cost(one: Facts) -> str:
@@ -189,7 +183,7 @@ def _cost(one: Facts) -> str:
 
 
 def _percent(share: float) -> Html:
-    return td(f"{100 * share:.4g} %", class_="over") if share > 1.001 else td(f"{100 * share:.4g} %")
+    return td(f"{100 * share:.4g} %", over=share > 1.001)
 
 
 def model_section(name: str, facts: Facts) -> Section:
@@ -266,14 +260,23 @@ def listed(rows: Sequence[tuple[str, str]]) -> Html:
     return element("dl", *(join([element("dt", name), element("dd", value)]) for name, value in rows if value))
 
 
-def stacked(head: Sequence[Html], rows: Sequence[Sequence[Html]]) -> Html:
-    """A table whose rows are blocks where the screen is narrow; there each cell says its column, as the head does."""
-    columns = [html.escape(re.sub(r"<[^>]*>", "", cell)) for cell in head]
-    named = [
-        [Html(cell.replace("<td", f'<td data-column="{column}"', 1)) for cell, column in zip(row, columns, strict=True)]
-        for row in rows
-    ]
-    return table([head], named, class_="stacked")
+def stacked(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Html:
+    """A table whose rows are blocks where the screen is narrow; there each cell says its column, as the head does.
+
+    Args:
+        heads: of the columns; one that begins with "<" is of words, others are of numbers.
+        rows: their cells, the first the row's heading; `Html` is a cell already.
+    """
+    columns = [(head.removeprefix("<"), head.startswith("<")) for head in heads]
+    top = [th(name, class_="words") if words else th(name) for name, words in columns]
+    body = []
+    for heading, *cells in rows:
+        row = [heading if isinstance(heading, Html) else th(heading, "row")]
+        for cell, (name, words) in zip(cells, columns[1:], strict=True):
+            made = cell if isinstance(cell, Html) else td(cell, class_="words") if words else td(cell)
+            row.append(Html(made.replace("<td", f'<td data-column="{html.escape(name)}"', 1)))
+        body.append(row)
+    return table([top], body, class_="stacked")
 
 
 def th(text: str, scope: str = "col", **attributes: str) -> Html:
@@ -281,9 +284,10 @@ def th(text: str, scope: str = "col", **attributes: str) -> Html:
     return element("th", text, scope=scope, **attributes)
 
 
-def td(text: str, **attributes: str) -> Html:
-    """A cell."""
-    return element("td", re.sub(r"(?<![^\s(±])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text), **attributes)
+def td(text: str, *, over: bool = False, **attributes: str) -> Html:
+    """A cell; red if its number is over a limit."""
+    look = {**attributes, "class_": "over"} if over else attributes
+    return element("td", re.sub(r"(?<![^\s(±])-(?=[\d.])|(?<=\de)-(?=\d)", "−", text), **look)
 
 
 def _shown(value: object) -> str:
