@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias
 
 import typer
 
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
     from rich.table import Table
+
+Shown: TypeAlias = "str | Table"
+"""Output of a command on the terminal: text in rich's markup, or a table."""
 
 DONE, INTERNAL, NOT_USABLE, NOT_AS_REQUIRED = 0, 1, 3, 4
 """Exit codes, besides BAD_INPUT, DISK_FULL and INTERRUPTED."""
@@ -72,7 +75,7 @@ class Terminal:
             return False
         return True
 
-    def print(self, what: str | Table) -> None:
+    def print(self, what: Shown) -> None:
         """Print rich's markup, unless `quiet` is set."""
         if not self.quiet:
             self.rich.print(what, crop=False)  # the terminal folds long lines
@@ -94,14 +97,14 @@ class Answer:
 
     Attributes:
         facts: for the JSON object.
-        shown: for the terminal: text in rich's markup, and tables.
+        shown: for the terminal.
         code: the exit code.
         remarks: lines for standard error, unless the answer is the JSON object.
         then: words of the command that follows; empty: none.
     """
 
     facts: Mapping[str, object] = field(default_factory=dict)
-    shown: Sequence[str | Table] = ()
+    shown: Sequence[Shown] = ()
     code: int = DONE
     remarks: Sequence[str] = ()
     then: Sequence[str] = ()
@@ -109,7 +112,7 @@ class Answer:
 
 def judged(
     facts: Mapping[str, object],
-    *shown: str | Table,
+    *shown: Shown,
     usable: bool,
     as_required: bool = True,
     remarks: Sequence[str] = (),
@@ -132,7 +135,7 @@ def judged(
     return Answer(facts=known, shown=shown, code=code, remarks=remarks)
 
 
-def done(status: str, facts: Mapping[str, object], *shown: str | Table, files: Iterable[Path] = ()) -> Answer:
+def done(status: str, facts: Mapping[str, object], *shown: Shown, files: Iterable[Path] = ()) -> Answer:
     """The answer of a command that succeeded."""
     known = {"success": True, "status": status, **facts, "files": [str(file) for file in files]}
     return Answer(facts=known, shown=shown)
@@ -306,7 +309,7 @@ def table(
     *,
     styles: Sequence[str | None] = (),
     caption: str = "",
-) -> Table:
+) -> Shown:
     """Table of text, none of which is markup.
 
     Args:
@@ -337,7 +340,7 @@ def table(
     return made
 
 
-def facts_table(title: str, facts: dict[str, str]) -> Table:
+def facts_table(title: str, facts: dict[str, str]) -> Shown:
     """Table of two columns: names and values."""
     from rich.table import Table
 

@@ -8,19 +8,15 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
-from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import NOT_USABLE, Answer, done, escape, facts_table, table, working
+from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, facts_table, table, working
 from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
 from armdyn.errors import ProblemError
 from armdyn.files import as_json
 from armdyn.reprs import joint_unit
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 Facts = dict[str, object]
 
@@ -59,7 +55,7 @@ def doctor(
         raise ProblemError(f"--out {out} belongs to --repair, which is not given")
     if repair:
         return repaired(robot, part, out)
-    shown: list[str | Table]
+    shown: list[Shown]
     if robot is None:
         arm, status = ad.Robot.from_spec(ad.ArmSpec.paper("rr"), ad.Payload(mass=0.1)), "healthy"
         facts = _installation()
@@ -149,7 +145,7 @@ def policy_facts(rows: Iterable[PolicyRow]) -> list[Facts]:
     ]
 
 
-def policy_table(name: str, rows: Iterable[PolicyRow]) -> Table:
+def policy_table(name: str, rows: Iterable[PolicyRow]) -> Shown:
     """A policy as a table.
 
     Args:
@@ -220,7 +216,7 @@ _UNITS = {
 """Of joints that turn, and of those that slide."""
 
 
-def _table(robot: ad.Robot, joints: list[Facts]) -> Table:
+def _table(robot: ad.Robot, joints: list[Facts]) -> Shown:
     more = [what for what in ("armature", "damping", "friction") if any(joint[what] for joint in joints)]
     names = ("position", "velocity", "torque", *more)
     heads = ["joint", *(f">{name}\n[{joint_unit(robot.slides, *_UNITS[name])}]" for name in names)]

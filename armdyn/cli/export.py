@@ -6,7 +6,6 @@ import warnings
 from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.arguments import one_of, shown
@@ -19,10 +18,6 @@ from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
 from armdyn.parsing.numbers import number, numbers
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
-
-if TYPE_CHECKING:
-    from armdyn.models import Robot
-    from armdyn.trajectory import Samples, Trajectory
 
 KINDS = "|".join(FORMATS)
 _ABOUT_KINDS = " ".join(f"{name}: {kind.summary}." for name, kind in FORMATS.items())
@@ -54,7 +49,7 @@ class RowOptions:
         """
         return FORMATS[one_of(self.format, tuple(FORMATS), "--format")]
 
-    def motion(self, file: Path) -> Trajectory:
+    def motion(self, file: Path) -> ad.Trajectory:
         """The motion of a file, or the piece of a number.
 
         Raises:
@@ -156,7 +151,7 @@ class ModelOptions:
                 "--robot, --no-geometry, --no-feedback, --lock, --arm, --tool and --package-dir need --model"
             )
 
-    def content(self, file: Path, motion: Trajectory, samples: Samples, motors: bool) -> str:
+    def content(self, file: Path, motion: ad.Trajectory, samples: ad.Samples, motors: bool) -> str:
         """The model of the arm of a motion's file, with the samples of the motion, or of a piece, as keyframes.
 
         Raises:
@@ -252,7 +247,7 @@ def preset_of(file: Path, given: PresetOptions) -> ad.ControllerPreset | None:
     return ad.ControllerPreset.named(name, str(interface)) if name in ad.ControllerPreset.names() else None
 
 
-def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: bool) -> ad.ControllerCheck:
+def check_samples(preset: ad.ControllerPreset, samples: ad.Samples, accelerations: bool) -> ad.ControllerCheck:
     """Check samples that are exported.
 
     Args:
@@ -272,7 +267,7 @@ def check_samples(preset: ad.ControllerPreset, samples: Samples, accelerations: 
     )
 
 
-def _arm(file: Path, robot: str | None, part: PartOptions) -> Robot:
+def _arm(file: Path, robot: str | None, part: PartOptions) -> ad.Robot:
     """Arm of the exported motion: from the result next to the file, or from the options.
 
     Raises:
@@ -300,8 +295,8 @@ def usual_rate(kind: type[OutputFormat]) -> float:
 
 
 def sampled(
-    output_format: OutputFormat, motion: Trajectory, rate: str | None, default_rate: float
-) -> tuple[Samples, float | None, float | None]:
+    output_format: OutputFormat, motion: ad.Trajectory, rate: str | None, default_rate: float
+) -> tuple[ad.Samples, float | None, float | None]:
     """Samples at a rate, the rate [Hz] (None: the motion's own), and the spline's deviation where the format knows it.
 
     Args:

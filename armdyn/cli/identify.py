@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.arguments import whole
-from armdyn.cli.console import Answer, done, escape, facts_table, table, working
+from armdyn.cli.console import Answer, Shown, done, escape, facts_table, table, working
 from armdyn.cli.invocation import invocation, is_given
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.path_constraints import SceneOptions
@@ -23,8 +23,6 @@ from armdyn.files import attributes, write_whole
 from armdyn.reprs import joint_unit
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armdyn.identification.equations import What
 
 _FILE, _MOTION, _REPORT = "identified.toml", "exciting.npz", "report.html"
@@ -185,7 +183,7 @@ def _facts(estimate: ad.Estimate) -> dict[str, object]:
     }
 
 
-def _shown(estimate: ad.Estimate, file: Path) -> list[str | Table]:
+def _shown(estimate: ad.Estimate, file: Path) -> list[Shown]:
     words = {
         "combinations measured": f"{estimate.measured_combinations} of {estimate.combinations}",
         "condition number": f"{estimate.condition:.3g}",
@@ -193,7 +191,7 @@ def _shown(estimate: ad.Estimate, file: Path) -> list[str | Table]:
     }
     if estimate.unmoved:
         words["not moved"] = ", ".join(estimate.unmoved)
-    shown: list[str | Table] = [facts_table(f"{estimate.robot.name}: identified", words)]
+    shown: list[Shown] = [facts_table(f"{estimate.robot.name}: identified", words)]
     if estimate.judged is not None:
         judged = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
         rows = [

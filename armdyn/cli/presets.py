@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import armdyn as ad
-from armdyn.cli.console import Answer, done, facts_table, table
+from armdyn.cli.console import Answer, Shown, done, facts_table, table
 from armdyn.cli.options.groups import argument
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.files import as_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 
 def presets(
@@ -45,7 +40,7 @@ def _facts(preset: ad.ControllerPreset) -> dict[str, object]:
     return facts | {"joints": len(preset.joints), "joint_names": [name for name in preset.joints if name]}
 
 
-def _list(listed: list[ad.ControllerPreset]) -> Table:
+def _list(listed: list[ad.ControllerPreset]) -> Shown:
     rows = [
         (
             preset.name,
@@ -74,7 +69,7 @@ def _plain(conditions: tuple[str, ...]) -> str:
     return ", ".join(conditions).replace("_", " ")
 
 
-def _limits(preset: ad.ControllerPreset) -> Table:
+def _limits(preset: ad.ControllerPreset) -> Shown:
     from armdyn.models.presets.interface import LIMITS, UNITS
 
     columns = {name: row for name in LIMITS if (row := getattr(preset.limits, name)) is not None}

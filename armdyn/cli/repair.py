@@ -6,14 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from armdyn.cli.console import NOT_USABLE, Answer, done, escape, table
+from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, table
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ProblemError
 from armdyn.files import attributes, probe_folder, write_whole
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armdyn.models import InertiaRepair, UrdfRepair
 
 
@@ -76,7 +74,7 @@ def _facts(found: UrdfRepair) -> dict[str, object]:
     }
 
 
-def _table(repairs: tuple[InertiaRepair, ...]) -> Table:
+def _table(repairs: tuple[InertiaRepair, ...]) -> Shown:
     """Principal moments of the changed inertias, before and after."""
     rows = []
     for one in repairs:

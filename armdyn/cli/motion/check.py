@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import armdyn as ad
-from armdyn.cli.console import DONE, NOT_USABLE, Answer, escape, table
+from armdyn.cli.console import DONE, NOT_USABLE, Answer, Shown, escape, table
 from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from armdyn.trajectory.planned import Planned
 
 
@@ -93,7 +91,7 @@ def _motion(
     return planned, names
 
 
-def check_shown(found: ad.ControllerCheck, name: str) -> list[str | Table]:
+def check_shown(found: ad.ControllerCheck, name: str) -> list[Shown]:
     """A check for the terminal: the verdict, each condition, and the unchecked ones."""
     refused = next((row for row in found.offences if row.necessary), None)
     head = f"[bold]{escape(name)}[/]: {found.preset}, {found.interface} interface, {found.rate:g} commands per second"
@@ -107,7 +105,7 @@ def check_shown(found: ad.ControllerCheck, name: str) -> list[str | Table]:
     return [head, verdict, _table(found), points, *(f"Note: {escape(note)}." for note in found.notes)]
 
 
-def _table(found: ad.ControllerCheck) -> Table:
+def _table(found: ad.ControllerCheck) -> Shown:
     """Table of each condition's violating joints, or of the joint nearest to its limit."""
     rows: list[tuple[str, ...]] = []
     styles: list[str | None] = []

@@ -8,6 +8,7 @@ from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, cut_short, done, escape, facts_table, judged, table, working
 from armdyn.cli.export import KINDS, sampled, usual_rate
@@ -23,7 +24,6 @@ from armdyn.trajectory.formats import FORMATS
 from armdyn.trajectory.formats.streams import Stream
 
 if TYPE_CHECKING:
-    from armdyn.cycle import CycleSolution
     from armdyn.models.scene.obstacles import Obstacle
 
 _EXAMPLE = "cell.toml"
@@ -160,7 +160,7 @@ def _largest_gap(text: str | None) -> float | None:
     return one.most
 
 
-def _missing(solution: CycleSolution, most: float | None) -> list[str]:
+def _missing(solution: ad.CycleSolution, most: float | None) -> list[str]:
     """The requirement that is not met, with the reason."""
     if most is None or (solution.gap is not None and solution.gap <= most):
         return []
@@ -171,7 +171,7 @@ def _missing(solution: CycleSolution, most: float | None) -> list[str]:
 def _write(
     folder: Path,
     name: str,
-    solution: CycleSolution,
+    solution: ad.CycleSolution,
     summary: dict[str, Any],
     formats: Sequence[str],
     results: ResultOptions,
@@ -196,7 +196,7 @@ def _write(
     return written.with_files(files)
 
 
-def _obstacles(solution: CycleSolution) -> list[Obstacle]:
+def _obstacles(solution: ad.CycleSolution) -> list[Obstacle]:
     """Obstacles of all moves, each once."""
     from armdyn.models.scene.obstacles import obstacle_entry
 
@@ -217,7 +217,7 @@ def _cells(step: dict[str, Any]) -> list[str]:
     ]
 
 
-def _words(solution: CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
+def _words(solution: ad.CycleSolution, summary: dict[str, Any]) -> dict[str, str]:
     """The whole cycle as `facts_table` shows it."""
     from armdyn.reprs import gap_words
 

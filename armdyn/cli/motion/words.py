@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+import armdyn as ad
 from armdyn.cli.invocation import in_options
 from armdyn.reprs import joint_unit
 
-if TYPE_CHECKING:
-    from armdyn.optimal import Solution
 
-
-def solution_words(solution: Solution, wrap: bool) -> dict[str, str]:
+def solution_words(solution: ad.Solution, wrap: bool) -> dict[str, str]:
     """A solution as `facts_table` shows it.
 
     Args:
@@ -22,7 +19,7 @@ def solution_words(solution: Solution, wrap: bool) -> dict[str, str]:
     return _facts(solution) | _turns(solution, wrap)
 
 
-def title_words(solution: Solution) -> str:
+def title_words(solution: ad.Solution) -> str:
     """A solution as a figure's title shows it."""
     from armdyn.optimal.answer.words import verdict
     from armdyn.optimal.problem.status import Status
@@ -34,7 +31,7 @@ def title_words(solution: Solution) -> str:
     return f"{status}, best so far {solution.duration:.4f} s" if solution.moves else f"{status}, no motion to the goal"
 
 
-def _turns(solution: Solution, wrap: bool) -> dict[str, str]:
+def _turns(solution: ad.Solution, wrap: bool) -> dict[str, str]:
     """Turns of endless joints, where another way round was open or was taken."""
     import numpy as np
 
@@ -58,7 +55,7 @@ def missing_words(missing: Sequence[str]) -> dict[str, str]:
     return {"required": "\n".join(map(in_options, missing))} if missing else {}
 
 
-def _facts(solution: Solution) -> dict[str, str]:
+def _facts(solution: ad.Solution) -> dict[str, str]:
     """A solution in words."""
     from armdyn.optimal.answer.words import assessment, checks
 
@@ -90,7 +87,7 @@ def _facts(solution: Solution) -> dict[str, str]:
     return facts
 
 
-def _path_words(solution: Solution) -> dict[str, str]:
+def _path_words(solution: ad.Solution) -> dict[str, str]:
     """The nearest obstacle, the via points and the goals."""
     facts = {}
     if solution.clearance is not None:

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import armdyn as ad
 from armdyn.arguments import shown
 from armdyn.cli.options.groups import LIMITS, ROBOT, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.models import Robot
     from armdyn.models.values.friction import FrictionValue
-    from armdyn.optimal import MinimumTimeProblem
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +46,7 @@ class JointOptions:
     rotor_inertia: str | None = option("J[,J…]", "Inertia of the rotors themselves \\[kg m²], with --gear-ratio.")
     gear_ratio: str | None = option("N[,N…]", "Turns of the rotor for one of the joint, with --rotor-inertia.")
 
-    def fit(self, robot: Robot) -> Robot:
+    def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints.
 
         Raises:
@@ -91,7 +90,7 @@ class FastJointOptions:
     )
     joints: JointOptions = field(default_factory=JointOptions)
 
-    def fit(self, robot: Robot) -> Robot:
+    def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints; see `JointOptions.fit`."""
         fast = robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit"))
         return self.joints.fit(fast).with_passive(self.passive or ())
@@ -108,7 +107,7 @@ class FastJointOptions:
         }
 
 
-def reserve_words(problem: MinimumTimeProblem) -> dict[str, str]:
+def reserve_words(problem: ad.MinimumTimeProblem) -> dict[str, str]:
     """Reserves for feedback, in words; empty without one."""
     kept = problem.reserves
     shares = [
@@ -139,7 +138,7 @@ def _friction(text: str | None, what: str) -> FrictionValue | None:
     return "urdf" if text is not None and text.strip() == "urdf" else one_or_more(text, what)
 
 
-def friction_facts(robot: Robot) -> dict[str, object]:
+def friction_facts(robot: ad.Robot) -> dict[str, object]:
     """The friction in a robot's joints as JSON; empty if there is none."""
     own = robot.friction
     if not own.present:
@@ -148,7 +147,7 @@ def friction_facts(robot: Robot) -> dict[str, object]:
     return {"damping": damping.tolist(), "friction": coulomb.tolist(), "friction_width": own.listed_width}
 
 
-def friction_words(robot: Robot) -> dict[str, str]:
+def friction_words(robot: ad.Robot) -> dict[str, str]:
     """The friction in a robot's joints in words; empty if there is none."""
     own = robot.friction
     if not own.present:
@@ -161,7 +160,7 @@ def friction_words(robot: Robot) -> dict[str, str]:
     return {"joint friction": f"{text} (over {over} rad/s)"}
 
 
-def carried_facts(robot: Robot) -> dict[str, object]:
+def carried_facts(robot: ad.Robot) -> dict[str, object]:
     """The tip and the payload, for JSON."""
     bodies = [
         {"name": body.name, "mass": body.mass, "frame": robot.frame_of(body).name, "com": list(body.com)}
@@ -171,7 +170,7 @@ def carried_facts(robot: Robot) -> dict[str, object]:
     return {"tip": robot.tip, "carried": bodies}
 
 
-def carried_words(robot: Robot) -> dict[str, str]:
+def carried_words(robot: ad.Robot) -> dict[str, str]:
     """The tip, and the payload with its place, in words."""
     lines = []
     for body in robot.attached:

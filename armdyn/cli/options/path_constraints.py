@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import typer
 
+import armdyn as ad
 from armdyn.cli.invocation import is_given
 from armdyn.cli.options.groups import LIMITS, SCENE, TASK, flag, option
 from armdyn.cli.options.positions import positions
@@ -15,7 +16,6 @@ from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
-    from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
 
 
@@ -83,7 +83,7 @@ class SceneOptions:
         if is_given("clearance") and not (self.obstacle or self.scene or self.self_collision):
             raise ProblemError("--clearance is from nothing: give --obstacle, --scene or --self-collision")
 
-    def scene_arguments(self, robot: Robot) -> dict[str, Any]:
+    def scene_arguments(self, robot: ad.Robot) -> dict[str, Any]:
         """The scene as arguments of a `MinimumTimeProblem`, or of `ExcitingOptions`.
 
         Args:
@@ -128,7 +128,7 @@ class PathConstraintOptions(SceneOptions):
         callback=_explained,
     )
 
-    def problem_arguments(self, robot: Robot) -> dict[str, Any]:
+    def problem_arguments(self, robot: ad.Robot) -> dict[str, Any]:
         """The path constraints as arguments of a `MinimumTimeProblem`.
 
         Args:

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
+import armdyn as ad
 from armdyn.cli.invocation import option_value
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import position as typed_position
 from armdyn.parsing.numbers import unit_said
-
-if TYPE_CHECKING:
-    from armdyn.models import Robot
 
 
 def degrees_are_on() -> bool:
@@ -24,7 +21,7 @@ def position(text: str, what: str, slides: bool | None = False) -> float:
     return typed_position(text, what, slides, degrees=degrees_are_on())
 
 
-def positions(text: str, what: str, robot: Robot) -> list[float]:
+def positions(text: str, what: str, robot: ad.Robot) -> list[float]:
     """The positions of all joints [rad or m]: numbers with commas between, or the name of one of the robot's poses.
 
     Raises:
@@ -35,7 +32,7 @@ def positions(text: str, what: str, robot: Robot) -> list[float]:
     return positions_of(robot, text, what, degrees=degrees_are_on())
 
 
-def sliding_locks(texts: Sequence[str], robot: Robot) -> None:
+def sliding_locks(texts: Sequence[str], robot: ad.Robot) -> None:
     """Refuse --degrees for a sliding joint that is locked without a unit: JOINT=0.1.
 
     Args:

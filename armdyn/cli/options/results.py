@@ -9,15 +9,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+import armdyn as ad
 from armdyn.cli.invocation import invocation
 from armdyn.cli.options.groups import flag, option
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
-    from armdyn.models import Robot
     from armdyn.models.scene.obstacles import Obstacle
     from armdyn.show.report import Part
-    from armdyn.trajectory import Trajectory
 
 NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
 
@@ -92,8 +91,8 @@ class ResultOptions:
     def write(
         self,
         folder: Path,
-        robot: Robot,
-        motions: Mapping[str, Trajectory],
+        robot: ad.Robot,
+        motions: Mapping[str, ad.Trajectory],
         summary: dict[str, object],
         title: str,
         obstacles: Sequence[Obstacle] = (),

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from armdyn.cli.console import Answer, done, escape, table, working
+from armdyn.cli.console import Answer, Shown, done, escape, table, working
 from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions
@@ -15,8 +15,6 @@ from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from rich.table import Table
 
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.motions import ShownMotion
@@ -131,7 +129,7 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
     return done("written", facts, _table(title, rows), said, files=files)
 
 
-def _table(title: str, rows: Sequence[Compared]) -> Table:
+def _table(title: str, rows: Sequence[Compared]) -> Shown:
     cells = [
         (
             row.name,

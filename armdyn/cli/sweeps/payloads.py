@@ -8,10 +8,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 import armdyn as ad
-from armdyn.cli.console import Answer, escape, interrupted, judged, table, working
+from armdyn.cli.console import Answer, Shown, escape, interrupted, judged, table, working
 from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
@@ -77,7 +75,7 @@ def run_payloads(
         facts["message"] = f"interrupted; the solved payloads are in {folder}"
     failing = ["some motions are not usable: their messages are in sweep.csv"] if status == "not_landed" else []
     kept = [f"{what}: {parts}" for what, parts in reserve_words(first).items()]
-    shown: list[str | Table] = [_table(arm.name, rows), *kept, f"results in {escape(str(folder))}"]
+    shown: list[Shown] = [_table(arm.name, rows), *kept, f"results in {escape(str(folder))}"]
     remarks = [*failing, *(f"required: {escape(in_options(text))}" for text in missing)]
     return judged(facts, *shown, usable=status == "done", as_required=not missing, remarks=remarks, files=files)
 
@@ -131,7 +129,7 @@ def _status(found: Sequence[StudyRow], total: int) -> str:
     return "done" if all(row.facts["landed"] for row in found) else "not_landed"
 
 
-def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Shown:
     """Print the table."""
     cells = []
     for row in rows:
