@@ -18,7 +18,6 @@ import typer
 from armdyn.cli import interrupts
 from armdyn.cli.interrupts import INTERRUPTED as INTERRUPTED
 from armdyn.cli.invocation import command_name, in_options, option_value
-from armdyn.cli.layout import Followed
 from armdyn.cli.streams import BAD_INPUT as BAD_INPUT
 from armdyn.cli.streams import DISK_FULL as DISK_FULL
 from armdyn.errors import ArmdynError, ArmdynWarning, DiskFullError
@@ -46,6 +45,14 @@ EXIT_CODES = (
 
 SCHEMA = interrupts.SCHEMA
 """Version of the JSON objects, see docs/json.md: raised when a key is removed or changes its meaning."""
+
+
+class Followed(typer.Exit):
+    """End of a command that is followed by another one, of these words."""
+
+    def __init__(self, words: list[str]):
+        super().__init__(0)
+        self.words = words
 
 
 class Terminal:

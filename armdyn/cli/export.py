@@ -10,13 +10,14 @@ from pathlib import Path
 import armdyn as ad
 from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, Answer, done, escape
+from armdyn.cli.invocation import flag_of
 from armdyn.cli.motion.check import check_shown
-from armdyn.cli.options.groups import argument, flag, given, option
+from armdyn.cli.options.groups import Numbers, argument, flag, given, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole
-from armdyn.parsing.numbers import number, numbers
+from armdyn.parsing.numbers import number
 from armdyn.trajectory.formats import FORMATS, Mujoco, OutputFormat, Ros2
 
 KINDS = "|".join(FORMATS)
@@ -93,7 +94,7 @@ class FormatOptions:
     payload: float | None = option(
         "KG", "urscript, ur-rtde, panda-python: mass of the payload for the controller \\[kg]."
     )
-    payload_com: str | None = option("X,Y,Z", "Centre of mass of --payload from the flange \\[m]; by default 0,0,0.")
+    payload_com: Numbers = option("X,Y,Z", "Centre of mass of --payload from the flange \\[m]; by default 0,0,0.")
     transition: float | None = option(
         "S", "urscript: time over which the controller applies a payload that changes \\[s]; by default at once."
     )
@@ -105,12 +106,10 @@ class FormatOptions:
             ProblemError: an option is given that the format does not have.
         """
         options = given(self)
-        if self.payload_com is not None:
-            options["payload_com"] = tuple(numbers(self.payload_com, "--payload-com"))
         for name in options:
             if name not in signature(kind).parameters:
                 those = ", ".join(other for other, each in FORMATS.items() if name in signature(each).parameters)
-                raise ProblemError(f"--{name.replace('_', '-')} is of the formats {those}; {kind.name} has none")
+                raise ProblemError(f"{flag_of(name)} is of the formats {those}; {kind.name} has none")
         return kind(**options)
 
 
@@ -146,7 +145,7 @@ class ModelOptions:
         """
         if self.model and kind is not Mujoco:
             raise ProblemError(f"--model is of the format mujoco; {kind.name} has none")
-        if not self.model and self != ModelOptions(part=PartOptions()):
+        if not self.model and given(self):
             raise ProblemError(
                 "--robot, --no-geometry, --no-feedback, --lock, --arm, --tool and --package-dir need --model"
             )

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import armdyn as ad
 from armdyn.arguments import whole
 from armdyn.cli.console import Answer, Shown, done, escape, facts_table, table, working
-from armdyn.cli.invocation import invocation, is_given
+from armdyn.cli.invocation import flag_of, invocation, is_given
 from armdyn.cli.options.groups import argument, flag, given, option
 from armdyn.cli.options.path_constraints import SceneOptions
 from armdyn.cli.options.preset import PresetOptions
@@ -106,14 +106,14 @@ def identify(
     what, arm, then = options.what, robot.read(payload.carried()), shlex.split(options.then or "")
     if (options.exciting is None) == (not logs):
         raise ProblemError("give one LOG or several, or --exciting SECONDS for a motion to log")
-    about = [*given(scene), *given(controller)]
+    about = list(given(scene, controller))
     if about and options.exciting is None:
-        raise ProblemError(f"--{about[0].replace('_', '-')} is of a motion to log: give --exciting SECONDS")
+        raise ProblemError(f"{flag_of(about[0])} is of a motion to log: give --exciting SECONDS")
     if options.exciting is not None:
         if then:
             raise ProblemError("--then needs an identified arm: give a LOG instead of --exciting")
         if of_logs := [name for name in _OF_LOGS if is_given(name)]:
-            raise ProblemError(f"--{of_logs[0].replace('_', '-')} is of an identification: give a LOG")
+            raise ProblemError(f"{flag_of(of_logs[0])} is of an identification: give a LOG")
         scene.expect_bodies()
         sought = ad.ExcitingOptions(what=what, **scene.scene_arguments(arm), preset=controller.read())
         return _write_motion(arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))

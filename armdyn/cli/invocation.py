@@ -73,6 +73,12 @@ def is_given(name: str) -> bool:
     return name in now.values and now.values[name] != now.parameters[name].default
 
 
+def flag_of(name: str) -> str:
+    """An option of the running command as it is typed; where it has none of this name, with dashes."""
+    one = _RUNNING.get().parameters.get(name)
+    return (_flag(one.annotation) if one else "") or f"--{name.replace('_', '-')}"
+
+
 def in_options(text: str) -> str:
     """A message in the words of the command line: an argument in backticks, or at its beginning, is its option.
 

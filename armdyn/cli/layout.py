@@ -3,22 +3,15 @@
 import shlex
 from typing import Any
 
-from typer import Exit
 from typer.core import TyperCommand, TyperGroup
+
+from armdyn.cli.console import Followed
 
 THEN = "--then"
 """Option whose value is the rest of the line: another command, see `identify`."""
 
 _BARE = str.maketrans("", "", "{}")
 """Typer writes {ROBOT} of an argument."""
-
-
-class Followed(Exit):
-    """End of a command that is followed by another one, of these words."""
-
-    def __init__(self, words: list[str]):
-        super().__init__(0)
-        self.words = words
 
 
 class Command(TyperCommand):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.cli.console import DONE, NOT_USABLE, Answer, Shown, escape, table
-from armdyn.cli.options.groups import argument, option
+from armdyn.cli.options.groups import argument, given, option
 from armdyn.cli.options.preset import known_presets, preset_named
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
@@ -59,7 +59,7 @@ def check(
     """
     chosen = preset_named(preset, interface)
     arm = None if robot is None else part.read(robot, payload.carried())
-    if arm is None and (payload.carried() is not None or part != PartOptions()):
+    if arm is None and given(payload, part):
         raise ProblemError("--payload, --lock, --arm, --tool and --package-dir need --robot")
     motion, names = _motion(file, chosen, arm)
     found = chosen.check(motion, names)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files as package_files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import armdyn as ad
 from armdyn.arguments import one_of
@@ -44,6 +44,14 @@ class CycleSearchOptions(CurveOptions):
     )
 
 
+def _largest_gap(text: str, option: str) -> float:
+    """The gap of --require, as a part of the lower bound."""
+    if not text.startswith("gap:"):
+        raise ProblemError(f"{option} {text}: of a cycle the gap can be required, such as gap:1%")
+    (one,) = requirements_of([text])
+    return one.most
+
+
 def cycle(
     *,
     file: str | None = argument("FILE.toml", "The cycle. With --example: the file to write.", default=None),
@@ -51,7 +59,7 @@ def cycle(
         f"Write a commented cycle file that runs, {_EXAMPLE} if no other name is given, and solve nothing.",
         rich_help_panel=TASK,
     ),
-    require: str | None = option(
+    require: Annotated[float | None, _largest_gap] = option(
         "gap:X",
         "Proven to be at most X above the least time, such as gap:1%, else exit code 4.",
         rich_help_panel=TASK,
@@ -93,7 +101,7 @@ def cycle(
         return _write_example(Path(file or _EXAMPLE))
     if file is None:
         raise ProblemError("armdyn cycle takes a cycle file; armdyn cycle --example writes one")
-    return _solve(file, costs, _largest_gap(require), search, _formats(format), results)
+    return _solve(file, costs, require, search, _formats(format), results)
 
 
 def _solve(
@@ -148,16 +156,6 @@ def _write_example(path: Path) -> Answer:
 
 def _formats(given: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one_of(name, tuple(FORMATS), "--format") for name in given or ["csv"]))
-
-
-def _largest_gap(text: str | None) -> float | None:
-    """The gap of --require, as a part of the lower bound; None: nothing is required."""
-    if text is None:
-        return None
-    if not text.startswith("gap:"):
-        raise ProblemError(f"--require {text}: of a cycle the gap can be required, such as gap:1%")
-    (one,) = requirements_of([text])
-    return one.most
 
 
 def _missing(solution: ad.CycleSolution, most: float | None) -> list[str]:

@@ -57,9 +57,7 @@ def optimality(
     motion = motion_of(arm, file)
     folder = results.folder("optimality", robot.robot, MOTIONS)
     with working(f"fastest motion of {arm.name}") as progress:
-        found = ad.time_optimality(
-            arm, motion, search.options(), **joints.problem_arguments(), **rates.problem_arguments()
-        )
+        found = ad.time_optimality(arm, motion, search.options(), **joints.problem_arguments(), **vars(rates))
         summary, solution = cut_short(_facts(found)), found.solution
         motions = {"trajectory": replace(found.trajectory, name=file.stem)}
         if solution.moves:

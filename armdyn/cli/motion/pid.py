@@ -8,13 +8,12 @@ from typing import ClassVar
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer, facts_table, judged, working
-from armdyn.cli.options.groups import option
+from armdyn.cli.options.groups import Numbers, option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ArmOptions
 from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +22,7 @@ class PidLoopOptions:
 
     panel: ClassVar[str] = "Loop"
 
-    gains: str = option(
+    gains: Numbers = option(
         "KP,KI,KD", "The same for every joint; by default those of the paper's arms.", default="30,50,10"
     )
     form: str = option(
@@ -51,14 +50,14 @@ class PidLoopOptions:
         Raises:
             ProblemError: the gains are not three numbers, or something does not fit the arm.
         """
-        values = numbers(self.gains, "--gains")
+        values = self.gains or []
         if len(values) != 3:
-            raise ProblemError(f"--gains: {self.gains!r} has {len(values)} numbers; give three, KP,KI,KD")
+            raise ProblemError(f"--gains has {len(values)} numbers; give three, KP,KI,KD")
         return ad.simulate_pid(
             arm,
             q_start=start,
             q_goal=goal,
-            gains=ad.PidGains(kp=values[0], ki=values[1], kd=values[2]),
+            gains=ad.PidGains(*values),
             duration=self.duration,
             form=self.form,  # type: ignore[arg-type]  # simulate_pid refuses unknown forms
             arrival_rule=self.arrival_rule or usual,  # type: ignore[arg-type]  # the same

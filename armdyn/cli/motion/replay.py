@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import armdyn as ad
 from armdyn.cli.console import Answer, done, escape, working
@@ -28,7 +28,9 @@ def replay(
     ),
     payload: PayloadOptions,
     output: OutputOptions,
-    slow_motion: str | None = option("X", "Seconds shown per second of motion; by default it is chosen."),
+    slow_motion: Annotated[float | None, number] = option(
+        "X", "Seconds shown per second of motion; by default it is chosen."
+    ),
 ) -> Answer:
     """One self-contained HTML page in which the robot moves; several files move side by side.
 
@@ -46,10 +48,9 @@ def replay(
     motions = [ShownMotion(one.motion.name or one.path.stem, one.motion, one.facts) for one in saved]
     obstacles = obstacles_in(saved[0].facts)
     folder = output.folder("replay", robot.robot, ["replay.html"])
-    slow = None if slow_motion is None else number(slow_motion, "--slow-motion")
     folder.mkdir(parents=True, exist_ok=True)
     with working(f"replay of {arm.name}"):
-        page = write_html(arm, motions, folder / "replay.html", slow_motion=slow, obstacles=obstacles)
+        page = write_html(arm, motions, folder / "replay.html", slow_motion=slow_motion, obstacles=obstacles)
     said = f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)"
     return done("written", {}, said, files=[page])
 

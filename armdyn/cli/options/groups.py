@@ -6,16 +6,22 @@ from dataclasses import MISSING, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
 from itertools import chain
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
 
 import typer
 from typer.models import OptionInfo
 
 from armdyn.cli.console import Answer, carry_out
-from armdyn.cli.invocation import running
+from armdyn.cli.invocation import flag_of, is_given, running
+from armdyn.parsing.numbers import numbers, one_or_more
 
 TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
 """Panels of help that commands share, in their order."""
+
+PerJoint: TypeAlias = Annotated[float | list[float] | None, one_or_more]
+"""An option of one number for all joints, or one for each."""
+Numbers: TypeAlias = Annotated[list[float] | None, numbers]
+"""An option of numbers."""
 
 _ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options of joint positions, to which --degrees applies."""
@@ -25,14 +31,15 @@ def with_options(command: Callable[..., Answer]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
     A group is a frozen dataclass. Its fields, and the parameters of a command, are an `option`, a `flag` or an
-    `argument`, or are groups themselves; they become the command's options in their order. All options of a group stand
-    in the help panel that its class attribute `panel` names, if it has one. After them come the options that every
+    `argument`, or are groups themselves; they become the command's options in their order. A type that is `Annotated`
+    has the function that makes the value of the typed text and the option's name. All options of a group stand in the
+    help panel that its class attribute `panel` names, if it has one. After them come the options that every
     command has: --json, --quiet, and --degrees where there are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.
     """
-    hints = get_type_hints(command)
+    hints = get_type_hints(command, include_extras=True)
     hints.pop("return", None)
     flat: dict[str, Parameter] = {}
     own = (
@@ -80,9 +87,17 @@ def argument(metavar: str, about: str, *, default: Any = MISSING, **more: Any) -
     return field(default=default, metadata={"option": typer.Argument(metavar=metavar, help=about, **more)})
 
 
-def given(group: Any) -> dict[str, Any]:
-    """Options of a group that differ from their defaults, by name; they override a file."""
-    return {one.name: value for one in fields(group) if (value := getattr(group, one.name)) != one.default}
+def given(*groups: Any) -> dict[str, Any]:
+    """Options of the running command in groups, and in groups within them, that differ from their defaults, by name."""
+    found: dict[str, Any] = {}
+    for group in groups:
+        for one in fields(group):
+            value = getattr(group, one.name)
+            if "option" not in one.metadata:
+                found |= given(value)
+            elif one.default is not MISSING and is_given(one.name):
+                found[one.name] = value
+    return found
 
 
 def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
@@ -91,7 +106,7 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
     Args:
         own: the command's own options, complete when the first common one is read.
     """
-    angles = [f"--{name.replace('_', '-')}" for name in _ANGLES if name in own]
+    angles = [flag_of(name) for name in _ANGLES if name in own]
     flags = [
         ("json", "One JSON object on standard output, nothing else.", OUTPUT),
         ("quiet", "Print errors and warnings only; files are written, and the exit code is the result.", OUTPUT),
@@ -106,16 +121,22 @@ def _common(own: Mapping[str, object]) -> Iterator[Parameter]:
 def _expanded(name: str, hint: Any, one: Any, panel: str | None) -> Iterator[Parameter]:
     """Typer's parameters of one parameter, or of a group of options; flags have no --no-… form."""
     if is_dataclass(hint):
-        hints = get_type_hints(hint)
+        hints = get_type_hints(hint, include_extras=True)
         for each in fields(hint):
             yield from _expanded(each.name, hints[each.name], each, getattr(hint, "panel", panel))
         return
     declared = copy(one.metadata["option"])
     if isinstance(declared, OptionInfo):
         declared.rich_help_panel = declared.rich_help_panel or panel
-        declared.param_decls = declared.param_decls or (f"--{name.replace('_', '-')}",)
+        declared.param_decls = declared.param_decls or (flag_of(name),)
     default = Parameter.empty if one.default is MISSING else one.default
-    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, declared])
+    typed = hint if _reader(hint) is None else str | None
+    yield Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[typed, declared])
+
+
+def _reader(hint: Any) -> Callable[[str, str], Any] | None:
+    """Function that makes an option's value of the typed text; None: the value is taken as typed."""
+    return hint.__metadata__[0] if get_origin(hint) is Annotated else None
 
 
 def _flowing(help_text: str) -> str:
@@ -125,8 +146,9 @@ def _flowing(help_text: str) -> str:
 
 
 def _gathered(name: str, hint: Any, values: Mapping[str, Any]) -> Any:
-    """The value of a parameter, or the group of its options' values."""
-    if not (isinstance(hint, type) and is_dataclass(hint)):
-        return values[name]
-    hints = get_type_hints(hint)
-    return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})
+    """The value of a parameter, read from its text, or the group of its options' values."""
+    if isinstance(hint, type) and is_dataclass(hint):
+        hints = get_type_hints(hint, include_extras=True)
+        return hint(**{one.name: _gathered(one.name, hints[one.name], values) for one in fields(hint)})
+    value, read = values[name], _reader(hint)
+    return value if read is None or value is None else read(value, flag_of(name))

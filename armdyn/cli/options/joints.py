@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import shown
-from armdyn.cli.options.groups import LIMITS, ROBOT, option
+from armdyn.cli.options.groups import LIMITS, ROBOT, PerJoint, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
@@ -15,25 +15,33 @@ if TYPE_CHECKING:
     from armdyn.models.values.friction import FrictionValue
 
 
+def _friction(text: str, what: str) -> FrictionValue | None:
+    """Parse friction: one number for all joints, one per joint, or "urdf" for the URDF's."""
+    return "urdf" if text.strip() == "urdf" else one_or_more(text, what)
+
+
+_Friction: TypeAlias = Annotated[float | list[float] | Literal["urdf"] | None, _friction]
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointOptions:
-    """Torque limits, friction and rotor inertia, each as text; None leaves the robot's own."""
+    """Torque limits, friction and rotor inertia; None leaves the robot's own."""
 
     panel: ClassVar[str] = ROBOT
 
-    effort_limit: str | None = option(
+    effort_limit: PerJoint = option(
         "T[,T…]", "Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.", rich_help_panel=LIMITS
     )
-    damping: str | None = option(
+    damping: _Friction = option(
         "D[,D…]|urdf",
         "Viscous friction: a joint loses D times its velocity \\[N m s/rad]. By default a URDF file's own, "
         "none for a library's robot, whose numbers are placeholders; urdf takes them.",
     )
-    friction: str | None = option(
+    friction: _Friction = option(
         "F[,F…]|urdf",
         "Coulomb friction: a joint loses F against its direction of motion \\[N m]. Default like --damping.",
     )
-    friction_width: str | None = option(
+    friction_width: PerJoint = option(
         "V[,V…]", "Coulomb friction is F tanh(v / V) \\[rad/s]: smaller is sharper, and slower to solve. Default 0.05."
     )
     torque_speed: list[str] | None = option(
@@ -42,9 +50,9 @@ class JointOptions:
         "linear between and concave; it brakes with its whole torque limit. May be given again.",
         rich_help_panel=LIMITS,
     )
-    armature: str | None = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
-    rotor_inertia: str | None = option("J[,J…]", "Inertia of the rotors themselves \\[kg m²], with --gear-ratio.")
-    gear_ratio: str | None = option("N[,N…]", "Turns of the rotor for one of the joint, with --rotor-inertia.")
+    armature: PerJoint = option("J[,J…]", "Rotor inertia seen at the joint, gear ratio² × rotor \\[kg m²].")
+    rotor_inertia: PerJoint = option("J[,J…]", "Inertia of the rotors themselves \\[kg m²], with --gear-ratio.")
+    gear_ratio: PerJoint = option("N[,N…]", "Turns of the rotor for one of the joint, with --rotor-inertia.")
 
     def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints.
@@ -53,18 +61,10 @@ class JointOptions:
             ArmdynError: an option does not fit it.
         """
         return (
-            robot.with_limits(one_or_more(self.effort_limit, "--effort-limit"), None)
+            robot.with_limits(self.effort_limit, None)
             .with_torque_speed(_curves(self.torque_speed))
-            .with_armature(
-                one_or_more(self.armature, "--armature"),
-                one_or_more(self.rotor_inertia, "--rotor-inertia"),
-                one_or_more(self.gear_ratio, "--gear-ratio"),
-            )
-            .with_friction(
-                _friction(self.damping, "--damping"),
-                _friction(self.friction, "--friction"),
-                one_or_more(self.friction_width, "--friction-width"),
-            )
+            .with_armature(self.armature, self.rotor_inertia, self.gear_ratio)
+            .with_friction(self.damping, self.friction, self.friction_width)
         )
 
 
@@ -74,13 +74,13 @@ class FastJointOptions:
 
     panel: ClassVar[str] = LIMITS
 
-    velocity_limit: str | None = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
-    reserve: str = option(
+    velocity_limit: PerJoint = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
+    reserve: PerJoint = option(
         "R[,R…]",
         "Part of the torque limits that is kept for feedback: with 0.1 the motion uses 90 % at most.",
         default="0",
     )
-    velocity_reserve: str = option("R[,R…]", "Part of the velocity limits that is kept, likewise.", default="0")
+    velocity_reserve: PerJoint = option("R[,R…]", "Part of the velocity limits that is kept, likewise.", default="0")
     passive: list[str] | None = option(
         "JOINT",
         "A joint without a motor, such as a cart's pole: its torque is zero, and the other joints swing it "
@@ -92,19 +92,11 @@ class FastJointOptions:
 
     def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints; see `JointOptions.fit`."""
-        fast = robot.with_limits(None, one_or_more(self.velocity_limit, "--velocity-limit"))
-        return self.joints.fit(fast).with_passive(self.passive or ())
+        return self.joints.fit(robot.with_limits(None, self.velocity_limit)).with_passive(self.passive or ())
 
     def problem_arguments(self) -> dict[str, Any]:
-        """The reserves of a `MinimumTimeProblem`, as its arguments.
-
-        Raises:
-            ProblemError: a text does not fit its option.
-        """
-        return {
-            "reserve": one_or_more(self.reserve, "--reserve"),
-            "velocity_reserve": one_or_more(self.velocity_reserve, "--velocity-reserve"),
-        }
+        """The reserves of a `MinimumTimeProblem`, as its arguments."""
+        return {"reserve": self.reserve, "velocity_reserve": self.velocity_reserve}
 
 
 def reserve_words(problem: ad.MinimumTimeProblem) -> dict[str, str]:
@@ -131,11 +123,6 @@ def _curves(texts: list[str] | None) -> dict[str, list[list[float]]] | None:
             numbers(point.replace(":", ","), f"--torque-speed {name.strip()}") for point in points.split(",")
         ]
     return curves or None
-
-
-def _friction(text: str | None, what: str) -> FrictionValue | None:
-    """Parse friction: one number for all joints, one per joint, or "urdf" for the URDF's."""
-    return "urdf" if text is not None and text.strip() == "urdf" else one_or_more(text, what)
 
 
 def friction_facts(robot: ad.Robot) -> dict[str, object]:

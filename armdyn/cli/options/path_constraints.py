@@ -10,10 +10,10 @@ import typer
 
 import armdyn as ad
 from armdyn.cli.invocation import is_given
-from armdyn.cli.options.groups import LIMITS, SCENE, TASK, flag, option
+from armdyn.cli.options.groups import LIMITS, SCENE, TASK, PerJoint, flag, option
 from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import numbers, one_or_more
+from armdyn.parsing.numbers import numbers
 
 if TYPE_CHECKING:
     from armdyn.models.scene.obstacles import Obstacle
@@ -32,23 +32,12 @@ def _explained(texts: list[str] | None) -> list[str] | None:
 
 @dataclass(frozen=True, kw_only=True)
 class RateOptions:
-    """Limits of acceleration and jerk: the texts of the options."""
+    """Limits of acceleration and jerk, by the names that a `MinimumTimeProblem` gives them."""
 
     panel: ClassVar[str] = LIMITS
 
-    acceleration_limit: str | None = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
-    jerk_limit: str | None = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
-
-    def problem_arguments(self) -> dict[str, Any]:
-        """The path constraints as arguments of a `MinimumTimeProblem`.
-
-        Raises:
-            ProblemError: a text does not fit its option.
-        """
-        return {
-            "acceleration_limit": one_or_more(self.acceleration_limit, "--acceleration-limit"),
-            "jerk_limit": one_or_more(self.jerk_limit, "--jerk-limit"),
-        }
+    acceleration_limit: PerJoint = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
+    jerk_limit: PerJoint = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +132,7 @@ class PathConstraintOptions(SceneOptions):
             "via": [positions(text, "--via", robot) for text in self.via or ()],
             **self.scene_arguments(robot),
             "end_contacts": _pairs(self.end_contact),
-            **self.rates.problem_arguments(),
+            **vars(self.rates),
             "path_constraints": [path_constraint_from(text) for text in self.limit or ()],
         }
 

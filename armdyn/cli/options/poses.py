@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import TASK, flag, option
+from armdyn.cli.options.groups import TASK, Numbers, flag, option
 from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
@@ -76,7 +76,7 @@ class GoalOptions:
     Attributes:
         poses: as joint positions.
         goal_pose: instead of a goal as joint positions; goal_free, goal_tolerance: the region around it.
-        v_start: velocities at the start, as text; v_goal: at the goal.
+        v_start: velocities at the start [rad/s or m/s], shape (nv,); v_goal: at the goal.
         wrap: goals of endless joints count modulo 2π.
     """
 
@@ -93,11 +93,11 @@ class GoalOptions:
         "Directions in which --goal-pose is free, of x, y, z, rx, ry, rz along its own axes: rz lets a tool turn about "
         "its z axis. The fastest end is chosen.",
     )
-    goal_tolerance: str | None = option(
+    goal_tolerance: Numbers = option(
         "X,Y,Z,RX,RY,RZ", "Tolerance of --goal-pose in either direction, along and about its own axes \\[m, rad]."
     )
-    v_start: str | None = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
-    v_goal: str | None = option("V,V,…", "Joint velocities at the goal, like --v-start.")
+    v_start: Numbers = option("V,V,…", "Joint velocities at the start \\[rad/s]; by default it is at rest.")
+    v_goal: Numbers = option("V,V,…", "Joint velocities at the goal, like --v-start.")
     wrap: bool = flag(
         "Goals of endless joints (continuous: no position limits) count modulo 2π: take the faster way round."
     )
@@ -125,17 +125,16 @@ class GoalOptions:
         goal = None if self.goal_pose is None else goal_pose_of(self.goal_pose)
         if goal is not None:
             free = tuple(part.strip() for part in self.goal_free.split(",")) if self.goal_free else ()
-            within = numbers(self.goal_tolerance, "--goal-tolerance") if self.goal_tolerance else ()
             try:
-                goal = replace(goal, free=free, tolerance=tuple(within))
+                goal = replace(goal, free=free, tolerance=tuple(self.goal_tolerance or ()))
             except ProblemError as error:
                 raise ProblemError(f"--goal-free or --goal-tolerance: {error}") from error
         return {
             "q_start": self.poses.start(robot, name, "minimum_time"),
             "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,
             "goal_pose": goal,
-            "v_start": None if self.v_start is None else numbers(self.v_start, "--v-start"),
-            "v_goal": None if self.v_goal is None else numbers(self.v_goal, "--v-goal"),
+            "v_start": self.v_start,
+            "v_goal": self.v_goal,
             "wrap": self.wrap,
         }
 

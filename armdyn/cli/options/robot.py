@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import ROBOT, argument, option
+from armdyn.cli.invocation import flag_of
+from armdyn.cli.options.groups import ROBOT, Numbers, argument, option
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
-from armdyn.parsing.numbers import numbers
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"
 """Commands that take a problem file for a robot."""
@@ -36,8 +36,8 @@ def kind_of_file(name: str) -> Literal["", "robot", "problem", "study"]:
 
 
 def only_in_the_file(option: str, name: str) -> ProblemError:
-    """The refusal of an option, without its dashes, that only a file may set where one is given."""
-    return ProblemError(f"--{option}: with a file it is read from the file alone; write it into {name}")
+    """The refusal of an option that only a file may set where one is given."""
+    return ProblemError(f"{flag_of(option)}: with a file it is read from the file alone; write it into {name}")
 
 
 def known_names(incomplete: str) -> list[str]:
@@ -47,13 +47,25 @@ def known_names(incomplete: str) -> list[str]:
     return [name for name in (*models.PLANAR_ARMS, *BENCHMARKS, *LIBRARY_ARMS) if name.startswith(incomplete)]
 
 
+def ends_of(text: str, option: str = "--arm") -> tuple[str, str]:
+    """First and last joint or link of the arm that moves.
+
+    Raises:
+        SpecError: the text does not have both.
+    """
+    first, comma, last = (one.strip() for one in text.partition(","))
+    if not (first and comma and last):
+        raise SpecError(f"{option}: {text!r} is not FIRST,LAST: two joints or links with a comma between")
+    return first, last
+
+
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
     """Choice of the moving joints, and the tool.
 
     Attributes:
         lock: JOINT=Q of each joint that does not move.
-        part: FIRST,LAST of those that do.
+        part: first and last joint or link of those that do.
         tool: a file with the tool.
         package_dir: folders of the meshes' packages.
     """
@@ -63,7 +75,7 @@ class PartOptions:
     lock: list[str] | None = option(
         "JOINT=Q", "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again."
     )
-    part: str | None = option(
+    part: Annotated[tuple[str, str] | None, ends_of] = option(
         "FIRST,LAST",
         "Only the joints from one joint or link to another move, all else is locked; a last link is the tip.",
         name="--arm",
@@ -103,7 +115,7 @@ class PartOptions:
         from armdyn.models.robots.source import RobotSource
 
         folders = tuple(self.package_dir or ())
-        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.ends(), package_dirs=folders)
+        options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.part, package_dirs=folders)
         return ad.Robot.from_source(RobotSource.named(name), options)
 
     def _of_file(self, name: str, payload: ad.Payload | None) -> ad.Robot:
@@ -111,9 +123,9 @@ class PartOptions:
         from armdyn.optimal.problem.robot_tables import robot_from
         from armdyn.parsing.toml import read_toml
 
-        for given, value in (("lock", self.lock), ("arm", self.part), ("tool", self.tool)):
-            if value:
-                raise only_in_the_file(given, name)
+        for one in ("lock", "part", "tool"):
+            if getattr(self, one):
+                raise only_in_the_file(one, name)
         robot = robot_from(read_toml(name).table("robot"))
         return robot if payload is None else robot.with_payload(payload)
 
@@ -135,15 +147,6 @@ class PartOptions:
             raise ProblemError(f"--tool: {self.tool} has no tool: write its mass, tip or shapes")
         with table.locating_errors({}):
             return tool_from(table.values, Path(table.path).parent)
-
-    def ends(self) -> tuple[str, str] | None:
-        """First and last joint or link of the arm that moves."""
-        if self.part is None:
-            return None
-        first, comma, last = (text.strip() for text in self.part.partition(","))
-        if not (first and comma and last):
-            raise SpecError(f"--arm: {self.part!r} is not FIRST,LAST: two joints or links with a comma between")
-        return first, last
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +174,7 @@ class PayloadPlace:
 
     Attributes:
         payload_frame: frame that carries it; None: the tip.
-        payload_com: its centre of mass there [m], as text; None: the frame's origin.
+        payload_com: its centre of mass there [m]; None: the frame's origin.
         payload_shape: its shapes there, as --obstacle has them; None: it has no size.
     """
 
@@ -180,9 +183,7 @@ class PayloadPlace:
     payload_frame: str | None = option(
         "LINK", "Link or frame that the payload is fixed to; by default the tip, see doctor."
     )
-    payload_com: str | None = option(
-        "X,Y,Z", "The payload's centre of mass in that frame \\[m]; by default its origin."
-    )
+    payload_com: Numbers = option("X,Y,Z", "The payload's centre of mass in that frame \\[m]; by default its origin.")
 
     payload_shape: list[str] | None = option(
         "SHAPE",
@@ -199,10 +200,9 @@ class PayloadPlace:
         shapes = obstacles_of(self.payload_shape, "--payload-shape") if self.payload_shape else ()
         if not mass and not shapes and (self.payload_frame or self.payload_com):
             raise ProblemError("--payload-frame and --payload-com say where a payload is: give its mass, --payload KG")
-        centre = (0.0, 0.0, 0.0) if self.payload_com is None else numbers(self.payload_com, "--payload-com")
         if not mass and not shapes:
             return None
-        return ad.Payload(mass=mass, frame=self.payload_frame, com=centre, shapes=shapes)
+        return ad.Payload(mass=mass, frame=self.payload_frame, com=self.payload_com or (0.0, 0.0, 0.0), shapes=shapes)
 
 
 @dataclass(frozen=True, kw_only=True)

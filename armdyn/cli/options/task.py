@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
+from armdyn.cli.options.groups import given
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.path_constraints import PathConstraintOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
@@ -60,14 +61,8 @@ def refuse_with_a_file(name: str, *groups: Any) -> None:
     """
     if degrees_are_on():
         raise ProblemError(f"--degrees: {name} has its own units: 1.57, or '90deg'")
-    for group in groups:
-        for field in fields(group):
-            value = getattr(group, field.name)
-            if is_dataclass(value):
-                refuse_with_a_file(name, value)
-            elif field.default is not MISSING and value != field.default:
-                option = "arm" if field.name == "part" else field.name.replace("_", "-")
-                raise only_in_the_file(option, name)
+    for option in given(*groups):
+        raise only_in_the_file(option, name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +88,9 @@ class ProblemOptions:
             file = problem_file(name)
             return file.new_problem(), file.options
         arm = self.joints.fit(self.robot.read(self.payload.carried()))
-        given = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
+        ends = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
         kept = self.path_constraints.problem_arguments(arm)
-        return ad.MinimumTimeProblem(arm, **given, **kept, preset=self.controller.read()), {}
+        return ad.MinimumTimeProblem(arm, **ends, **kept, preset=self.controller.read()), {}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from armdyn.cli.console import Answer, Shown, done, escape, table, working
 from armdyn.cli.options.groups import argument, option
@@ -21,6 +21,18 @@ if TYPE_CHECKING:
     from armdyn.show.page.report import Subject
 
 
+def _end(text: str, option: str) -> float:
+    """Drawn duration of each motion [s].
+
+    Raises:
+        ProblemError: no positive number.
+    """
+    end = number(text, option)
+    if not end > 0:
+        raise ProblemError(f"{option} is {text}; it must be positive [s]")
+    return end
+
+
 @dataclass(frozen=True, kw_only=True)
 class ShownOptions:
     """Results, the robot that moved, and the drawn part of its motions."""
@@ -33,20 +45,9 @@ class ShownOptions:
         "optimality reads them: .csv, .npz, ROS 2's .json and .yaml.",
     )
     robot: str | None = option("ROBOT", "Robot of the motions: a name or a URDF. By default that of the first result.")
-    until: str | None = option("S", "Only the first S seconds of each motion; by default all of it.")
+    until: Annotated[float | None, _end] = option("S", "Only the first S seconds of each motion; by default all of it.")
     part: PartOptions
     payload: PayloadOptions
-
-    def end(self) -> float | None:
-        """Drawn duration of each motion [s]; None: all.
-
-        Raises:
-            ProblemError: no positive number.
-        """
-        end = None if self.until is None else number(self.until, "--until")
-        if end is not None and not end > 0:
-            raise ProblemError(f"--until is {self.until}; it must be positive [s]")
-        return end
 
     def read(self) -> tuple[Subject, list[ShownMotion]]:
         """The robot and the motions, whole.
@@ -69,7 +70,7 @@ def report(shown: ShownOptions, output: OutputOptions) -> Answer:
     [dim]armdyn report results/mintime-rr
     armdyn report results/mintime-rr results/pid-rr --until 0.5 --out results/both[/]
     """
-    results, end = shown.results, shown.end()
+    results, end = shown.results, shown.until
     subject, moves = shown.read()
     title = moves[0].facts.text("title") if len(results) == 1 else ""
     folder = results[0] if results[0].is_dir() else results[0].parent
@@ -97,7 +98,6 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
     """
     if len(shown.results) < 2:
         raise ProblemError("compare takes two results or more; armdyn report shows a single one")
-    end = shown.end()
     subject, moves = shown.read()
     folder = output.folder("compare", subject.name, ["report.html", "figure.pdf", "figure.svg"])
     from armdyn.show.page.joints import compared, initial_span
@@ -109,10 +109,10 @@ def compare(shown: ShownOptions, output: OutputOptions) -> Answer:
         rows = compared(moves, subject.limits)
         title = f"{subject.name}: {len(moves)} motions side by side"
         folder.mkdir(parents=True, exist_ok=True)
-        page = write_page(folder / "report.html", report_of(subject, moves, title, end))
+        page = write_page(folder / "report.html", report_of(subject, moves, title, shown.until))
         progress("drawing the figure")
         unresolved = [k for k, move in enumerate(moves) if move.facts.values.get("arcs") == []]
-        shown_until = initial_span(moves, end) or end
+        shown_until = initial_span(moves, shown.until) or shown.until
         drawn = [replace(until(move.motion, shown_until), name=move.name) for move in moves]
         figure = plot_trajectories(
             drawn,

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armdyn.cli.options.path_constraints import obstacles_of
-from armdyn.cli.options.robot import PartOptions
+from armdyn.cli.options.robot import PartOptions, ends_of
 from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
@@ -134,14 +134,15 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
-    part = PartOptions(lock=locked or None, part=options.text("part") or None)
+    ends = options.text("part")
+    part = PartOptions(lock=locked or None, part=ends_of(ends) if ends else None)
     held = tool_from(tool) if tool else None
     if spec.part.lock or spec.part.part:
         part = spec.part
     if spec.robot is not None or name in PLANAR_ARMS or _is_file(name):
         arm = part.read(name, carried, held)
     else:
-        arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.ends())
+        arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.part)
     armature, friction = model.numbers("armature"), model.part("friction")
     if len(armature) == arm.nv and None not in armature:
         arm = arm.with_armature([x or 0.0 for x in armature])

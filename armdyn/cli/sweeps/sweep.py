@@ -10,14 +10,13 @@ import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer
 from armdyn.cli.motion.requirements import REQUIRE, requirements_of
-from armdyn.cli.options.groups import SOLVER, argument, given, option
+from armdyn.cli.options.groups import SOLVER, Numbers, argument, given, option
 from armdyn.cli.options.joints import FastJointOptions
 from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import problem_file, refuse_with_a_file
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import numbers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,13 +24,13 @@ class PayloadsOptions:
     """Payloads, one after the other, and their place.
 
     Attributes:
-        payload: the masses [kg] as text; None: the paper's.
+        payload: the masses [kg]; None: the paper's.
         place: where each is.
     """
 
     panel: ClassVar[str] = PayloadPlace.panel
 
-    payload: str | None = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
+    payload: Numbers = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
     place: PayloadPlace = field(default_factory=PayloadPlace)
 
     def masses(self, robot: str) -> list[float]:
@@ -41,7 +40,7 @@ class PayloadsOptions:
             ProblemError: no mass is given for a robot that is not the paper's.
         """
         if self.payload is not None:
-            return sorted(set(numbers(self.payload, "--payload")))
+            return sorted(set(self.payload))
         if robot not in models.PLANAR_ARMS:
             raise ProblemError(f"give --payload with the masses [kg] that {robot} is to carry, such as 0,0.5,1")
         from armdyn.paper import PAYLOADS
@@ -119,7 +118,7 @@ def sweep(
         if require:
             raise ProblemError("--require is for a robot's sweep; a study's rows say which motions are certified")
         return run_file(robot.robot, study, results)
-    if study != StudyOptions():
+    if given(study):
         raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
     from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
 

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn.arguments import one_of, whole
-from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.groups import Numbers, PerJoint, flag, option
 from armdyn.cli.options.task import FastArmOptions, likely_arms
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import numbers, one_or_more
 
 if TYPE_CHECKING:
     from armdyn.control.loop.law import Controller
@@ -32,13 +31,13 @@ class ControllerOptions:
     panel: ClassVar[str] = "Controller"
 
     controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
-    weights: str | None = option(
+    weights: Numbers = option(
         "E,T,I",
         "For lqr: error worth half the torque range \\[rad], weight of a velocity error against it \\[s], and "
         "its integral \\[1/s].",
     )
-    bandwidth: str | None = option("W", "For computed-torque: natural frequency of the error \\[rad/s].")
-    gains: str | None = option("KP,KI,KD", "For pid and others: gains, the same for every joint \\[N m/rad and so on].")
+    bandwidth: Numbers = option("W", "For computed-torque: natural frequency of the error \\[rad/s].")
+    gains: Numbers = option("KP,KI,KD", "For pid and others: gains, the same for every joint \\[N m/rad and so on].")
     form: str | None = option(
         "FORM",
         "For pid: torque (default), computed_torque or acceleration; gains have the units of armdyn tune --form FORM.",
@@ -61,7 +60,7 @@ class ControllerOptions:
         if given is None and kind.required:
             expected = ",".join(kind.settings).upper()
             raise ProblemError(f"--controller {self.controller} needs --{own} {expected}, such as 30,50,1 for pid")
-        return kind.make() if given is None else kind.of(numbers(given, f"--{own}"), f"--{own}")
+        return kind.make() if given is None else kind.of(given, f"--{own}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,8 +105,8 @@ class PlantOptions:
 
     plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
     plant_likely: int | None = option("K", "Likely arm number K, from 0, of identified.toml of armdyn identify.")
-    plant_damping: str | None = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
-    plant_friction: str | None = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
+    plant_damping: PerJoint = option("D[,D…]", "Viscous friction of its joints \\[N m s/rad].")
+    plant_friction: PerJoint = option("F[,F…]", "Coulomb friction of its joints \\[N m].")
 
     def real(self, task: FastArmOptions) -> ad.Robot:
         """Simulated arm: the controller's model changed by these options.
@@ -119,11 +118,7 @@ class PlantOptions:
             ArmdynError: a value does not fit the robot.
         """
         arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(likely_arms(task))
-        damping, friction = (
-            one_or_more(text, f"--plant-{name}")
-            for text, name in ((self.plant_damping, "damping"), (self.plant_friction, "friction"))
-        )
-        return arm.with_friction(damping, friction, None)
+        return arm.with_friction(self.plant_damping, self.plant_friction, None)
 
     def _likely(self, arms: Sequence[ad.Robot]) -> ad.Robot:
         """Likely arm selected by the option's number."""

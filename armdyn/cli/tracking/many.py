@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import number as checked
@@ -21,38 +21,6 @@ ROWS, TABLE = "rows.sqlite", "rows.csv"
 """Files of the rows."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ArmsOptions:
-    """Ranges of the random arms, and the likely arms of a file that they are about; see `Plants`."""
-
-    panel: ClassVar[str] = "The arms that move, each number drawn from its range"
-
-    payload_range: str | None = option(
-        "A,B", "Multiples of the payload. Default 0.8,1.2 if there is one; 1,1 of likely arms."
-    )
-    friction_range: str = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
-    damping_range: str = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
-    start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
-    arms_seed: int = option("N", "Seed of the random arms: arm k of a seed is always the same.", default=0)
-
-    def plants(self, robot: ad.Robot, likely: tuple[ad.Robot, ...] = ()) -> ad.Plants:
-        """The ranges, for a model or the likely arms of an identification.
-
-        Raises:
-            ProblemError: a range is malformed.
-        """
-        carries = robot.payload is not None and robot.payload.mass > 0
-        load = self.payload_range or ("0.8,1.2" if carries and not likely else "1,1")
-        return ad.Plants(
-            payload=range_of(load, "--payload-range"),
-            coulomb=range_of(self.friction_range, "--friction-range"),
-            damping=range_of(self.damping_range, "--damping-range"),
-            start=self.start_error,
-            likely=likely,
-            seed=self.arms_seed,
-        ).check(robot)
-
-
 def range_of(text: str, name: str) -> tuple[float, float]:
     """Two numbers, the least and the greatest.
 
@@ -63,6 +31,42 @@ def range_of(text: str, name: str) -> tuple[float, float]:
     if len(ends) != 2:
         raise ProblemError(f"{name}: {text!r} is no pair of numbers; give the least and the greatest")
     return ends[0], ends[1]
+
+
+Range: TypeAlias = Annotated[tuple[float, float], range_of]
+"""An option of two numbers, the least and the greatest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmsOptions:
+    """Ranges of the random arms, and the likely arms of a file that they are about; see `Plants`."""
+
+    panel: ClassVar[str] = "The arms that move, each number drawn from its range"
+
+    payload_range: Annotated[tuple[float, float] | None, range_of] = option(
+        "A,B", "Multiples of the payload. Default 0.8,1.2 if there is one; 1,1 of likely arms."
+    )
+    friction_range: Range = option("A,B", "Coulomb friction of a joint \\[N m].", default="0,0")
+    damping_range: Range = option("A,B", "Viscous friction of a joint \\[N m s/rad].", default="0,0")
+    start_error: float = option("RAD", "Greatest distance of a joint from the start \\[rad].", default=0.0)
+    arms_seed: int = option("N", "Seed of the random arms: arm k of a seed is always the same.", default=0)
+
+    def plants(self, robot: ad.Robot, likely: tuple[ad.Robot, ...] = ()) -> ad.Plants:
+        """The ranges, for a model or the likely arms of an identification.
+
+        Raises:
+            ProblemError: a range is malformed.
+        """
+        carries = robot.payload is not None and robot.payload.mass > 0
+        usual = (0.8, 1.2) if carries and not likely else (1.0, 1.0)
+        return ad.Plants(
+            payload=self.payload_range or usual,
+            coulomb=self.friction_range,
+            damping=self.damping_range,
+            start=self.start_error,
+            likely=likely,
+            seed=self.arms_seed,
+        ).check(robot)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli import interrupts
 from armdyn.cli.console import NOT_USABLE, Answer, escape, facts_table, judged, working
-from armdyn.cli.invocation import is_given
+from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.options.groups import TASK, option
 from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
@@ -53,7 +53,7 @@ class ReferenceOptions:
         if self.reference is not None and self.ramp is not None:
             raise ProblemError("--reference and --ramp both give a reference: give one of them")
         for name, unused in _UNUSED.items():
-            others = [f"--{other.replace('_', '-')}" for other in unused if is_given(other)]
+            others = [flag_of(other) for other in unused if is_given(other)]
             if others and getattr(self, name) is not None:
                 raise ProblemError(f"{others[0]} does not change the motion of --{name}: leave it out")
         if self.reference is not None:

@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, facts_table, judged, working
-from armdyn.cli.invocation import is_given
+from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions, likely_arms
 from armdyn.cli.tracking.controllers import LoopOptions, option_of
-from armdyn.cli.tracking.many import ArmsOptions, range_of
+from armdyn.cli.tracking.many import ArmsOptions, Range
 from armdyn.errors import ProblemError
 from armdyn.files import as_json, attributes
 
@@ -33,7 +33,7 @@ class FamilyOptions:
     controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
     form: str = option("FORM", "For pid: computed_torque, torque or acceleration.", default="computed_torque")
     per_joint: bool = flag("For pid: tune gains of each joint, which takes a longer search.")
-    ramp_range: str = option("A,B", "Duration of the quintic ramp \\[s].", default="0.1,1.0")
+    ramp_range: Range = option("A,B", "Duration of the quintic ramp \\[s].", default="0.1,1.0")
 
     def family(self, robot: ad.Robot, q_goal: list[float]) -> ad.ControllerFamily:
         """The controllers to choose from.
@@ -46,9 +46,7 @@ class FamilyOptions:
         one_of(self.controller, ("lqr", "computed-torque", "pid"), "--controller")
         for name in ("form", "per_joint"):
             if self.controller != "pid" and is_given(name):
-                raise ProblemError(
-                    f"--{name.replace('_', '-')} is an option of --controller pid, not of {self.controller}"
-                )
+                raise ProblemError(f"{flag_of(name)} is an option of --controller pid, not of {self.controller}")
         form: Any = self.form
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
@@ -111,7 +109,7 @@ def tune(
     options = replace(options, file=folder / ROWS)
     with working(f"tuning {family.controller} for {model.name}") as progress:
         found = ad.tune(
-            model, ad.Ramps(start, goal, range_of(family.ramp_range, "--ramp-range")), family.family(model, goal),
+            model, ad.Ramps(start, goal, family.ramp_range), family.family(model, goal),
             first.corners(model), others.arms(model, search.held_out), loop.joined(), options, progress,
         )  # fmt: skip
     summary = _summary(found)
