@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from armdyn.cli.console import Answer, console, facts_table, working, write_json
 from armdyn.cli.invocation import option_value
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.options.groups import OUTPUT, TASK, flag, option
-from armdyn.cli.options.poses import GoalOptions, PoseOptions
+from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ArmdynWarning, FileError, MissingPackageError
@@ -33,10 +33,10 @@ _TURN, _SHIFT = 1.0, 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class FirstPoses(PoseOptions):
+class FirstPoses(GoalOptions):
     """Start and goal of a page that is opened; both have defaults, since they are changed there."""
 
-    def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+    def start(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
         """Joint positions of the start; by default the first named pose, or the middle of the joints' ranges."""
         if self.q_start is not None or name in models.PLANAR_ARMS:
             return super().start(robot, name, kind)
@@ -48,7 +48,7 @@ class FirstPoses(PoseOptions):
         middle = np.where(bounded, np.where(bounded, lower + upper, 0.0) / 2, np.clip(0.0, lower, upper))
         return [float(q) for q in (named[0] if named else middle)]
 
-    def goal(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+    def goal(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
         """The goal; by default the first joint turns, or slides."""
         if self.q_goal is not None or name in models.PLANAR_ARMS:
             return super().goal(robot, name, kind)
@@ -60,17 +60,10 @@ class FirstPoses(PoseOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FirstGoal(GoalOptions):
-    """Start and goal with defaults."""
-
-    poses: FirstPoses = field(default_factory=FirstPoses)
-
-
-@dataclass(frozen=True, kw_only=True)
 class FirstProblem(ProblemOptions):
     """The problem that a page begins with."""
 
-    goal: FirstGoal
+    poses: FirstPoses
 
 
 def studio(
@@ -117,8 +110,8 @@ def studio(
 
     folder = output.folder("studio", task.robot.robot, (STATE_FILE, PROBLEM_FILE, MOTION_FILE, REPORT_FILE))
     with working(f"reading {task.robot.robot}"):
-        problem, options = task.problem()
-        setup = SessionSetup.of(problem, search.over(options).options())
+        problem = task.problem()
+        setup = SessionSetup.of(problem, search.options(task.solver_options))
         kept = None if fresh else _kept_state(setup, folder)
         state = StudioState.of(problem, setup.options.calm) if kept is None else kept
         free = free_port(host, port)

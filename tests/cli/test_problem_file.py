@@ -6,15 +6,16 @@ import pytest
 
 from armdyn.cli.invocation import running
 from armdyn.cli.options.poses import PoseOptions
-from armdyn.cli.options.task import problem_file, refuse_with_a_file
+from armdyn.cli.options.task import refuse_with_a_file
 from armdyn.errors import ProblemError
+from armdyn.optimal.problem_files import read_problem_file
 from cli.command import answer, run_here
 from problems import RR_FILE
 
 
 def refused(name):
     with pytest.raises(ProblemError) as caught:
-        problem_file(name)
+        read_problem_file(name)
     return str(caught.value)
 
 

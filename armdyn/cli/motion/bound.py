@@ -22,7 +22,7 @@ def bound(task: ProblemOptions) -> Answer:
     """
     from armdyn.optimal.answer.summary import reserve_summary
 
-    problem, _ = task.problem()
+    problem = task.problem()
     task.path_constraints.expect_bodies()
     arm = problem.robot
     with working(f"lower bound of {arm.name}"):

@@ -119,7 +119,7 @@ def _solve(
     from armdyn.optimal.problem.status import Status
 
     read = read_cycle_file(file)
-    robot, options = read.cycle.robot, search.over({name: getattr(read.options, name) for name in OPTIONS}).options()
+    robot, options = read.cycle.robot, search.options({name: getattr(read.options, name) for name in OPTIONS})
     name = Path(file).stem
     folder = results.folder("cycle", name)
     for kind in (FORMATS[each] for each in formats):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import armdyn as ad
@@ -16,7 +17,7 @@ from armdyn.cli.motion.words import missing_words, solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
-from armdyn.cli.options.task import ProblemOptions, likely_arms
+from armdyn.cli.options.task import ProblemOptions
 from armdyn.errors import ProblemError
 from armdyn.optimal.task.search_level import SearchLevel
 
@@ -51,14 +52,15 @@ class SolverOptions:
     )
     seed: int = option("N", "Seed of the random guesses.", default=0)
 
-    def over(self, options: Mapping[str, Any]) -> Self:
-        """The options of a problem file, overridden by those of the command line."""
-        return replace(self, **{**options, **given(self)})
+    def options(self, of_file: Mapping[str, Any] = MappingProxyType({})) -> ad.MinimumTimeOptions:
+        """The solver's options.
 
-    def options(self) -> ad.MinimumTimeOptions:
-        """The solver's options."""
-        own = (one.name for one in fields(self) if one.name in ad.MinimumTimeOptions.__dataclass_fields__)
-        return ad.MinimumTimeOptions(**{name: getattr(self, name) for name in own})
+        Args:
+            of_file: options of a problem file, by name; those that are typed go first.
+        """
+        known = {one.name for one in fields(ad.MinimumTimeOptions)}
+        chosen = {**vars(self), **of_file, **given(self)}
+        return ad.MinimumTimeOptions(**{name: value for name, value in chosen.items() if name in known})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,12 +86,17 @@ class SearchOptions(CurveOptions):
     )
 
     def solved(
-        self, problem: ad.MinimumTimeProblem, likely: Callable[[], Sequence[ad.Robot]], progress: Callable[[str], None]
+        self,
+        problem: ad.MinimumTimeProblem,
+        options: ad.MinimumTimeOptions,
+        likely: Callable[[], Sequence[ad.Robot]],
+        progress: Callable[[str], None],
     ) -> tuple[ad.Solution, ReserveCurve | None]:
         """The solution, and the reserve curve if the reserve was to be chosen.
 
         Args:
             problem: the motion.
+            options: the solver's.
             likely: makes the arms that must settle; none: `likely_plants`.
             progress: called with the progress in words.
 
@@ -98,18 +105,18 @@ class SearchOptions(CurveOptions):
             ProblemError: a reserve is given, too.
         """
         if not self.for_tracking:
-            return ad.solve_minimum_time(problem, self.options(), progress), None
+            return ad.solve_minimum_time(problem, options, progress), None
         if any(problem.reserves.effort):
             raise ProblemError("--for-tracking chooses the reserve: leave out --reserve")
         from armdyn.studies.reserve import FINE_RESERVES, reserve_curve
 
         arms = likely()
         own: Any = {"plants": arms, "reserves": FINE_RESERVES, "duration": _WATCHED} if arms else {}
-        curve = reserve_curve(problem, options=self.options(), progress=progress, **own)
+        curve = reserve_curve(problem, options=options, progress=progress, **own)
         if curve.best is None:
             if curve.interrupted:
                 raise KeyboardInterrupt
-            return ad.solve_minimum_time(problem, self.options(), progress), curve
+            return ad.solve_minimum_time(problem, options, progress), curve
         return curve.solutions[curve.best.reserve], curve
 
 
@@ -200,58 +207,43 @@ def mintime(
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
     required = requirements_of(require or ())
+    from armdyn.optimal.answer.summary import minimum_time_summary
     from armdyn.optimal.answer.words import standing
 
-    problem, options = _problem(task, results)
+    problem = _problem(task, results)
     task.path_constraints.expect_bodies()
     if no_costs and problem.preset is None:
         raise ProblemError("--no-costs is about the conditions of --preset, which is not given")
-    arm, search = problem.robot, search.over(options)
+    arm, options = problem.robot, search.options(task.solver_options)
     folder = results.folder("mintime", task.robot.robot)
     with working(f"minimum time of {arm.name}") as progress:
-        solution, curve = search.solved(problem, lambda: likely_arms(task), progress)
-        found = _Result(solution, curve, ControllerVerdict.of(solution, progress, not no_costs))
-        summary, obstacles = cut_short(found.summary), solution.problem.obstacles
-        motions = {"trajectory": solution.trajectory}
-        written = results.write(folder, arm, motions, summary, found.title, obstacles, progress=progress)
+        solution, curve = search.solved(problem, options, lambda: task.likely, progress)
+        verdict = ControllerVerdict.of(solution, progress, not no_costs)
+        summary = cut_short(minimum_time_summary(solution) | _reserve_facts(curve) | verdict.facts)
+        motions, obstacles = {"trajectory": solution.trajectory}, solution.problem.obstacles
+        written = results.write(folder, arm, motions, summary, _title(solution), obstacles, progress=progress)
         written = written.with_files([] if results.no_figure else _write_reserves(curve, folder, arm.name))
     missing = missing_of(required, solution.usable, standing(solution))
     facts = {"robot": arm.name, **carried_facts(arm), **friction_facts(arm), **summary, "missing": missing}
-    shown = facts_table(f"{arm.name}: minimum time", found.words | missing_words(missing) | written.words)
-    usable = solution.usable and not found.verdict.refused
+    words = _words(solution) | verdict.words | _reserve_choice(curve) | missing_words(missing) | written.words
+    shown, usable = facts_table(f"{arm.name}: minimum time", words), solution.usable and not verdict.refused
     return judged(facts, shown, usable=usable, as_required=not missing, files=written.files)
 
 
-@dataclass(frozen=True)
-class _Result:
-    """A solution, the curve its reserve was chosen by, and its controller's verdict."""
-
-    solution: ad.Solution
-    curve: ReserveCurve | None
-    verdict: ControllerVerdict
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        from armdyn.optimal.answer.summary import minimum_time_summary
-
-        return minimum_time_summary(self.solution) | _reserve_facts(self.curve) | self.verdict.facts
-
-    @property
-    def title(self) -> str:
-        arm = self.solution.problem.robot
-        carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
-        return f"{arm.name}{carried}: {title_words(self.solution)}"
-
-    @property
-    def words(self) -> dict[str, str]:
-        problem = self.solution.problem
-        arm = carried_words(problem.robot) | friction_words(problem.robot) | reserve_words(problem)
-        own = solution_words(self.solution, problem.wrap)
-        return arm | own | self.verdict.words | _reserve_choice(self.curve)
+def _title(solution: ad.Solution) -> str:
+    arm = solution.problem.robot
+    carried = f", {1000 * arm.payload.mass:g} g" if arm.payload is not None and arm.payload.mass else ""
+    return f"{arm.name}{carried}: {title_words(solution)}"
 
 
-def _problem(task: ProblemOptions, results: ResultOptions) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
-    """The problem and its options; the page of a pose for which it is refused is written."""
+def _words(solution: ad.Solution) -> dict[str, str]:
+    problem = solution.problem
+    arm = carried_words(problem.robot) | friction_words(problem.robot) | reserve_words(problem)
+    return arm | solution_words(solution, problem.wrap)
+
+
+def _problem(task: ProblemOptions, results: ResultOptions) -> ad.MinimumTimeProblem:
+    """The problem; the page of a pose for which it is refused is written."""
     try:
         return task.problem()
     except ad.ContactError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
@@ -29,7 +29,7 @@ class PoseOptions:
     )
     q_goal: str | None = option("Q,Q,…|NAME", "Goal, like --q-start.")
 
-    def start(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+    def start(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
         """Joint positions of the start; by default those of the paper's example.
 
         Args:
@@ -42,9 +42,13 @@ class PoseOptions:
         """
         return _pose("--q-start", self.q_start, robot, name, kind)
 
-    def goal(self, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
+    def goal(self, robot: ad.Robot, name: str, kind: Kind = "minimum_time") -> list[float]:
         """Joint positions of the goal; see `start`."""
         return _pose("--q-goal", self.q_goal, robot, name, kind)
+
+    def problem_arguments(self, robot: ad.Robot, name: str) -> dict[str, Any]:
+        """Start and goal as arguments of a `MinimumTimeProblem`; arguments and errors as of `start`."""
+        return {"q_start": self.start(robot, name), "q_goal": self.goal(robot, name)}
 
 
 def _pose(option: str, text: str | None, robot: ad.Robot, name: str, kind: Kind) -> list[float]:
@@ -70,19 +74,15 @@ def _how_to_say(option: str, robot: ad.Robot) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GoalOptions:
+class GoalOptions(PoseOptions):
     """Start and goal, which may be a frame's pose; joint velocities there; turns of endless joints.
 
     Attributes:
-        poses: as joint positions.
         goal_pose: instead of a goal as joint positions; goal_free, goal_tolerance: the region around it.
         v_start: velocities at the start [rad/s or m/s], shape (nv,); v_goal: at the goal.
         wrap: goals of endless joints count modulo 2π.
     """
 
-    panel: ClassVar[str] = PoseOptions.panel
-
-    poses: PoseOptions = field(default_factory=PoseOptions)
     goal_pose: str | None = option(
         "FRAME:X,Y,Z[,QX,QY,QZ,QW]",
         "Instead of --q-goal: where a frame ends in the world \\[m], with its orientation as a quaternion if "
@@ -112,7 +112,7 @@ class GoalOptions:
         Raises:
             ProblemError: a text is no pose, one is missing, or the goal is given twice.
         """
-        if self.goal_pose is not None and self.poses.q_goal is not None:
+        if self.goal_pose is not None and self.q_goal is not None:
             raise ProblemError("--q-goal and --goal-pose both say where to: give one of them")
         if self.goal_pose is None and (self.goal_free or self.goal_tolerance):
             raise ProblemError("--goal-free and --goal-tolerance belong to --goal-pose, which is not given")
@@ -130,8 +130,8 @@ class GoalOptions:
             except ProblemError as error:
                 raise ProblemError(f"--goal-free or --goal-tolerance: {error}") from error
         return {
-            "q_start": self.poses.start(robot, name, "minimum_time"),
-            "q_goal": self.poses.goal(robot, name, "minimum_time") if goal is None else None,
+            "q_start": self.start(robot, name),
+            "q_goal": self.goal(robot, name) if goal is None else None,
             "goal_pose": goal,
             "v_start": self.v_start,
             "v_goal": self.v_goal,

@@ -83,10 +83,8 @@ class ResultOptions:
     @property
     def _parts(self) -> list[Part]:
         """The requested drawings."""
-        from armdyn.show.report import PARTS
-
-        excluded = [part for part, no in (("figure", self.no_figure), ("report", self.no_report)) if no]
-        return [part for part in PARTS if part not in excluded]
+        own: dict[Part, bool] = {"figure": not self.no_figure, "report": not self.no_report}
+        return [part for part, wanted in own.items() if wanted]
 
     def write(
         self,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
 from armdyn.cli.options.groups import given
@@ -22,80 +22,33 @@ if TYPE_CHECKING:
     from armdyn.paper import Kind
 
 
-def problem_file(name: str) -> ProblemFile:
-    """The tables of a problem file.
-
-    Raises:
-        ProblemError: it cannot be read.
-    """
-    from armdyn.optimal.problem_files import read_problem_file
-
-    return read_problem_file(name)
-
-
-def likely_arms(task: ProblemOptions | ArmOptions) -> tuple[ad.Robot, ...]:
-    """The likely arms of a file of `armdyn identify`, with the options' payload and limits; empty for other robots.
-
-    Raises:
-        ArmdynError: one of them cannot be made.
-    """
-    name = task.robot.robot
-    if not name.lower().endswith(".toml"):
-        return ()
-    from armdyn.optimal.problem.robot_tables import likely_from
-    from armdyn.parsing.toml import read_toml
-
-    carried, arms = task.payload.carried(), likely_from(read_toml(name).table("robot"))
-    return tuple(task.joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
-
-
-def refuse_with_a_file(name: str, *groups: Any) -> None:
+def refuse_with_a_file(name: str, *groups: Any, but: Collection[str] = ()) -> None:
     """Refuse options that a problem file or a study file sets itself.
 
     Args:
         name: the file.
-        groups: of such options, as they were given.
+        groups: of such options.
+        but: names of those that are allowed.
 
     Raises:
-        ProblemError: one of them is not as by default; or --degrees was given.
+        ProblemError: one of them is given; or --degrees is.
     """
     if degrees_are_on():
         raise ProblemError(f"--degrees: {name} has its own units: 1.57, or '90deg'")
     for option in given(*groups):
-        raise only_in_the_file(option, name)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProblemOptions:
-    """A minimum-time problem, or a problem file instead of a robot."""
-
-    goal: GoalOptions
-    payload: PayloadOptions
-    robot: RobotArgument
-    joints: FastJointOptions
-    controller: PresetOptions
-    path_constraints: PathConstraintOptions
-
-    def problem(self) -> tuple[ad.MinimumTimeProblem, Mapping[str, Any]]:
-        """The problem, and the solver's options of a file.
-
-        Raises:
-            ArmdynError: the problem is ill-posed; or an option repeats a key of the file.
-        """
-        name = self.robot.robot
-        if kind_of_file(name) in ("problem", "study"):
-            refuse_with_a_file(name, self)
-            file = problem_file(name)
-            return file.new_problem(), file.options
-        arm = self.joints.fit(self.robot.read(self.payload.carried()))
-        ends = self.goal.problem_arguments(arm, name) | self.joints.problem_arguments()
-        kept = self.path_constraints.problem_arguments(arm)
-        return ad.MinimumTimeProblem(arm, **ends, **kept, preset=self.controller.read()), {}
+        if option not in but:
+            raise only_in_the_file(option, name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmOptions:
-    """Options of a rest-to-rest motion: robot or problem file, start and goal."""
+    """Options of a motion: a robot with start and goal, or a problem file instead of the robot.
+
+    Attributes:
+        besides_a_file: names of the options that may be given with a problem file, too.
+    """
+
+    besides_a_file: ClassVar[Collection[str]] = ()
 
     poses: PoseOptions
     payload: PayloadOptions
@@ -112,8 +65,10 @@ class ArmOptions:
         name = self.robot.robot
         if kind_of_file(name) not in ("problem", "study"):
             return None
-        refuse_with_a_file(name, self)
-        return problem_file(name)
+        from armdyn.optimal.problem_files import read_problem_file
+
+        refuse_with_a_file(name, self, but=self.besides_a_file)
+        return read_problem_file(name)
 
     @cached_property
     def arm(self) -> ad.Robot:
@@ -122,11 +77,27 @@ class ArmOptions:
         Raises:
             ArmdynError: the arm cannot be read.
         """
-        return self.carrying(None) if self._problem is None else self._problem.robot
+        return self.carrying(None) if self.of_file is None else self.of_file.robot
 
     @cached_property
-    def _problem(self) -> ad.MinimumTimeProblem | None:
+    def of_file(self) -> ad.MinimumTimeProblem | None:
+        """The problem of the file; None: a robot is named instead."""
         return None if self.file is None else self.file.new_problem()
+
+    @property
+    def likely(self) -> tuple[ad.Robot, ...]:
+        """The likely arms of a file of `armdyn identify`, with the options' payload and limits; empty: none.
+
+        Raises:
+            ArmdynError: one of them cannot be made.
+        """
+        if not self.robot.robot.lower().endswith(".toml"):
+            return ()
+        from armdyn.optimal.problem.robot_tables import likely_from
+        from armdyn.parsing.toml import read_toml
+
+        carried, arms = self.payload.carried(), likely_from(read_toml(self.robot.robot).table("robot"))
+        return tuple(self.joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
 
     def carrying(self, mass: float | None) -> ad.Robot:
         """The arm with another mass [kg] where its payload is; None: with its own."""
@@ -145,7 +116,7 @@ class ArmOptions:
         Raises:
             ProblemError: one is missing, or a problem file has velocities there.
         """
-        problem, name = self._problem, self.robot.robot
+        problem, name = self.of_file, self.robot.robot
         if problem is None:
             return self.poses.start(self.arm, name, kind), self.poses.goal(self.arm, name, kind)
         import numpy as np
@@ -157,18 +128,43 @@ class ArmOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class FastArmOptions(ArmOptions):
-    """An arm from pose to pose, with the limits of its fastest motion."""
+    """Options of a fastest motion: an arm from pose to pose, with limits."""
 
     joints: FastJointOptions  # type: ignore[assignment]  # it fits a robot, too
 
-    def fastest(self) -> tuple[ad.MinimumTimeProblem, ad.MinimumTimeOptions]:
-        """The fastest motion as a problem, and how it is searched.
+    def problem(self, mass: float | None = None) -> ad.MinimumTimeProblem:
+        """The minimum-time problem.
+
+        Args:
+            mass: of the payload instead of the option's or the file's [kg].
 
         Raises:
-            ArmdynError: the problem is ill-posed.
+            ArmdynError: the problem is ill-posed; or an option repeats a key of the file.
         """
-        if self.file is not None and self._problem is not None:
-            return self._problem, ad.MinimumTimeOptions(**self.file.options)
-        start, goal = self.ends()
-        kept = self.joints.problem_arguments()
-        return ad.MinimumTimeProblem(self.arm, q_start=start, q_goal=goal, **kept), ad.MinimumTimeOptions()
+        if self.file is not None:
+            return self.file.new_problem(mass)
+        arm = self.carrying(mass)
+        return ad.MinimumTimeProblem(arm, **self.conditions(arm))
+
+    def conditions(self, arm: ad.Robot) -> dict[str, Any]:
+        """Arguments of the problem besides the arm."""
+        return self.poses.problem_arguments(arm, self.robot.robot) | self.joints.problem_arguments()
+
+    @property
+    def solver_options(self) -> Mapping[str, Any]:
+        """The solver's options of a problem file; empty where a robot is named."""
+        return {} if self.file is None else self.file.options
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProblemOptions(FastArmOptions):
+    """Options of a fastest motion with all of its conditions."""
+
+    poses: GoalOptions
+    controller: PresetOptions
+    path_constraints: PathConstraintOptions
+
+    def conditions(self, arm: ad.Robot) -> dict[str, Any]:
+        """Arguments of the problem besides the arm."""
+        preset = self.controller.read()
+        return super().conditions(arm) | self.path_constraints.problem_arguments(arm) | {"preset": preset}

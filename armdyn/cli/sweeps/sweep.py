@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -11,10 +11,8 @@ from armdyn import models
 from armdyn.cli.console import Answer
 from armdyn.cli.motion.requirements import REQUIRE, requirements_of
 from armdyn.cli.options.groups import SOLVER, Numbers, argument, given, option
-from armdyn.cli.options.joints import FastJointOptions
-from armdyn.cli.options.poses import PoseOptions
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
-from armdyn.cli.options.task import problem_file, refuse_with_a_file
+from armdyn.cli.options.task import FastArmOptions, refuse_with_a_file
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
 
@@ -78,11 +76,18 @@ class SweptOptions(RobotArgument):
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SweptTask(FastArmOptions):
+    """A motion with several payloads, or a study file instead of its robot."""
+
+    besides_a_file: ClassVar[Collection[str]] = ("payload",)
+
+    payload: PayloadsOptions  # type: ignore[assignment]  # one mass after the other
+    robot: SweptOptions
+
+
 def sweep(
-    poses: PoseOptions,
-    payloads: PayloadsOptions,
-    robot: SweptOptions,
-    joints: FastJointOptions,
+    task: SweptTask,
     search: SweepOptions,
     study: StudyOptions,
     results: SweepResults,
@@ -113,34 +118,16 @@ def sweep(
       payload = { from = 0.05, to = 0.25, count = 10 }   # kg
       reserve = \[0.0, 0.1, 0.2]                          # part of the torque limits[/]
     """
-    if kind_of_file(robot.robot) == "study":
-        refuse_with_a_file(robot.robot, poses, payloads, robot.part, joints, search)
+    name = task.robot.robot
+    if kind_of_file(name) == "study":
+        refuse_with_a_file(name, task, search)
         if require:
             raise ProblemError("--require is for a robot's sweep; a study's rows say which motions are certified")
-        return run_file(robot.robot, study, results)
+        return run_file(name, study, results)
     if given(study):
         raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
     from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
 
     required = requirements_of(require or ())
-    problems, options = _problems(poses, payloads, robot, joints)
-    return run_payloads(robot.robot, problems, search.options(options), required, results)
-
-
-def _problems(
-    poses: PoseOptions, payloads: PayloadsOptions, robot: SweptOptions, joints: FastJointOptions
-) -> tuple[dict[float, ad.MinimumTimeProblem], Mapping[str, Any]]:
-    """Problems by payload [kg], and the solver's options of a problem file.
-
-    Raises:
-        ArmdynError: the problem is ill-posed; or an option repeats a key of the file.
-    """
-    masses = payloads.masses(robot.robot)
-    if kind_of_file(robot.robot) == "problem":
-        refuse_with_a_file(robot.robot, poses, payloads.place, robot.part, joints)
-        file = problem_file(robot.robot)
-        return {mass: file.new_problem(mass) for mass in masses}, file.options
-    arms = {mass: joints.fit(robot.read(payloads.place.carried(mass))) for mass in masses}
-    start, goal = (read(arms[masses[0]], robot.robot, "minimum_time") for read in (poses.start, poses.goal))
-    kept = joints.problem_arguments()
-    return {mass: ad.MinimumTimeProblem(arm, q_start=start, q_goal=goal, **kept) for mass, arm in arms.items()}, {}
+    problems = {mass: task.problem(mass) for mass in task.payload.masses(name)}
+    return run_payloads(name, problems, search.options(task.solver_options), required, results)

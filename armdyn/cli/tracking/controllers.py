@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import armdyn as ad
 from armdyn.arguments import one_of, whole
 from armdyn.cli.options.groups import Numbers, PerJoint, flag, option
-from armdyn.cli.options.task import FastArmOptions, likely_arms
+from armdyn.cli.options.task import FastArmOptions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ class PlantOptions:
         Raises:
             ArmdynError: a value does not fit the robot.
         """
-        arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(likely_arms(task))
+        arm = task.carrying(self.plant_payload) if self.plant_likely is None else self._likely(task.likely)
         return arm.with_friction(self.plant_damping, self.plant_friction, None)
 
     def _likely(self, arms: Sequence[ad.Robot]) -> ad.Robot:

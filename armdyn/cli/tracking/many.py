@@ -11,7 +11,7 @@ from armdyn.arguments import number as checked
 from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
 from armdyn.cli.options.groups import TASK, flag, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
-from armdyn.cli.options.task import FastArmOptions, likely_arms
+from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
 from armdyn.cli.tracking.track import ReferenceOptions, no_motion
 from armdyn.errors import ProblemError
@@ -115,7 +115,7 @@ def monte_carlo(
     armdyn monte-carlo rrr --payload 0.1006 --ramp 0.5 --friction-range 0,0.06 --at-least 0.99[/]
     """
     model = task.arm
-    law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, likely_arms(task))
+    law, joined, plants = controller.chosen(), loop.joined(), arms.plants(model, task.likely)
     options = ad.MonteCarloOptions(count=study.count, duration=reference.duration, tolerance=reference.tolerance)
     within = study.time(reference.duration)
     drawn = [] if no_figure else ["envelope.png", "envelope.pdf"]

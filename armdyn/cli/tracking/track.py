@@ -60,7 +60,7 @@ class ReferenceOptions:
             return ad.Trajectory.load(self.reference)
         if self.ramp is not None:
             return ad.ramp(task.arm, *task.ends(), checked(self.ramp, "--ramp", sign="positive"))
-        solution = ad.solve_minimum_time(*task.fastest(), progress)
+        solution = ad.solve_minimum_time(task.problem(), ad.MinimumTimeOptions(**task.solver_options), progress)
         if solution.status is ad.Status.INTERRUPTED or interrupts.pressed():
             raise KeyboardInterrupt
         return solution.trajectory if solution.usable else solution

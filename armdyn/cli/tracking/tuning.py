@@ -12,7 +12,7 @@ from armdyn.cli.console import Answer, facts_table, judged, working
 from armdyn.cli.invocation import flag_of, is_given
 from armdyn.cli.options.groups import SOLVER, flag, option
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.task import ArmOptions, likely_arms
+from armdyn.cli.options.task import ArmOptions
 from armdyn.cli.tracking.controllers import LoopOptions, option_of
 from armdyn.cli.tracking.many import ArmsOptions, Range
 from armdyn.errors import ProblemError
@@ -101,7 +101,7 @@ def tune(
     armdyn tune rrr --payload 0.1006 --ramp-range 0.2,0.6 --controller computed-torque[/]
     """
     model, (start, goal) = task.arm, task.ends()
-    likely, options = likely_arms(task), search.options()
+    likely, options = task.likely, search.options()
     plants, half = arms.plants(model, likely), min(_CHOSEN_ON, (len(likely) + 1) // 2)
     first, others = (replace(plants, likely=own) for own in (likely[:half], likely[half:] or likely))
     folder = output.folder("tune", task.robot.robot, [ROWS, "reference.npz", "result.json"])
