@@ -58,7 +58,12 @@ _PANELS = {
         "tune": "tracking.tuning",
         "pid": "motion.pid",
     },
-    "Results": {"report": "reports.report", "compare": "reports.report", "replay": "motion.replay", "export": "export"},
+    "Results": {
+        "report": "reports.report",
+        "compare": "reports.report",
+        "replay": "reports.report",
+        "export": "export",
+    },
     "Robots": {"robots": "robots", "presets": "presets", "doctor": "doctor", "identify": "identify"},
     "The paper": {"reproduce": "paper", "urdf": "paper"},
 }

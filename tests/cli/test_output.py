@@ -30,7 +30,7 @@ WORK = {
     "mintime": "armdyn.solve_minimum_time",
     "pid": "armdyn.simulate_pid",
     "sweep": "armdyn.cli.sweeps.payloads.chain",
-    "replay": "armdyn.show.replay.write_html",
+    "replay": "armdyn.show.page.report.write_page",
     "export": "armdyn.cli.export.write_whole",
     "reproduce": "armdyn.paper.reproduce.run_case",
     "urdf": "armdyn.cli.paper.write_whole",

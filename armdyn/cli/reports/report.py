@@ -1,4 +1,4 @@
-"""The commands that write reports of results that were saved: of one, and of several side by side."""
+"""The commands that write pages of results that were saved: of one, of several side by side, of the arm alone."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from armdyn.cli.console import Answer, Shown, done, escape, table, working
 from armdyn.cli.options.groups import argument, option
 from armdyn.cli.options.results import OutputOptions
-from armdyn.cli.options.robot import PartOptions, PayloadOptions
+from armdyn.cli.options.robot import PartOptions, PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import number
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from armdyn.show.page.joints import Compared
     from armdyn.show.page.motions import ShownMotion
@@ -55,9 +55,12 @@ class ShownOptions:
         Raises:
             ArmdynError: a result cannot be read, or they do not fit together.
         """
-        from armdyn.cli.reports.subject import SubjectSpec, read_moves
+        from armdyn.cli.reports.subject import SubjectSpec, read_moves, warn_of_other_tasks
 
-        return read_moves(self.results, SubjectSpec(robot=self.robot, part=self.part, payload=self.payload.carried()))
+        spec = SubjectSpec(robot=self.robot, part=self.part, payload=self.payload.carried())
+        subject, moves = read_moves(self.results, spec)
+        warn_of_other_tasks(moves[: len(self.results)])
+        return subject, moves
 
 
 def report(shown: ShownOptions, output: OutputOptions) -> Answer:
@@ -80,8 +83,46 @@ def report(shown: ShownOptions, output: OutputOptions) -> Answer:
     with working(f"report of {subject.name}"):
         folder.mkdir(parents=True, exist_ok=True)
         page = write_page(folder / "report.html", report_of(subject, moves, title, end))
+    return _page_answer(page, {"robot": subject.name})
+
+
+def replay(
+    *,
+    robot: RobotArgument,
+    trajectories: list[Path] = argument(
+        "RESULT",
+        "Folders or trajectory.npz that mintime, pid or track wrote; or files of other planners, as optimality reads "
+        "them.",
+    ),
+    payload: PayloadOptions,
+    output: OutputOptions,
+    slow_motion: Annotated[float | None, number] = option(
+        "X", "Seconds shown per second of motion; by default it is chosen."
+    ),
+) -> Answer:
+    """One self-contained HTML page in which the robot moves; several files move side by side.
+
+    If a result.json lies next to a motion, the page shows its verdict, such as certified or not, and its obstacles
+    around the arm.
+
+    [dim]armdyn replay rr results/mintime-rr/trajectory.npz results/pid-rr/trajectory.npz --payload 0.1006[/]
+    """
+    from armdyn.cli.reports.subject import SubjectSpec, read_moves
+    from armdyn.show.page.report import Replay, report_of, write_page
+
+    spec = SubjectSpec(robot=robot.robot, part=robot.part, payload=payload.carried())
+    subject, moves = read_moves(trajectories, spec)
+    folder = output.folder("replay", robot.robot, ["replay.html"])
+    folder.mkdir(parents=True, exist_ok=True)
+    with working(f"replay of {subject.name}"):
+        shown = report_of(subject, moves[: len(trajectories)], replay=Replay(slow_motion=slow_motion))
+        page = write_page(folder / "replay.html", shown)
+    return _page_answer(page, {})
+
+
+def _page_answer(page: Path, facts: Mapping[str, object]) -> Answer:
     said = f"{escape(str(page))}  ({page.stat().st_size / 1e6:.1f} MB, opens in any browser)"
-    return done("written", {"robot": subject.name}, said, files=[page])
+    return done("written", facts, said, files=[page])
 
 
 def compare(shown: ShownOptions, output: OutputOptions) -> Answer:

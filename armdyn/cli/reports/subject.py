@@ -134,11 +134,10 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
-    ends = options.text("part")
-    part = PartOptions(lock=locked or None, part=ends_of(ends) if ends else None)
+    part, ends = spec.part, options.text("part")
+    if not (part.lock or part.part or name.lower().endswith(".toml")):  # a file says it itself
+        part = replace(part, lock=locked or None, part=ends_of(ends) if ends else None)
     held = tool_from(tool) if tool else None
-    if spec.part.lock or spec.part.part:
-        part = spec.part
     if spec.robot is not None or name in PLANAR_ARMS or _is_file(name):
         arm = part.read(name, carried, held)
     else:
@@ -208,7 +207,7 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
         ArmdynError: a file cannot be read, they do not fit together, or no robot is known for a file that needs it.
 
     Warns:
-        ArmdynWarning: a motion is of another arm or payload, or between other poses than the first.
+        ArmdynWarning: a motion is of another arm or payload.
     """
     if missing := [path for path in paths if not path.exists()]:
         raise FileError(missing[0], "no such file")
@@ -225,7 +224,6 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
                 _warn(f"{one.path}: was computed for another arm, payload or friction than {subject.name}'s")
     if len(results) == 1 and results[0].reference is not None:
         return subject, [*moves, ShownMotion(results[0].reference.name or "reference", results[0].reference, Facts())]
-    _warn_of_other_tasks(moves)
     return subject, moves
 
 
@@ -274,7 +272,7 @@ def _named(results: Sequence[Saved]) -> list[ShownMotion]:
     ]
 
 
-def _warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
+def warn_of_other_tasks(moves: Sequence[ShownMotion]) -> None:
     """Warn of motions whose times are not comparable with the first's: they begin, or end, elsewhere."""
     first = moves[0].motion
     for move in moves[1:]:

@@ -72,8 +72,10 @@ def scene_data(
     speed = playing_speed(durations) if slow_motion is None else 1.0 / slow_motion
     step = min(speed, min(durations) / WATCHABLE) / fps
     held = robot.payload.name if parts and robot.payload else None
-    drawn = ([one for one in robot_shapes(robot) if one.name != held], obstacle_shapes(obstacles))
-    shapes = _shape_commands(*([_red(one) if one.name in touching else one for one in each] for each in drawn))
+    arm = [one for one in robot_shapes(robot) if one.name != held]
+    named = {f"shape{i}": one for i, one in enumerate(arm)}
+    named |= {f"obstacle{i}": one for i, one in enumerate(obstacle_shapes(obstacles))}
+    shapes = {name: _red(one) if one.name in touching else one for name, one in named.items()}
     return {
         "joints": robot.nv,
         "points": _named_points(robot),
@@ -81,7 +83,7 @@ def scene_data(
         "planar": is_planar(robot),
         "reach": reach_of(robot),
         "speed": speed,
-        "commands": [_packed(command) for command in shapes],
+        "commands": [command for name, one in shapes.items() for command in _commands(name, one)],
         "marks": list(marks),
         "parts": [_part(k, part) for k, part in enumerate(shown_parts(robot, trajectories[0], parts))],
         "arms": [_arm(robot, i, trajectory, step) for i, trajectory in enumerate(trajectories)],
@@ -126,43 +128,31 @@ def playing_speed(durations: Sequence[float]) -> float:
     return min((s for s in _SPEEDS if s <= 1.0), key=lambda s: abs(np.log(s / factor)))
 
 
-def _packed(command: Mapping[str, Any]) -> str:
-    return base64.b64encode(umsgpack.packb(command)).decode("ascii")
-
-
 def packed(array: Array, kind: str = "<f4") -> str:
     """Numbers in base64, as floats of 32 bits or of another kind."""
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")
 
 
-def _set_object(path: str, shape: VisualShape) -> list[dict[str, Any]]:
+def _commands(name: str, shape: VisualShape) -> list[str]:
     """Commands for one shape; identifiers are its path, so that equal input gives equal bytes."""
+    path = f"/armdyn/arm0/joint{shape.joint}/{name}"
     r, g, b, a = (round(255 * x) / 255 for x in shape.rgba)
     color = (round(255 * r) << 16) + (round(255 * g) << 8) + round(255 * b)
     material = mg.MeshPhongMaterial(color=color, opacity=a, shininess=45, specular=0x303030)
     mesh = mg.Mesh(shape.geometry, material)
     shape.geometry.uuid, material.uuid, mesh.uuid = f"{path}#geometry", f"{path}#material", f"{path}#mesh"
-    return [
+    commands = (
         {"type": "set_object", "path": path, "object": mesh.lower()},
         {"type": "set_transform", "path": path, "matrix": shape.placement.T.ravel().tolist()},
-    ]
-
-
-def _shape_commands(shapes: Sequence[VisualShape], obstacles: Sequence[VisualShape]) -> list[dict[str, Any]]:
-    """The robot and its obstacles, once; the page clones both for every further trajectory."""
-    named = [(f"shape{i}", shape) for i, shape in enumerate(shapes)]
-    named += [(f"obstacle{i}", shape) for i, shape in enumerate(obstacles)]
-    return [
-        command for name, shape in named for command in _set_object(f"/armdyn/arm0/joint{shape.joint}/{name}", shape)
-    ]
+    )
+    return [base64.b64encode(umsgpack.packb(one)).decode("ascii") for one in commands]
 
 
 def _part(k: int, part: ShownPart) -> dict[str, Any]:
     """A carried part: its shapes in the scene, and when they are shown."""
     names = [(f"joint{one.joint}", f"part{k}-{i}") for i, one in enumerate(part.shapes)]
-    shapes = zip(names, part.shapes, strict=True)
-    commands = [one for (joint, name), shape in shapes for one in _set_object(f"/armdyn/arm0/{joint}/{name}", shape)]
-    return {"shapes": names, "commands": [_packed(one) for one in commands], "begin": part.begin, "end": part.end}
+    commands = [one for (_, name), shape in zip(names, part.shapes, strict=True) for one in _commands(name, shape)]
+    return {"shapes": names, "commands": commands, "begin": part.begin, "end": part.end}
 
 
 def _arm(robot: Robot, i: int, trajectory: Trajectory, step: float) -> dict[str, Any]:

@@ -255,7 +255,7 @@ class Page:
 
     def _drag_obstacle(self) -> None:
         if (found := self._chosen()) is not None:
-            self._session.replace_obstacle(found[0], moved(found[1], _pose_of(self.view.mover)))
+            self._session.replace_obstacle(found, moved(found, _pose_of(self.view.mover)))
 
     def _add_obstacle(self) -> None:
         middle = (self._session.pose_of("start").translation + self._session.pose_of("goal").translation) / 2
@@ -272,17 +272,17 @@ class Page:
         self._selected = name
 
     def _shift(self, position: tuple[float, float, float]) -> None:
-        if (found := self._chosen()) is not None and (at := placement_of(found[1])) is not None:
-            self._session.replace_obstacle(found[0], moved(found[1], pin.SE3(at.rotation, np.array(position))))
+        if (found := self._chosen()) is not None and (at := placement_of(found)) is not None:
+            self._session.replace_obstacle(found, moved(found, pin.SE3(at.rotation, np.array(position))))
 
     def _resize(self, which: int, size: float) -> None:
-        if (found := self._chosen()) is not None and (sizes := sizes_of(found[1])) is not None:
+        if (found := self._chosen()) is not None and (sizes := sizes_of(found)) is not None:
             changed = [size if k == which else one for k, one in enumerate(sizes)]
-            self._session.replace_obstacle(found[0], resized(found[1], changed))
+            self._session.replace_obstacle(found, resized(found, changed))
 
     def _remove_obstacle(self) -> None:
         if (found := self._chosen()) is not None:
-            self._session.replace_obstacle(found[0], None)
+            self._session.replace_obstacle(found, None)
 
     def _change_limit(self, name: str, value: Any) -> None:
         self._session.change(**{name: "" if name == "preset" and value == _NONE else value})
@@ -295,10 +295,9 @@ class Page:
             words = f"Not saved: {error}"
         self._notes["saved"] = lambda: setattr(self._saved, "content", note_html(words))
 
-    def _chosen(self) -> tuple[int, Obstacle] | None:
-        """Number and value of the selected obstacle; None: no selection."""
-        found = [(i, one) for i, one in enumerate(self._session.state.obstacles) if one.name == self._selected]
-        return found[0] if found else None
+    def _chosen(self) -> Obstacle | None:
+        """The selected obstacle; None: no selection."""
+        return next((one for one in self._session.state.obstacles if one.name == self._selected), None)
 
     # Drawing.
 
@@ -337,14 +336,12 @@ class Page:
             self._selected = None
         self._choice.options = (_NONE, *names)
         self._choice.value = self._selected or _NONE
-        found = self._chosen()
         if time.monotonic() - self._held.get("mover", 0.0) >= _LET_GO:
-            self.view.show_mover(None if found is None else found[1])
+            self.view.show_mover(self._chosen())
 
     def _show_chosen(self) -> None:
         """The numbers of the selected obstacle."""
-        found = self._chosen()
-        one = None if found is None else found[1]
+        one = self._chosen()
         at, sizes = (None, None) if one is None else (placement_of(one), sizes_of(one))
         self._position.visible, self._remove.visible = at is not None, one is not None
         if at is not None:

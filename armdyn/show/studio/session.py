@@ -173,11 +173,10 @@ class Session:
             )
         self.change(*warnings, **{end: q})
 
-    def replace_obstacle(self, index: int, obstacle: Obstacle | None) -> None:
+    def replace_obstacle(self, old: Obstacle, new: Obstacle | None) -> None:
         """Put another obstacle in the place of one; None: remove it."""
-        kept = list(self.state.obstacles)
-        kept[index : index + 1] = [] if obstacle is None else [obstacle]
-        self.change(obstacles=tuple(kept))
+        changed = [new if one == old else one for one in self.state.obstacles]
+        self.change(obstacles=tuple(one for one in changed if one is not None))
 
     def tick(self) -> None:
         """Take the solver's newest result, and save the state if it is time."""
