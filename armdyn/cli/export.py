@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from inspect import signature
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from armdyn.arguments import one_of, shown
 from armdyn.cli.console import NOT_USABLE, Answer, done, escape
 from armdyn.cli.invocation import flag_of
 from armdyn.cli.motion.check import check_shown
-from armdyn.cli.options.groups import Numbers, argument, flag, given, option
+from armdyn.cli.options.groups import Numbers, argument, flag, given, group, option
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
@@ -28,7 +27,7 @@ _MODEL_RATE = 4000.0
 """Keyframes per second of a complete model [Hz]: torques and targets are held between them."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class RowOptions:
     """The format, its rate, and its folder."""
 
@@ -76,7 +75,7 @@ class RowOptions:
         return probe_folder(self.out or file.parent, name) / name
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class FormatOptions:
     """Fields of some formats: see `armdyn.trajectory.formats`."""
 
@@ -113,7 +112,7 @@ class FormatOptions:
         return kind(**options)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class ModelOptions:
     """MuJoCo's model of the arm that moved."""
 

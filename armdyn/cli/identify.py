@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import armdyn as ad
 from armdyn.arguments import whole
 from armdyn.cli.console import Answer, Shown, done, escape, facts_table, table, working
 from armdyn.cli.invocation import flag_of, invocation, is_given
-from armdyn.cli.options.groups import argument, flag, given, option
+from armdyn.cli.options.groups import argument, flag, given, group, option
 from armdyn.cli.options.path_constraints import SceneOptions
 from armdyn.cli.options.preset import PresetOptions
 from armdyn.cli.options.results import OutputOptions
@@ -34,7 +34,7 @@ _MOST_LIKELY = 100
 """Most arms in a file; fewer where the file would be too large to be read."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class IdentifyCommandOptions:
     """Unknowns to identify, or the motion to log."""
 

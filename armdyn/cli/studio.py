@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import warnings
-from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from armdyn.cli import interrupts
 from armdyn.cli.console import Answer, console, facts_table, working, write_json
 from armdyn.cli.invocation import option_value
 from armdyn.cli.motion.mintime import CurveOptions
-from armdyn.cli.options.groups import OUTPUT, TASK, flag, option
+from armdyn.cli.options.groups import OUTPUT, TASK, flag, group, option
 from armdyn.cli.options.poses import GoalOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ProblemOptions
@@ -32,7 +31,7 @@ _TURN, _SHIFT = 1.0, 0.2
 """Default travel of the first joint [rad, m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class FirstPoses(GoalOptions):
     """Start and goal of a page that is opened; both have defaults, since they are changed there."""
 
@@ -59,7 +58,7 @@ class FirstPoses(GoalOptions):
         return q
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class FirstProblem(ProblemOptions):
     """The problem that a page begins with."""
 

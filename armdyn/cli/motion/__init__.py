@@ -1,1 +1,1 @@
-"""Commands that move a robot: mintime, pid, sweep, replay."""
+"""Commands of motions: mintime, cycle, bound, optimality, check, pid."""

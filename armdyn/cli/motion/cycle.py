@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.resources import files as package_files
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +16,7 @@ from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
 from armdyn.cli.motion.requirements import requirements_of
 from armdyn.cli.motion.words import missing_words
-from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, option
+from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, group, option
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.errors import FileError, ProblemError
 from armdyn.files import csv_text, write_whole
@@ -33,7 +33,7 @@ _NUMBERS = ("step", "time [s]", "share")
 _MOST_COSTS = 8
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class CycleSearchOptions(CurveOptions):
     """Extent of the search, and of the proof."""
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
 from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
 from armdyn.cli.motion.words import missing_words, solution_words, title_words
-from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, option
+from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, group, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ProblemOptions
@@ -29,11 +29,9 @@ _WATCHED = 1.0
 """Simulated time of likely arms [s], or after a longer motion: they are many, and near to the model."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(SOLVER)
 class SolverOptions:
     """Extent of the search; see `MinimumTimeOptions`."""
-
-    panel: ClassVar[str] = SOLVER
 
     search: SearchLevel = option(
         "HOW",
@@ -63,7 +61,7 @@ class SolverOptions:
         return ad.MinimumTimeOptions(**{name: value for name, value in chosen.items() if name in known})
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class CurveOptions(SolverOptions):
     """Extent of the search, and the time that is given for calm joints."""
 
@@ -76,7 +74,7 @@ class CurveOptions(SolverOptions):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class SearchOptions(CurveOptions):
     """Extent of the search, and the choice of a reserve for feedback."""
 

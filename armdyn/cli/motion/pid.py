@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer, facts_table, judged, working
-from armdyn.cli.options.groups import Numbers, option
+from armdyn.cli.options.groups import Numbers, group, option
 from armdyn.cli.options.joints import friction_facts, friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import ArmOptions
@@ -16,11 +13,9 @@ from armdyn.control.tracking.arrival import ARRIVAL_RULES, ArrivalRule
 from armdyn.errors import ProblemError
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Loop")
 class PidLoopOptions:
     """The controller, and the simulated time; see `simulate_pid`."""
-
-    panel: ClassVar[str] = "Loop"
 
     gains: Numbers = option(
         "KP,KI,KD", "The same for every joint; by default those of the paper's arms.", default="30,50,10"

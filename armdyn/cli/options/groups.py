@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from dataclasses import MISSING, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, cleandoc, signature
 from itertools import chain
-from typing import Annotated, Any, TypeAlias, get_origin, get_type_hints
+from typing import Annotated, Any, TypeAlias, dataclass_transform, get_origin, get_type_hints
 
 import typer
 from typer.models import OptionInfo
@@ -27,14 +27,30 @@ _ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options of joint positions, to which --degrees applies."""
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def group(panel: str = "") -> Callable[[type[Any]], Any]:
+    """Class decorator: a frozen dataclass of options.
+
+    Args:
+        panel: of the help, for the options that name no other; empty: the base class's, if it has one.
+    """
+
+    def made(cls: type[Any]) -> Any:
+        if panel:
+            cls.panel = panel
+        return dataclass(frozen=True, kw_only=True)(cls)
+
+    return made
+
+
 def with_options(command: Callable[..., Answer]) -> Callable[..., None]:
     """A command as typer takes it, with one parameter per option, of a command that takes groups.
 
-    A group is a frozen dataclass. Its fields, and the parameters of a command, are an `option`, a `flag` or an
+    A group is a class of `group`. Its fields, and the parameters of a command, are an `option`, a `flag` or an
     `argument`, or are groups themselves; they become the command's options in their order. A type that is `Annotated`
-    has the function that makes the value of the typed text and the option's name. All options of a group stand in the
-    help panel that its class attribute `panel` names, if it has one. After them come the options that every
-    command has: --json, --quiet, and --degrees where there are angles.
+    has the function that makes the value of the typed text and the option's name. All options of a group stand in its
+    panel of the help. After them come the options that every command has: --json, --quiet, and --degrees where there
+    are angles.
 
     Raises:
         TypeError: two groups of a command have an option of the same name.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
+from dataclasses import field
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import shown
-from armdyn.cli.options.groups import LIMITS, ROBOT, PerJoint, option
+from armdyn.cli.options.groups import LIMITS, ROBOT, PerJoint, group, option
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers, one_or_more
 
@@ -23,11 +23,9 @@ def _friction(text: str, what: str) -> FrictionValue | None:
 _Friction: TypeAlias = Annotated[float | list[float] | Literal["urdf"] | None, _friction]
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(ROBOT)
 class JointOptions:
     """Torque limits, friction and rotor inertia; None leaves the robot's own."""
-
-    panel: ClassVar[str] = ROBOT
 
     effort_limit: PerJoint = option(
         "T[,T…]", "Torque limits instead of the URDF's \\[N m]; 0: a joint has no motor.", rich_help_panel=LIMITS
@@ -68,11 +66,9 @@ class JointOptions:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(LIMITS)
 class FastJointOptions:
     """Options of the joints of a minimum-time motion: velocity limits, reserves, joints without a motor."""
-
-    panel: ClassVar[str] = LIMITS
 
     velocity_limit: PerJoint = option("V[,V…]", "Velocity limits instead of the URDF's \\[rad/s]; inf for none.")
     reserve: PerJoint = option(

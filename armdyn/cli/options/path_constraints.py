@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 import armdyn as ad
 from armdyn.cli.invocation import is_given
-from armdyn.cli.options.groups import LIMITS, SCENE, TASK, PerJoint, flag, option
+from armdyn.cli.options.groups import LIMITS, SCENE, TASK, PerJoint, flag, group, option
 from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
@@ -30,21 +30,17 @@ def _explained(texts: list[str] | None) -> list[str] | None:
     return texts
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(LIMITS)
 class RateOptions:
     """Limits of acceleration and jerk, by the names that a `MinimumTimeProblem` gives them."""
-
-    panel: ClassVar[str] = LIMITS
 
     acceleration_limit: PerJoint = option("A[,A…]", "Acceleration limits \\[rad/s²]; by default none.")
     jerk_limit: PerJoint = option("J[,J…]", "Jerk limits \\[rad/s³]: the torque no longer jumps. By default none.")
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(SCENE)
 class SceneOptions:
     """Obstacles, and the clearance from them: the texts of the options."""
-
-    panel: ClassVar[str] = SCENE
 
     obstacle: list[str] | None = option(
         "SHAPE|FILE.json",
@@ -97,7 +93,7 @@ def _pairs(texts: Sequence[str] | None) -> list[tuple[str, ...]]:
     return [tuple(name.strip() for name in text.split(",")) for text in texts or ()]
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class PathConstraintOptions(SceneOptions):
     """Via points, obstacles, limits of acceleration and jerk: the texts of the options."""
 

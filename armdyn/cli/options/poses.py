@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
 from armdyn import models
-from armdyn.cli.options.groups import TASK, Numbers, flag, option
+from armdyn.cli.options.groups import TASK, Numbers, flag, group, option
 from armdyn.cli.options.positions import positions
 from armdyn.errors import ProblemError
 from armdyn.parsing.numbers import numbers
@@ -16,11 +16,9 @@ if TYPE_CHECKING:
     from armdyn.paper import Kind
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(TASK)
 class PoseOptions:
     """Start and goal as joint positions [rad or m], each as text."""
-
-    panel: ClassVar[str] = TASK
 
     q_start: str | None = option(
         "Q,Q,…|NAME",
@@ -73,7 +71,7 @@ def _how_to_say(option: str, robot: ad.Robot) -> str:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class GoalOptions(PoseOptions):
     """Start and goal, which may be a frame's pose; joint velocities there; turns of endless joints.
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import armdyn as ad
-from armdyn.cli.options.groups import LIMITS, option
+from armdyn.cli.options.groups import LIMITS, group, option
 from armdyn.errors import ProblemError
 
 
@@ -26,11 +23,9 @@ def known_presets(incomplete: str) -> list[str]:
     return [name for name in ad.ControllerPreset.names() if name.startswith(incomplete)]
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(LIMITS)
 class PresetOptions:
     """A controller preset, and its interface."""
-
-    panel: ClassVar[str] = LIMITS
 
     preset: str | None = option(
         "NAME|FILE.toml",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 
 import armdyn as ad
 from armdyn.cli.invocation import invocation
-from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.groups import flag, group, option
 from armdyn.files import probe_folder
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NO_FIGURE = "Write no figure.png and figure.pdf: a second or two less."
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class OutputOptions:
     """Folder of the results."""
 
@@ -66,7 +66,7 @@ class Written:
         return {"results": str(self.files[0].parent), "written": f"{names} in {self.seconds:.1f} s"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class ResultOptions:
     """Files of one motion, and their folder."""
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.invocation import flag_of
-from armdyn.cli.options.groups import ROBOT, Numbers, argument, option
+from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.positions import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
@@ -59,7 +59,7 @@ def ends_of(text: str, option: str = "--arm") -> tuple[str, str]:
     return first, last
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(ROBOT)
 class PartOptions:
     """Choice of the moving joints, and the tool.
 
@@ -69,8 +69,6 @@ class PartOptions:
         tool: a file with the tool.
         package_dir: folders of the meshes' packages.
     """
-
-    panel: ClassVar[str] = ROBOT
 
     lock: list[str] | None = option(
         "JOINT=Q", "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again."
@@ -149,7 +147,7 @@ class PartOptions:
             return tool_from(table.values, Path(table.path).parent)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class RobotArgument:
     """A robot, and which of its joints move."""
 
@@ -168,7 +166,7 @@ class RobotArgument:
         return self.part.read(self.robot, payload)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(ROBOT)
 class PayloadPlace:
     """Place and shapes of a payload.
 
@@ -177,8 +175,6 @@ class PayloadPlace:
         payload_com: its centre of mass there [m]; None: the frame's origin.
         payload_shape: its shapes there, as --obstacle has them; None: it has no size.
     """
-
-    panel: ClassVar[str] = ROBOT
 
     payload_frame: str | None = option(
         "LINK", "Link or frame that the payload is fixed to; by default the tip, see doctor."
@@ -205,7 +201,7 @@ class PayloadPlace:
         return ad.Payload(mass=mass, frame=self.payload_frame, com=self.payload_com or (0.0, 0.0, 0.0), shapes=shapes)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(ROBOT)
 class PayloadOptions:
     """Payload and its place.
 
@@ -213,8 +209,6 @@ class PayloadOptions:
         payload: its mass [kg].
         place: where it is.
     """
-
-    panel: ClassVar[str] = PayloadPlace.panel
 
     payload: float = option("KG", "Mass that the arm carries \\[kg].", default=0.0)
     place: PayloadPlace = field(default_factory=PayloadPlace)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
-from armdyn.cli.options.groups import given
+from armdyn.cli.options.groups import given, group
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
 from armdyn.cli.options.path_constraints import PathConstraintOptions
 from armdyn.cli.options.poses import GoalOptions, PoseOptions
@@ -40,7 +39,7 @@ def refuse_with_a_file(name: str, *groups: Any, but: Collection[str] = ()) -> No
             raise only_in_the_file(option, name)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class ArmOptions:
     """Options of a motion: a robot with start and goal, or a problem file instead of the robot.
 
@@ -126,7 +125,7 @@ class ArmOptions:
         return np.asarray(problem.q_start).tolist(), np.asarray(problem.q_goal).tolist()
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class FastArmOptions(ArmOptions):
     """Options of a fastest motion: an arm from pose to pose, with limits."""
 
@@ -156,7 +155,7 @@ class FastArmOptions(ArmOptions):
         return {} if self.file is None else self.file.options
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class ProblemOptions(FastArmOptions):
     """Options of a fastest motion with all of its conditions."""
 

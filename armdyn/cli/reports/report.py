@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from armdyn.cli.console import Answer, Shown, done, escape, table, working
-from armdyn.cli.options.groups import argument, option
+from armdyn.cli.options.groups import argument, group, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError
@@ -33,11 +33,9 @@ def _end(text: str, option: str) -> float:
     return end
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Contents")
 class ShownOptions:
     """Results, the robot that moved, and the drawn part of its motions."""
-
-    panel: ClassVar[str] = "Contents"
 
     results: list[Path] = argument(
         "RESULT",

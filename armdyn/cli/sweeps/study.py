@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from armdyn.cli.console import Answer, facts_table, judged, progress_bar
-from armdyn.cli.options.groups import flag, option
+from armdyn.cli.options.groups import flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.errors import ProblemError
 
@@ -26,11 +25,9 @@ _MOST_DRAWN = 100_000
 """Rows of a figure, at most."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Study file")
 class StudyOptions:
     """Executor of a study file's cases, and storage of its rows."""
-
-    panel: ClassVar[str] = "Study file"
 
     workers: int | None = option("N", "Processes on this machine; by default one per core.", min=1)
     scheduler: str | None = option("HOST:PORT", "A Dask cluster's scheduler: its workers do the cases instead.")
@@ -57,7 +54,7 @@ class StudyOptions:
         return dask_executor(self.scheduler)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class SweepResults:
     """Files of a sweep, and their folder."""
 

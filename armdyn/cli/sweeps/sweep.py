@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer
 from armdyn.cli.motion.requirements import REQUIRE, requirements_of
-from armdyn.cli.options.groups import SOLVER, Numbers, argument, given, option
+from armdyn.cli.options.groups import ROBOT, SOLVER, Numbers, argument, given, group, option
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import FastArmOptions, refuse_with_a_file
 from armdyn.cli.sweeps.study import StudyOptions, SweepResults, run_file
 from armdyn.errors import ProblemError
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(ROBOT)
 class PayloadsOptions:
     """Payloads, one after the other, and their place.
 
@@ -25,8 +25,6 @@ class PayloadsOptions:
         payload: the masses [kg]; None: the paper's.
         place: where each is.
     """
-
-    panel: ClassVar[str] = PayloadPlace.panel
 
     payload: Numbers = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
     place: PayloadPlace = field(default_factory=PayloadPlace)
@@ -46,11 +44,9 @@ class PayloadsOptions:
         return sorted(PAYLOADS)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(SOLVER)
 class SweepOptions:
     """Extent of the search for each payload; see `MinimumTimeOptions`."""
-
-    panel: ClassVar[str] = SOLVER
 
     starts: int | None = option("N", "Guesses of every search; by default the first has mintime's, the others few.")
     time_limit: float = option("S", "Time limit for each payload \\[s].", default=300.0)
@@ -64,7 +60,7 @@ class SweepOptions:
         return ad.MinimumTimeOptions(**{"time_limit": self.time_limit, **of_file, **given(self)})
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class SweptOptions(RobotArgument):
     """A robot, or a study file."""
 
@@ -76,7 +72,7 @@ class SweptOptions(RobotArgument):
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class SweptTask(FastArmOptions):
     """A motion with several payloads, or a study file instead of its robot."""
 

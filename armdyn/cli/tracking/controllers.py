@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import armdyn as ad
 from armdyn.arguments import one_of, whole
-from armdyn.cli.options.groups import Numbers, PerJoint, flag, option
+from armdyn.cli.options.groups import Numbers, PerJoint, flag, group, option
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.errors import ProblemError
 
@@ -24,11 +23,9 @@ def option_of(controller: str) -> str:
     return _OPTIONS.get(controller, "gains")
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Controller")
 class ControllerOptions:
     """The controller; see `Lqr`, `ComputedTorque` and `Pid`."""
-
-    panel: ClassVar[str] = "Controller"
 
     controller: str = option("NAME", "lqr (linear-quadratic along the motion), computed-torque or pid.", default="lqr")
     weights: Numbers = option(
@@ -63,11 +60,9 @@ class ControllerOptions:
         return kind.make() if given is None else kind.of(given, f"--{own}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Loop")
 class LoopOptions:
     """Connection of controller and arm; see `Loop`."""
-
-    panel: ClassVar[str] = "Loop"
 
     rate: float = option("HZ", "Samples per second \\[Hz].", default=1000.0)
     delay: int = option("TICKS", "Delay from a reading to its torque \\[ticks].", default=1)
@@ -97,11 +92,9 @@ class LoopOptions:
         return ad.Loop(**given)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("The arm that moves, where it differs from the model")
 class PlantOptions:
     """Differences of the simulated arm from the controller's model."""
-
-    panel: ClassVar[str] = "The arm that moves, where it differs from the model"
 
     plant_payload: float | None = option("KG", "Payload that the arm carries \\[kg], instead of --payload.")
     plant_likely: int | None = option("K", "Likely arm number K, from 0, of identified.toml of armdyn identify.")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, ClassVar, TypeAlias
+from typing import Annotated, TypeAlias
 
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
-from armdyn.cli.options.groups import TASK, flag, option
+from armdyn.cli.options.groups import TASK, flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
@@ -37,11 +37,9 @@ Range: TypeAlias = Annotated[tuple[float, float], range_of]
 """An option of two numbers, the least and the greatest."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("The arms that move, each number drawn from its range")
 class ArmsOptions:
     """Ranges of the random arms, and the likely arms of a file that they are about; see `Plants`."""
-
-    panel: ClassVar[str] = "The arms that move, each number drawn from its range"
 
     payload_range: Annotated[tuple[float, float] | None, range_of] = option(
         "A,B", "Multiples of the payload. Default 0.8,1.2 if there is one; 1,1 of likely arms."
@@ -69,11 +67,9 @@ class ArmsOptions:
         ).check(robot)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(TASK)
 class CountOptions:
     """Number of arms, and the requirement on them."""
-
-    panel: ClassVar[str] = TASK
 
     count: int = option("N", "Number of random arms.", default=1000)
     within: float | None = option("S", "Time in which an arm must settle \\[s]; by default --duration.")

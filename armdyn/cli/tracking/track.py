@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli import interrupts
 from armdyn.cli.console import NOT_USABLE, Answer, escape, facts_table, judged, working
 from armdyn.cli.invocation import flag_of, is_given
-from armdyn.cli.options.groups import TASK, option
+from armdyn.cli.options.groups import TASK, group, option
 from armdyn.cli.options.joints import friction_words
 from armdyn.cli.options.results import ResultOptions
 from armdyn.cli.options.task import FastArmOptions
@@ -26,11 +25,9 @@ _UNUSED = {
 """Options that the motion of a reference does not depend on."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(TASK)
 class ReferenceOptions:
     """The reference, and the simulated time."""
-
-    panel: ClassVar[str] = TASK
 
     reference: Path | None = option("FILE.npz", "A motion that was saved; by default the fastest one is searched.")
     ramp: float | None = option("S", "Instead of the fastest motion a quintic ramp of this duration \\[s].")

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, facts_table, judged, working
 from armdyn.cli.invocation import flag_of, is_given
-from armdyn.cli.options.groups import SOLVER, flag, option
+from armdyn.cli.options.groups import SOLVER, flag, group, option
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.task import ArmOptions
 from armdyn.cli.tracking.controllers import LoopOptions, option_of
@@ -24,11 +24,9 @@ _CHOSEN_ON = 10
 """Most likely arms for choosing gains, at most half of all: the others are held out."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("Controllers")
 class FamilyOptions:
     """Parameters to tune; see `ControllerFamily` and `Ramps`."""
-
-    panel: ClassVar[str] = "Controllers"
 
     controller: str = option("NAME", "pid, computed-torque or lqr.", default="pid")
     form: str = option("FORM", "For pid: computed_torque, torque or acceleration.", default="computed_torque")
@@ -51,11 +49,9 @@ class FamilyOptions:
         return family_named(self.controller, robot, q_goal, form=form, shared=not self.per_joint)
 
 
-@dataclass(frozen=True, kw_only=True)
+@group(SOLVER)
 class TuningOptions:
     """Index to minimise, and extent of the search; see `TuneOptions`."""
-
-    panel: ClassVar[str] = SOLVER
 
     index: str = option("NAME", "settled, itae or ise: of the worst arm.", default="settled")
     overshoot: float = option("PART", "Past the goal at most, of the largest travel of a joint.", default=0.05)

@@ -1,24 +1,21 @@
 import json
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import field
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from armdyn.cli.console import Answer
-from armdyn.cli.options.groups import argument, flag, option, with_options
+from armdyn.cli.options.groups import argument, flag, group, option, with_options
 
 
-@dataclass(frozen=True, kw_only=True)
+@group("How")
 class Speed:
-    panel: ClassVar[str] = "How"
-
     speed: float = option("V", "How fast.", default=1.0)
     backwards: bool = flag("The other way.")
 
 
-@dataclass(frozen=True, kw_only=True)
+@group()
 class Ride:
     name: str = argument("NAME", "")
     speed: Speed = field(default_factory=Speed)
