@@ -76,14 +76,13 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
     import numpy as np
 
     from armdyn.models.robots.library import LIBRARY_ARMS
+    from armdyn.models.robots.source import RobotSource
 
     progress(name)
     arm = LIBRARY_ARMS.get(name)
     facts: Facts = {"name": name, "robot": name if arm is None else arm.robot, "loads": False, "reason": ""}
     try:
-        robot = (
-            ad.Robot.from_spec(ad.ArmSpec.paper(name)) if name in models.PLANAR_ARMS else ad.Robot.from_library(name)
-        )
+        robot = ad.Robot.from_source(RobotSource.named(name))
     except ArmdynError as error:
         return facts | {"reason": str(error).rsplit("/", 1)[-1]}  # without the folder, which is always the same
     except Exception as error:  # a damaged installation of the library, say

@@ -43,10 +43,10 @@ def test_robots_that_do_not_load_say_why(listed):
 
 
 def test_one_bad_robot_does_not_hide_the_others(monkeypatch):
-    def damaged(name, *_):
-        raise OSError(f"{name}: input/output error")
+    def damaged(source, *_):
+        raise OSError(f"{source.name}: input/output error")
 
-    monkeypatch.setattr(Robot, "from_library", damaged)
+    monkeypatch.setattr(Robot, "from_source", damaged)
     facts = robots._facts("panda", lambda name: None)
     assert facts["loads"] is False and facts["reason"] == "OSError: panda: input/output error"
     assert robots._row(facts)[-1] == "OSError: panda: input/output error"

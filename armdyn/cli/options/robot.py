@@ -94,27 +94,20 @@ class PartOptions:
         Raises:
             ArmdynError: the name is unknown, or the robot has no such joints.
         """
-        tool = self._tool() or tool
-        if name in models.PLANAR_ARMS:
-            if self.lock or self.part:
-                option = "--lock" if self.lock else "--arm"
-                raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
-            return ad.Robot.from_spec(ad.ArmSpec.paper(name), payload, tool=tool)
-        robot = self._read(name, payload, tool)
-        sliding_locks(self.lock or (), robot)
-        return robot
+        from armdyn.models.robots.source import RobotSource
 
-    def _read(self, name: str, payload: ad.Payload | None, tool: ad.Tool | None) -> ad.Robot:
-        """The robot of a name that is not one of the paper's."""
+        if name in models.PLANAR_ARMS and (self.lock or self.part):
+            option = "--lock" if self.lock else "--arm"
+            raise SpecError(f"{option}: {name!r} has no joints to lock; it takes a URDF file or a library's robot")
         if (kind := kind_of_file(name)) == "robot":
             return self._of_file(name, payload)
         if kind:
             raise SpecError(f"{name} is a problem file, which {TAKE_FILES} take; here a robot is needed")
-        from armdyn.models.robots.source import RobotSource
-
-        folders = tuple(self.package_dir or ())
+        tool, folders = self._tool() or tool, tuple(self.package_dir or ())
         options = ad.RobotOptions(payload=payload, tool=tool, lock=self.locks(), arm=self.part, package_dirs=folders)
-        return ad.Robot.from_source(RobotSource.named(name), options)
+        robot = ad.Robot.from_source(RobotSource.named(name), options)
+        sliding_locks(self.lock or (), robot)
+        return robot
 
     def _of_file(self, name: str, payload: ad.Payload | None) -> ad.Robot:
         """The robot of a file with the table [robot] alone."""
