@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import armdyn as ad
@@ -84,7 +83,7 @@ class FastJointOptions:
         "not mean that: in many it stands for an unknown limit.",
         rich_help_panel=ROBOT,
     )
-    joints: JointOptions = field(default_factory=JointOptions)
+    joints: JointOptions
 
     def fit(self, robot: ad.Robot) -> ad.Robot:
         """A robot with these joints; see `JointOptions.fit`."""

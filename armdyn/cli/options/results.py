@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -70,7 +70,7 @@ class Written:
 class ResultOptions:
     """Files of one motion, and their folder."""
 
-    output: OutputOptions = field(default_factory=OutputOptions)
+    output: OutputOptions
     no_figure: bool = flag(NO_FIGURE)
     no_report: bool = flag("Write no report.html: about a second less.")
 

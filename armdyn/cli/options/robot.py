@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -152,7 +151,7 @@ class RobotArgument:
         show_default=False,
         autocompletion=known_names,
     )
-    part: PartOptions = field(default_factory=PartOptions)
+    part: PartOptions
 
     def read(self, payload: ad.Payload | None = None) -> ad.Robot:
         """The robot; see `PartOptions.read`."""
@@ -204,7 +203,7 @@ class PayloadOptions:
     """
 
     payload: float = option("KG", "Mass that the arm carries \\[kg].", default=0.0)
-    place: PayloadPlace = field(default_factory=PayloadPlace)
+    place: PayloadPlace
 
     def carried(self) -> ad.Payload | None:
         """The payload; None without mass and shape."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import field
 from typing import Any, ClassVar
 
 import armdyn as ad
@@ -27,7 +26,7 @@ class PayloadsOptions:
     """
 
     payload: Numbers = option("KG,KG,…", "Point masses that the arm carries \\[kg]. r, rr, rrr: the paper's ten.")
-    place: PayloadPlace = field(default_factory=PayloadPlace)
+    place: PayloadPlace
 
     def masses(self, robot: str) -> list[float]:
         """The masses [kg] that a robot is to carry, each once, increasing.
