@@ -99,10 +99,11 @@ class ClosedLoopTask(Checked):
         own = self.problems.settings(settings)
         self.check(own)
         self.check_complete(own)
-        return self.run(own)
+        motion = self.reference_of(own)
+        return motion if isinstance(motion, CaseResult) else self.run(own, motion)
 
-    def run(self, own: Mapping[str, Value]) -> CaseResult:
-        """Work on a case with all of its settings."""
+    def run(self, own: Mapping[str, Value], motion: Any) -> CaseResult:
+        """Work on a case with all of its settings, and the motion of `reference_of`."""
         raise NotImplementedError
 
     @property
@@ -156,7 +157,7 @@ class ClosedLoopTask(Checked):
             joined["delay"] = round(float(own["delay"]))
         return Loop(**joined)
 
-    def reference_of(self, own: Mapping[str, Value]) -> Trajectory | CaseResult:
+    def reference_of(self, own: Mapping[str, Value]) -> Any:
         """The motion to follow, or the result of a case that has none; each process solves a fastest one once."""
         if self.reference == "ramp":
             return ramp(self.problems.robot(own), *self.problems.ends(own), float(own["ramp"]))
