@@ -14,7 +14,7 @@ from armdyn.cycle.steps import Grasp, Move, Release, Step, Straight, Wait
 from armdyn.errors import CycleError, ProblemError, did_you_mean
 from armdyn.models.robots.poses import positions_of
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.attached import PAYLOAD_KEYS, payload_from
+from armdyn.models.scene.obstacles import PAYLOAD_KEYS, payload_from
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.models.values.spec import Payload
 from armdyn.optimal import problem_files

@@ -9,7 +9,7 @@ from armdyn.cycle.cycle import Cycle
 from armdyn.cycle.solution import CycleLeg, CycleSolution
 from armdyn.cycle.steps import Grasp, Move, Release
 from armdyn.files import attributes
-from armdyn.models.scene.attached import payload_entry
+from armdyn.models.scene.obstacles import payload_entry
 from armdyn.models.values.spec import Payload
 from armdyn.reprs import gap_words, percent
 

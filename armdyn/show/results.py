@@ -15,7 +15,7 @@ import numpy as np
 from armdyn.errors import FileError, ResultError
 from armdyn.files import as_json, read_json, write_whole
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.attached import payload_entry
+from armdyn.models.scene.obstacles import payload_entry
 from armdyn.models.values.actuator_limits import torque_speed_entry
 
 _FORMAT = "armdyn-result-1"

@@ -128,7 +128,7 @@ class PartOptions:
         """The tool that the file describes; None: no file was named."""
         if self.tool is None:
             return None
-        from armdyn.models.scene.attached import TOOL_KEYS, tool_from
+        from armdyn.models.scene.obstacles import TOOL_KEYS, tool_from
         from armdyn.parsing.toml import read_toml
 
         table = read_toml(self.tool)

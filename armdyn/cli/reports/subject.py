@@ -23,8 +23,7 @@ from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_s
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
-from armdyn.models.scene.attached import payload_from, tool_from
-from armdyn.models.scene.obstacles import SHAPES, obstacle_from
+from armdyn.models.scene.obstacles import SHAPES, obstacle_from, payload_from, tool_from
 from armdyn.models.values.actuator_limits import TorqueSpeed
 from armdyn.show.page.facts import Facts, as_number
 from armdyn.show.page.motions import ShownMotion

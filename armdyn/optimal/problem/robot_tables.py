@@ -17,7 +17,7 @@ from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot
 from armdyn.models.robots.source import RobotSource
-from armdyn.models.scene.attached import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
+from armdyn.models.scene.obstacles import PAYLOAD_KEYS, TOOL_KEYS, payload_entry, payload_from, tool_from
 from armdyn.models.values.actuator_limits import torque_speed_entry
 from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, LinkSpec
 from armdyn.parsing.toml import Table

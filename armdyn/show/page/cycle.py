@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from armdyn.errors import ArmdynError
 from armdyn.models.robots.robot import Robot
-from armdyn.models.scene.attached import payload_from
+from armdyn.models.scene.obstacles import payload_from
 from armdyn.models.values.spec import Payload
 from armdyn.show.markup import element, join
 from armdyn.show.page.facts import Facts

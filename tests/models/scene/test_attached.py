@@ -6,8 +6,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError, SpecError
-from armdyn.models.scene.attached import payload_entry, payload_from, tool_from
 from armdyn.models.scene.collision import CollisionModel
+from armdyn.models.scene.obstacles import payload_entry, payload_from, tool_from
 from oracles import robot_named
 from problems import paper_arm
 
