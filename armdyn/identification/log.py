@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d
 
-from armdyn.arguments import each, expect, numbers, text
+from armdyn.arguments import Checked, checked, each, expect, numbers, text
 from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, LogError, MissingPackageError, TrajectoryError
@@ -39,7 +38,7 @@ _JITTER = 0.01
 
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+class Log(Checked):
     """Measurements of an arm that moves.
 
     Attributes:
@@ -54,36 +53,30 @@ class Log:
         LogError: shapes do not fit, a number is not finite, the clock jumps back, or there is a gap.
     """
 
-    t: Array
-    q: Array
-    tau: Array
-    v: Array | None = None
-    joint_names: tuple[str, ...] | None = None
+    t: Array = checked(numbers, error=LogError)
+    q: Array = checked(numbers, error=LogError)
+    tau: Array = checked(numbers, error=LogError)
+    v: Array | None = checked(numbers, None, error=LogError)
+    joint_names: tuple[str, ...] | None = checked(each, None, of=text, error=LogError)
     name: str = "log"
 
     def __post_init__(self) -> None:
-        text(self.name, "name of a log", error=LogError)
-        given: dict[str, ArrayLike | None] = {"t": self.t, "q": self.q, "v": self.v, "tau": self.tau}
-        for name, value in given.items():
-            if name != "v" or value is not None:
-                array = numbers(value, f"{self.name}: {name}", error=LogError)
-                array.setflags(write=False)
-                object.__setattr__(self, name, array)
+        super().__post_init__()
         if self.q.ndim != 2 or self.t.shape != self.q.shape[:1]:
             raise LogError(f"{self.name}: t has shape {self.t.shape} and q {self.q.shape}; they are (n,) and (n, nv)")
         for name in ("tau", "v"):
             own = getattr(self, name)
             if own is not None and own.shape != self.q.shape:
                 raise LogError(f"{self.name}: {name} has shape {own.shape}, q {self.q.shape}")
-        if self.joint_names is not None:
-            names = each(self.joint_names, "joint_names of a log", text, error=LogError)
-            object.__setattr__(self, "joint_names", names)
-            if len(set(names)) != len(names) or len(names) != self.q.shape[1]:
-                raise LogError(f"{self.name}: {len(names)} joint names, some alike or not one per column")
+        if (names := self.joint_names) is not None and not len(set(names)) == len(names) == self.q.shape[1]:
+            raise LogError(f"{self.name}: {len(names)} joint names, some alike or not one per column")
         if not _FEWEST <= self.t.size <= MOST_SAMPLES:
             raise LogError(f"{self.name}: {self.t.size} samples; a log has {_FEWEST} to {MOST_SAMPLES}")
         self._check_finite()
         self._check_clock()
+
+    def _of_whom(self) -> str:
+        return f" of {text(self.name, 'name of a log', error=LogError)}"
 
     def _check_finite(self) -> None:
         for name in ("t", "q", "v", "tau"):

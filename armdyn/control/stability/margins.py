@@ -17,7 +17,6 @@ _ABOUT = np.linspace(-1.5, 1.5, 97)
 """Further frequencies about each pole, in its distances from the unit circle: resonances are narrower than a step."""
 _APART = 1e-9
 """Least relative distance of two frequencies: differences of closer ones are rounding."""
-_HALVINGS = 40
 _SINGULAR = 1e13
 """Condition of z I - A from which on z is a pole. Torques and angles in one state have up to 1e8 without one."""
 
@@ -146,11 +145,9 @@ def _within_a_tick(loop: SampledLoop, joint: int) -> float:
 
     There it is real, and a tick changes its sign, which no lag of a crossover shows: one tick makes the loop unstable.
     """
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if late_radius(loop, joint, middle) < 1 else (low, middle)
-    return high * loop.period
+    from scipy.optimize import brentq
+
+    return float(brentq(lambda part: late_radius(loop, joint, part) - 1, 0.0, 1.0)) * loop.period
 
 
 def frequencies(loop: SampledLoop, A: Array) -> Array:

@@ -17,7 +17,7 @@ from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
 from armdyn.models.robots.options import RobotOptions
-from armdyn.models.robots.poses import named_poses, pose_named
+from armdyn.models.robots.poses import named_poses, names_of
 from armdyn.models.robots.source import RobotSource
 from armdyn.models.values.actuator_limits import ConstantTorque, TorqueSpeed
 from armdyn.models.values.friction import FrictionValue, JointFriction
@@ -132,7 +132,10 @@ class Arm(Checked):
         Raises:
             SpecError: no pose has that name; the message lists all.
         """
-        return pose_named(self, name)
+        if text(name, "name of a pose", error=SpecError) not in (poses := self.poses):
+            meant = did_you_mean(name, poses)
+            raise SpecError(f"{self.name} has no pose {shown(name)} (known: {names_of(poses)}){meant}")
+        return poses[name]
 
     @property
     def attached(self) -> tuple[Payload, ...]:

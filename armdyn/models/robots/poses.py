@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armdyn.arguments import number, shown, text
+from armdyn.arguments import number, shown
 from armdyn.arrays import Array
-from armdyn.errors import ArmdynError, ProblemError, SpecError, did_you_mean
+from armdyn.errors import ArmdynError, ProblemError, did_you_mean
 from armdyn.models.reading.urdf_xml import parse_xml, read_urdf, to_number
 from armdyn.models.values.per_joint import per_joint
 from armdyn.parsing.numbers import position
@@ -64,17 +64,9 @@ def named_poses(robot: Arm) -> dict[str, Array]:
     return poses | _of_keyframes(robot)
 
 
-def pose_named(robot: Arm, name: str) -> Array:
-    """The pose of a name; see `named_poses`.
-
-    Raises:
-        SpecError: the robot has none of that name.
-    """
-    poses = named_poses(robot)
-    text(name, "name of a pose", error=SpecError)
-    if name not in poses:
-        raise SpecError(f"{robot.name} has no pose {shown(name)} (known: {_known(poses)}){did_you_mean(name, poses)}")
-    return poses[name]
+def names_of(poses: Iterable[str]) -> str:
+    """The names of poses, in messages."""
+    return ", ".join(poses) or "none: no SRDF is by its URDF, no keyframe in its MJCF"
 
 
 def pose_given(robot: Arm, given: Any, what: str) -> Array:
@@ -92,7 +84,7 @@ def pose_given(robot: Arm, given: Any, what: str) -> Array:
         return per_joint(given, robot.joint_names, what, unit="rad or m", error=ProblemError, scalar=False)
     poses = named_poses(robot)
     if given not in poses:
-        expected = f"a number per joint [rad or m], or a pose of {robot.name} ({_known(poses)})"
+        expected = f"a number per joint [rad or m], or a pose of {robot.name} ({names_of(poses)})"
         raise ProblemError(f"{what} is {shown(given)}; expected {expected}{did_you_mean(given, poses)}")
     return poses[given].copy()
 
@@ -142,11 +134,6 @@ def _is_position(text: str) -> bool:
     except ProblemError:
         return False
     return True
-
-
-def _known(poses: Iterable[str]) -> str:
-    """The names of poses, in messages."""
-    return ", ".join(poses) or "none: no SRDF is by its URDF, no keyframe in its MJCF"
 
 
 def _files(robot: Arm) -> list[Path]:

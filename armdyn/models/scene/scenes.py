@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-import numpy as np
 import pinocchio as pin
 
 from armdyn.arguments import expect, number, shown
@@ -16,6 +15,7 @@ from armdyn.arguments import path as path_of
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, did_you_mean
 from armdyn.models.reading.meshes import geometries, mesh_folders, origin
+from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_check import dynamics_urdf, parse_urdf
 from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.robots.robot import Robot
@@ -141,12 +141,8 @@ def _link_placements(root: Element, source: str, lock: Mapping[str, float]) -> d
         raise ProblemError(
             f"{source}: joint {free[0]!r} moves, and a cell stands still: make it fixed, or lock it in load_scene"
         )
-    q = pin.neutral(model)
-    for name, position in lock.items():
-        joint, at = model.joints[model.getJointId(name)], number(position, f"lock of joint {name!r}")
-        q[joint.idx_q : joint.idx_q + joint.nq] = at if joint.nq == 1 else (np.cos(at), np.sin(at))
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
+    q, data = [number(lock[name], f"lock of joint {name!r}") for name in moving], model.createData()
+    pin.framesForwardKinematics(model, data, configuration(model, q))
     bodies = [k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
     return {model.frames[k].name: data.oMf[k].homogeneous for k in bodies}
 
