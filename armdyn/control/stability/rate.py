@@ -12,9 +12,12 @@ from armdyn.arguments import interval, whole
 from armdyn.control.loop.law import Controller
 from armdyn.control.loop.loop import LEAST_RATE, MOST_RATE, Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest, continuous_matrix
-from armdyn.control.stability.sampled import sampled_loop
+from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot
+
+Rests = Callable[[Loop], list[Rest]]
+"""Loops at rest at a goal, of a controller in a loop with an arm as it sticks and as it slides."""
 
 RATES = (10.0, 2e5)
 """Scanned rates [Hz]."""
@@ -65,27 +68,25 @@ def sampled_stability(
     Raises:
         ProblemError: something does not fit the robot, or the controller the loop.
     """
+    rests = _rests(robot, q_goal, controller, plant)
     try:
-        return _stability(robot, q_goal, controller, expect_loop(loop), plant)
+        return _stability(rests, expect_loop(loop))
     except BeyondNumbersError as error:
         return SampledStability(float("inf"), False, None, None, f"unstable: {error}")
 
 
-def _stability(
-    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None
-) -> SampledStability:
+def _stability(rests: Rests, loop: Loop) -> SampledStability:
     if loop.hold == "continuous":
-        growth = _continuous_growth(robot, q_goal, controller, loop, plant)
+        growth = _continuous_growth(rests, loop)
         with np.errstate(over="ignore"):
             radius = float(np.exp(growth * loop.period))
         stable = growth < 0
         verdict = "stable" if stable else "unstable"
         return SampledStability(radius, stable, growth, None, f"{verdict} as a continuous loop ({_growth(growth)})")
-    radius = _radius(robot, q_goal, controller, loop, plant)
+    radius = _radius(rests, loop)
     how = f"spectral radius {radius:.4g} at {loop.rate:g} Hz with {_ticks(loop.delay)} of delay"
     try:
-        without = replace(Loop.ideal(), rate=loop.rate)
-        continuous: float | None = _continuous_growth(robot, q_goal, controller, without, plant)
+        continuous: float | None = _continuous_growth(rests, replace(Loop.ideal(), rate=loop.rate))
     except ProblemError:  # a law that was made for samples alone
         continuous = None
     if radius < 1:
@@ -95,7 +96,7 @@ def _stability(
     if continuous >= 0:
         message = f"unstable even as a continuous loop ({_growth(continuous)}); {how}"
         return SampledStability(radius, False, continuous, None, message)
-    rate = slowest_stable_rate(robot, q_goal, controller, loop.delay, plant, loop=loop)
+    rate = _slowest(rests, loop, *RATES)
     found = f"stable from {rate:.0f} Hz on" if rate else f"not stable up to {RATES[1]:g} Hz with this delay and filter"
     message = f"unstable for its sampling: stable as a continuous loop ({_growth(continuous)}), {how}; {found}"
     return SampledStability(radius, False, continuous, rate, message)
@@ -137,14 +138,19 @@ def slowest_stable_rate(
     low, high = interval(rates, "rates", unit="Hz", sign="positive")
     if low < LEAST_RATE or high > MOST_RATE:
         raise ProblemError(f"rates are {low:g} to {high:g} Hz; expected some of {LEAST_RATE:g} to {MOST_RATE:g} Hz")
+    return _slowest(_rests(robot, q_goal, controller, plant), base, low, high)
+
+
+def _slowest(rests: Rests, loop: Loop, low: float, high: float) -> float | None:
+    """See `slowest_stable_rate`; rates in the range [Hz]."""
 
     def stable(rate: float) -> bool:
         try:
-            return _radius(robot, q_goal, controller, replace(base, rate=rate), plant) < 1
+            return _radius(rests, replace(loop, rate=rate)) < 1
         except ProblemError:  # no law at this rate, where there is one at the loop's own
             return False
 
-    sampled_loop(robot, q_goal, controller, base, plant)  # refuses arguments that fit at no rate
+    _radius(rests, loop)  # refuses arguments that fit at no rate
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     above = high
     if not stable(high):
@@ -164,23 +170,19 @@ def _boundary(stable: Callable[[float], bool], low: float, high: float) -> float
     return high
 
 
-def _radius(robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None) -> float:
-    arms = _sticking_and_sliding(robot if plant is None else plant)
-    return max(sampled_loop(robot, q_goal, controller, loop, arm).radius for arm in arms)
+def _rests(robot: Robot, q_goal: ArrayLike, controller: Controller, plant: Robot | None) -> Rests:
+    """A controller's loops at rest: with the arm and, if it has Coulomb friction, with the arm without."""
+    arm = expect_robot(robot) if plant is None else expect_robot(plant, "plant")
+    arms = [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
+    return lambda loop: [Rest.of(robot, q_goal, controller, loop, one) for one in arms]
 
 
-def _continuous_growth(
-    robot: Robot, q_goal: ArrayLike, controller: Controller, loop: Loop, plant: Robot | None
-) -> float:
-    arms = _sticking_and_sliding(robot if plant is None else plant)
-    matrices = [continuous_matrix(Rest.of(robot, q_goal, controller, loop, arm)) for arm in arms]
-    return max(float(np.linalg.eigvals(matrix).real.max()) for matrix in matrices)
+def _radius(rests: Rests, loop: Loop) -> float:
+    return max(SampledLoop.of(rest, loop).radius for rest in rests(loop))
 
 
-def _sticking_and_sliding(plant: Robot) -> list[Robot]:
-    """The arm and, if it has Coulomb friction, the arm without."""
-    arm = expect_robot(plant, "plant")
-    return [arm, arm.with_friction(friction=0.0)] if np.any(arm.friction.coulomb) else [arm]
+def _continuous_growth(rests: Rests, loop: Loop) -> float:
+    return max(float(np.linalg.eigvals(continuous_matrix(rest)).real.max()) for rest in rests(loop))
 
 
 def _growth(growth: float) -> str:
