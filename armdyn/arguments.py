@@ -352,9 +352,8 @@ class Checked:
 
     def __post_init__(self) -> None:
         for one in fields(self):  # type: ignore[arg-type]  # a dataclass
-            value = getattr(self, one.name)
-            if "check" in one.metadata and not (value is None and one.default is None):
-                check = one.metadata["check"]
+            check = one.metadata.get("check")
+            if check and not ((value := getattr(self, one.name)) is None and one.default is None):
                 kept = check(value, **{"name": f"{one.name}{self._of_whom()}", **check.keywords})
                 if hasattr(kept, "setflags"):
                     kept.setflags(write=False)

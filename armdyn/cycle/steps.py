@@ -43,6 +43,10 @@ class Straight(Checked):
     angle: float = checked(number, 0.0087, name="angle of a straight segment", unit="rad", sign="positive")
 
 
+def _straight(value: Straight | float, name: str) -> Straight:
+    return value if isinstance(value, Straight) else Straight(number(value, name, unit="m", sign="positive"))
+
+
 @brief
 @dataclass(frozen=True, eq=False)
 class Move(Checked):
@@ -63,22 +67,16 @@ class Move(Checked):
 
     to: ArrayLike | str | GoalPose
     _: KW_ONLY
-    via: Sequence[ArrayLike | str | GoalPose] = ()
-    retreat: Straight | float | None = None
-    approach: Straight | float | None = None
-    obstacles: Sequence[Obstacle] = ()
+    via: Sequence[ArrayLike | str | GoalPose] = checked(several, ())
+    retreat: Straight | float | None = checked(_straight, None)
+    approach: Straight | float | None = checked(_straight, None)
+    obstacles: Sequence[Obstacle] = checked(several, ())
     speed: float | None = checked(number, None, unit="m/s", sign="positive")
     path_constraints: Sequence[PathConstraintSpec] = ()
     name: str = checked(text, "", name=_NAME)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("retreat", "approach"):
-            given = getattr(self, name)
-            if given is not None and not isinstance(given, Straight):
-                object.__setattr__(self, name, Straight(number(given, name, unit="m", sign="positive")))
-        for name in ("via", "obstacles"):
-            object.__setattr__(self, name, several(getattr(self, name), name))
         object.__setattr__(self, "path_constraints", check_path_constraints(self.path_constraints))
 
 

@@ -102,9 +102,27 @@ class BodyShape(Protocol):
         """Convex solids that it consists of: placement, shape (4, 4) [m], and coal's geometry."""
 
 
+def _moments(inertia: ArrayLike, name: str) -> tuple[float, ...]:
+    """Check a payload's inertia [kg m²]: three moments, or three moments and three products."""
+    expected = "three moments, three moments and three products, or a symmetric 3 × 3 matrix [kg m²]"
+    array = numbers(inertia, f"payload {name}", expected, error=SpecError)
+    if array.shape == (3, 3) and np.array_equal(array, array.T):
+        array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
+    if array.shape not in ((3,), (6,)) or not np.all(np.isfinite(array)):
+        raise SpecError(f"payload {name} is {shown(inertia)} kg m²; it must be finite: {expected}")
+    return tuple(array.tolist())
+
+
+def _body_shapes(shapes: object, name: str) -> tuple[BodyShape, ...]:
+    members = several(shapes, f"payload {name}", error=SpecError)
+    if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, BodyShape)]:
+        raise SpecError(f"payload {name} have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))")
+    return members  # type: ignore[return-value]  # just checked
+
+
 @brief
 @dataclass(frozen=True, kw_only=True, init=False)
-class Payload:
+class Payload(Checked):
     """A rigid body fixed to a link; a point mass unless an inertia is given.
 
     Attributes:
@@ -117,12 +135,12 @@ class Payload:
         name: in messages and `allowed_contacts`.
     """
 
-    mass: float
-    com: tuple[float, ...]
-    inertia: tuple[float, ...]
-    frame: str | None
-    shapes: tuple[BodyShape, ...]
-    name: str
+    mass: float = checked(number, name="payload mass", unit="kg", sign="not negative", error=SpecError)
+    com: tuple[float, ...] = checked(point, name="payload com [m]", error=SpecError)
+    inertia: tuple[float, ...] = checked(_moments)
+    frame: str | None = checked(text, None, name="payload frame", error=SpecError)
+    shapes: tuple[BodyShape, ...] = checked(_body_shapes)
+    name: str = checked(text, name="payload name", error=SpecError)
 
     def __init__(
         self,
@@ -147,21 +165,8 @@ class Payload:
         Raises:
             SpecError: not finite, of another shape, or no body has such an inertia.
         """
-        members = several(shapes, "payload shapes", error=SpecError)
-        if wrong := [one for one in members if isinstance(one, type) or not isinstance(one, BodyShape)]:
-            raise SpecError(
-                f"payload shapes have {shown(wrong[0])}; they are such as Box((0.1, 0.1, 0.2), (0, 0, 0.1))"
-            )
-        mass = number(mass, "payload mass", unit="kg", sign="not negative", error=SpecError)
-        centre = point(com, "payload com [m]", SpecError)
-        if frame is not None:
-            text(frame, "payload frame", error=SpecError)
-        object.__setattr__(self, "mass", mass)
-        object.__setattr__(self, "com", centre)
-        object.__setattr__(self, "inertia", _moments(inertia))
-        object.__setattr__(self, "frame", frame)
-        object.__setattr__(self, "shapes", members)
-        object.__setattr__(self, "name", text(name, "payload name", error=SpecError))
+        vars(self).update(mass=mass, com=com, inertia=inertia, frame=frame, shapes=shapes, name=name)
+        self.__post_init__()
         a, b, c = np.linalg.eigvalsh(self.tensor)
         slack = 1e-9 * max(abs(a), abs(c))
         if a < -slack or a + b < c - slack:
@@ -225,14 +230,3 @@ class Tool(Payload):
         except ProblemError as error:
             raise SpecError(str(error)) from None
         object.__setattr__(self, "tip", pose)
-
-
-def _moments(inertia: ArrayLike) -> tuple[float, ...]:
-    """Check a payload's inertia [kg m²]: three moments, or three moments and three products."""
-    expected = "three moments, three moments and three products, or a symmetric 3 × 3 matrix [kg m²]"
-    array = numbers(inertia, "payload inertia", expected, error=SpecError)
-    if array.shape == (3, 3) and np.array_equal(array, array.T):
-        array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
-    if array.shape not in ((3,), (6,)) or not np.all(np.isfinite(array)):
-        raise SpecError(f"payload inertia is {shown(inertia)} kg m²; it must be finite: {expected}")
-    return tuple(array.tolist())

@@ -127,7 +127,7 @@ class TuneTask(ClosedLoopTask):
         others = {"duration": self.duration, "tolerance": self.tolerance, "workers": 1}
         return options_of(TuneOptions, self.options, "options", **others)
 
-    def reference_of(self, own: Mapping[str, Value]) -> Trajectory | Ramps | CaseResult:
+    def reference_of(self, own: Mapping[str, Value]) -> Any:
         """Ramps, or the fastest motion of a case."""
         if self.reference == "ramp":
             return Ramps(*self.problems.ends(own), self.ramp_range)
