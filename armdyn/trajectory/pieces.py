@@ -20,9 +20,23 @@ _LARGEST = 1e12
 """Of a load's numbers, in SI units: as of a motion's in its file, `npz.MAX_NUMBER`."""
 
 
+def _row(value: object, name: str) -> tuple[float, ...]:
+    """Centre of mass or inertia of a load, three or six numbers."""
+    array = numbers(value, f"load {name}", error=TrajectoryError)
+    if name == "inertia" and array.shape == (3, 3) and np.array_equal(array, array.T):
+        array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
+    if name == "inertia" and array.shape == (3,):
+        array = np.append(array, np.zeros(3))
+    if array.shape != ((3,) if name == "com" else (6,)) or not np.all(np.abs(array) <= _LARGEST):
+        right = "three finite numbers [m]"
+        right = right if name == "com" else "Ixx, Iyy, Izz and perhaps Ixy, Ixz, Iyz, finite numbers [kg m²]"
+        raise TrajectoryError(f"load {name} is {shown(array.tolist())}; it must be {right}")
+    return tuple(array.tolist())
+
+
 @brief
 @dataclass(frozen=True)
-class Load:
+class Load(Checked):
     """Rigid body that an arm carries, in plain numbers.
 
     Attributes:
@@ -37,30 +51,16 @@ class Load:
         TrajectoryError: a number is not finite, the mass is negative, or a field has another shape.
     """
 
-    mass: float
-    com: tuple[float, ...] = (0.0, 0.0, 0.0)
-    inertia: tuple[float, ...] = (0.0,) * 6
-    frame: str = ""
+    mass: float = checked(
+        number, name="load mass", unit="kg", sign="not negative", most=_LARGEST, error=TrajectoryError
+    )
+    com: tuple[float, ...] = checked(_row, (0.0, 0.0, 0.0))
+    inertia: tuple[float, ...] = checked(_row, (0.0,) * 6)
+    frame: str = checked(text, "", name="load frame", error=TrajectoryError)
     at_flange: Load | None = None
 
     def __post_init__(self) -> None:
-        own = object.__setattr__
-        own(self, "mass", number(self.mass, "load mass", unit="kg", sign="not negative", error=TrajectoryError))
-        for name, unit in (("com", "m"), ("inertia", "kg m²")):
-            array = numbers(getattr(self, name), f"load {name}", error=TrajectoryError)
-            if name == "inertia" and array.shape == (3, 3) and np.array_equal(array, array.T):
-                array = np.concatenate([np.diag(array), array[np.triu_indices(3, 1)]])
-            if name == "inertia" and array.shape == (3,):
-                array = np.append(array, np.zeros(3))
-            if array.shape != ((3,) if name == "com" else (6,)) or not np.all(np.abs(array) <= _LARGEST):
-                expected = "three" if name == "com" else "Ixx, Iyy, Izz and perhaps Ixy, Ixz, Iyz,"
-                raise TrajectoryError(
-                    f"load {name} is {shown(array.tolist())}; it must be {expected} finite numbers [{unit}]"
-                )
-            own(self, name, tuple(array.tolist()))
-        if self.mass > _LARGEST:
-            raise TrajectoryError(f"load mass is {self.mass:g} kg; it must be at most {_LARGEST:g}")
-        text(self.frame, "load frame", error=TrajectoryError)
+        super().__post_init__()
         if self.at_flange is not None:
             expect(self.at_flange, Load, "load at_flange", error=TrajectoryError)
 
