@@ -3,7 +3,7 @@
 import numpy as np
 
 from armdyn.identification import Log
-from armdyn.identification.model import rigid_torques
+from armdyn.identification.equations import rigid_torques
 
 
 def fourier_states(robot, seed, duration=10.0, rate=1000.0, harmonics=5):

@@ -5,8 +5,8 @@ from scipy.optimize import linear_sum_assignment
 
 from armdyn.arrays import Array
 from armdyn.errors import LogError
+from armdyn.identification.equations import rigid_torques
 from armdyn.identification.log import Log, Signals
-from armdyn.identification.model import rigid_torques
 from armdyn.models.robots.robot import Robot
 
 MOVED = 0.02

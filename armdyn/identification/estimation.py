@@ -13,11 +13,10 @@ from armdyn.dynamics.numeric import inverse_dynamics
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification.assembly import assembled
 from armdyn.identification.checks import MOVED, check_log
-from armdyn.identification.equations import WHAT, Equations, What
+from armdyn.identification.equations import WHAT, Equations, What, means_of
 from armdyn.identification.estimate import Estimate, Judged
 from armdyn.identification.fitting import Fit, FitOptions, fit
 from armdyn.identification.log import Log, Signals
-from armdyn.identification.model import means_of
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.reprs import brief
 

@@ -9,7 +9,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import LogError, ProblemError
 from armdyn.identification import FitOptions, IdentifyOptions, identify
-from armdyn.identification.model import mean_regressor, rigid_torques
+from armdyn.identification.equations import mean_regressor, rigid_torques
 from oracles import random_states, robot_named
 from simulated_logs import fourier_states, simulated_log
 
