@@ -6,8 +6,8 @@ from armdyn.models.reading.repair import repair_urdf as repair_urdf
 from armdyn.models.robots.loads import load_of as load_of
 from armdyn.models.robots.loads import reversed_motion as reversed_motion
 from armdyn.models.robots.loads import robots_of as robots_of
-from armdyn.models.robots.options import RobotOptions as RobotOptions
 from armdyn.models.robots.robot import Robot as Robot
+from armdyn.models.robots.source import RobotOptions as RobotOptions
 from armdyn.models.scene.mujoco_model import mujoco_model as mujoco_model
 from armdyn.models.scene.obstacles import Box as Box
 from armdyn.models.scene.obstacles import Capsule as Capsule

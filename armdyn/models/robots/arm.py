@@ -16,9 +16,8 @@ from armdyn.arrays import Array, Flags
 from armdyn.errors import SpecError, did_you_mean
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.reading.urdf_xml import LARGEST
-from armdyn.models.robots.options import RobotOptions
 from armdyn.models.robots.poses import named_poses, names_of
-from armdyn.models.robots.source import RobotSource
+from armdyn.models.robots.source import RobotOptions, RobotSource
 from armdyn.models.values.actuator_limits import ConstantTorque, TorqueSpeed
 from armdyn.models.values.friction import FrictionValue, JointFriction
 from armdyn.models.values.joint_limits import JointLimits

@@ -21,8 +21,7 @@ from armdyn.models.reading.urdf_arm import check_inertia, read_arm
 from armdyn.models.reading.urdf_xml import check_text, file_path, read_urdf
 from armdyn.models.robots.arm import READERS, Arm
 from armdyn.models.robots.library import BENCHMARKS, library_arm
-from armdyn.models.robots.options import RobotKeywords, RobotOptions, robot_options
-from armdyn.models.robots.source import RobotSource
+from armdyn.models.robots.source import RobotKeywords, RobotOptions, RobotSource, robot_options
 from armdyn.models.values.friction import FRICTION_WIDTH
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.models.values.spec import ArmSpec, Payload

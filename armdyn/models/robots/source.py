@@ -1,21 +1,25 @@
-"""Source of a robot: a file, a text, a library's name, numbers, or Pinocchio's model."""
+"""Source of a robot, such as a file or a library's name, and options of the readers: payload, locks, limits."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypedDict
 
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from armdyn.arguments import shown
+from armdyn.arguments import Checked, checked, each, expect, path, several, shown
 from armdyn.errors import FileError, SpecError, UnknownRobotError
 from armdyn.files import place_inside
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.library import described, is_description, library_names
+from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec
+from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, Payload, Tool
+from armdyn.reprs import brief
 
 Format = Literal["spec", "library", "urdf", "mjcf", "model"]
 
@@ -95,3 +99,107 @@ class RobotSource:
         # A name too long is no file.
         is_file = name not in PLANAR_ARMS and (Path(name).suffix or os.path.isfile(file))  # noqa: PTH113
         return cls.named(str(file) if is_file else name)
+
+
+class RobotKeywords(TypedDict, total=False):
+    """The keywords of every reader of robots besides the payload: the fields of `RobotOptions`, or it as a whole."""
+
+    options: RobotOptions | None
+    tool: Tool | None
+    lock: Mapping[str, float] | None
+    arm: tuple[str, str] | None
+    effort_limit: ArrayLike | None
+    velocity_limit: ArrayLike | None
+    torque_speed: Mapping[str, ArrayLike] | None
+    armature: ArrayLike | None
+    rotor_inertia: ArrayLike | None
+    gear_ratio: ArrayLike | None
+    damping: FrictionValue | None
+    friction: FrictionValue | None
+    friction_width: ArrayLike | None
+    passive: Sequence[str]
+    inertias: Mapping[str, ArrayLike] | None
+    package_dirs: Sequence[str | os.PathLike[str]]
+
+
+@brief
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RobotOptions(Checked):
+    """Options of the readers of robots. Every reader takes these fields as keywords, or the whole value as `options`.
+
+    Attributes:
+        payload: fixed to `payload.frame`, by default the tip: of the tool, or of the arm, the end of the longest
+            chain. Joints behind it that are locked side by side, as a gripper's fingers, are no part of that chain.
+        tool: fixed to `tool.frame`, by default the arm's own tip; the tip is then the tool's.
+        lock: joints to fix, name to position [rad or m]; in a model a joint of several coordinates at 0, its neutral.
+        arm: (first, last), each a joint or a link (in an MJCF a body or a site, in a model a frame): the joints on the
+            way from one to the other move, all others of the robot are locked, at zero or at the bound nearest to it
+            unless `lock` says where. A last link is the tip. None: all joints move but those of `lock`, and a `<mimic>`
+            joint whose leader is locked, which follows it; of a library's robot those of `LIBRARY_ARMS`.
+        effort_limit: torque limits: one number, or one per joint [N m or N]; None: the file's.
+        velocity_limit: one number, or one per joint [rad/s or m/s]; None: the file's.
+        torque_speed: torque-speed curves of motors, joint name to [speed [rad/s or m/s], torque [N m or N]] of two or
+            more points; see `Robot.with_torque_speed`.
+        armature: reflected rotor inertia: one number, or one per joint [kg m² or kg]; None: the file's.
+        rotor_inertia: with gear_ratio instead of armature, about the rotors' own axes, see `Robot.with_armature`
+            [kg m²].
+        gear_ratio: turns of the rotor for one of the joint [-], or angle of the rotor over way of the joint [rad/m].
+        damping: viscous friction of the joints: one number, or one per joint [N m s/rad or N s/m]; "urdf": the file's,
+            `<dynamics damping=…>`; 0: none. None: the file's, but none for a library's robot, whose numbers are there
+            to calm simulators: z1 and talos_arm have 1 for every joint, panda 0.003 with `mu_viscous="16"`.
+        friction: Coulomb friction [N m or N], likewise; in a URDF `<dynamics friction=…>`.
+        friction_width: speed over which Coulomb friction changes its sign, see `JointFriction` [rad/s or m/s].
+        passive: names of joints without a motor; their torque limits are zero.
+        inertias: inertia of all bodies on a joint instead of the file's, tool included, payload not: joint name to
+            m, m c (3), Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joint's origin along its axes [kg, kg m, kg m²], which
+            are Pinocchio's dynamic parameters; see `armdyn.identify`.
+        package_dirs: folders of `package://` meshes, besides the file's own folder and ROS package. Dynamics need no
+            mesh.
+
+    Raises:
+        SpecError: tool is no tool, lock no mapping, arm no pair of names, or package_dirs no list of paths.
+    """
+
+    payload: Payload | None = None
+    tool: Tool | None = checked(expect, None, kind=Tool, hint="Tool(mass=…, tip=…)", error=SpecError)
+    lock: Mapping[str, float] | None = None
+    arm: tuple[str, str] | None = None
+    effort_limit: ArrayLike | None = None
+    velocity_limit: ArrayLike | None = None
+    torque_speed: Mapping[str, ArrayLike] | None = None
+    armature: ArrayLike | None = None
+    rotor_inertia: ArrayLike | None = None
+    gear_ratio: ArrayLike | None = None
+    damping: FrictionValue | None = None
+    friction: FrictionValue | None = None
+    friction_width: ArrayLike | None = None
+    passive: Sequence[str] = ()
+    inertias: Mapping[str, ArrayLike] | None = None
+    package_dirs: Sequence[str | os.PathLike[str]] = checked(each, (), of=path, error=SpecError)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, number in (("lock", "position [rad or m]"), ("inertias", "ten inertial parameters")):
+            if (given := getattr(self, name)) is not None:
+                expect(given, Mapping, name, f"joint name to {number}", error=SpecError)  # type: ignore[type-abstract]
+        if self.arm is not None:
+            ends = several(self.arm, "arm", error=SpecError)
+            if len(ends) != 2 or not all(isinstance(end, str) for end in ends):
+                raise SpecError(
+                    f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
+                )
+            object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
+
+
+def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:
+    """The options that a reader was called with: `options`, changed by the payload and keywords that were given.
+
+    Raises:
+        SpecError: see `RobotOptions`.
+    """
+    changes: dict[str, Any] = {name: value for name, value in keywords.items() if name != "options"}
+    if payload is not None:
+        changes["payload"] = payload
+    own = keywords.get("options")
+    own = RobotOptions() if own is None else own
+    return replace(expect(own, RobotOptions, "options", "RobotOptions(payload=…)", error=SpecError), **changes)
