@@ -13,8 +13,7 @@ from pathlib import Path
 import pytest
 
 from armdyn.errors import FileError, ResultError
-from armdyn.studies.executors.executor import Ended
-from armdyn.studies.executors.local import local_executor
+from armdyn.studies.executors.executor import Ended, local_executor
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import read_rows, row_store
 from armdyn.studies.run import TimeLeft, run_study
@@ -82,8 +81,7 @@ sys.path.insert(0, {here!r})
 from contextlib import nullcontext
 from functools import partial
 from toys import squares
-from armdyn.studies.executors.executor import Ended
-from armdyn.studies.executors.local import local_executor
+from armdyn.studies.executors.executor import Ended, local_executor
 from armdyn.studies.run import run_study
 run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2))
 """

@@ -18,7 +18,7 @@ from armdyn.optimal.answer.summary import reserve_summary
 from armdyn.optimal.problem.stop import stopping
 from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
 from armdyn.studies.continuation import chain
-from armdyn.studies.executors.local import in_process
+from armdyn.studies.executors.executor import in_process
 from armdyn.studies.rows import StudyRow, row_store
 from armdyn.studies.run import CaseRun
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, motion_from

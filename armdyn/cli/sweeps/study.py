@@ -43,7 +43,7 @@ class StudyOptions:
         Raises:
             ProblemError: the scheduler's address is malformed, or workers are given, too.
         """
-        from armdyn.studies.executors.local import local_executor
+        from armdyn.studies.executors.executor import local_executor
 
         if self.scheduler is None:
             return partial(local_executor, workers=self.workers)
