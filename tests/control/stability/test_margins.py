@@ -10,7 +10,7 @@ from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Loop
-from armdyn.control.stability.margins import broken, frequencies, late_radius, loop_margins, multiloop_disk
+from armdyn.control.stability.margins import _margins, broken, frequencies, late_radius, loop_margins, multiloop_disk
 from armdyn.control.stability.region import GainRegion
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.errors import ProblemError
@@ -149,7 +149,7 @@ def test_delay_of_a_part_of_a_tick():
     """A torque that is large at every second tick bears less than a tick; the lag at its crossover says 1.2 ticks."""
     robot = Robot.from_library("panda")
     loop = sampled_loop(robot, robot.pose("ready"), Lqr(), Loop(rate=471.0, velocity="exact"))
-    one = loop_margins(loop)[6]
+    one = _margins(loop, 6)
     part = one.delay / loop.period
     assert 0.1 < part < 1
     assert late_radius(loop, 6, 0.999 * part) < 1 < late_radius(loop, 6, 1.001 * part) < late_radius(loop, 6, 1.0)

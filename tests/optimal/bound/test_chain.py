@@ -125,14 +125,14 @@ def test_a_motion_between_two_sets():
     robot = ad.Robot.from_library("ur5")
     goals = [ad.GoalPose(robot.tip, placement(robot, q)) for q in UR5[1:]]
     problem = ad.MinimumTimeProblem(robot, q_start=UR5[1], q_goal=UR5[2])
-    found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_programs=40)), ad.lower_bound(problem)
+    found, member = chain_bound([problem], goals, policy=BoundPolicy(chain_programs=10)), ad.lower_bound(problem)
     assert min(found.boxes) >= 8
     # One bound by momentum counts for all whole turns of both ends alike: there are 64 of them.
     assert 1.1 * found.kinematic < found.duration <= member.duration
     starts, ends = (poses_reaching(robot, goal, UR5[0], robot.limits, seed=3) for goal in goals)
     assert found.kinematic <= min(problem.variant(q_start=a, q_goal=b).duration_bound() for a in starts for b in ends)
     wide = ad.GoalPose(robot.tip, placement(robot, UR5[0]), tolerance=[0.02] * 3 + [0.1] * 3)
-    passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_programs=40))
+    passing = chain_bound([problem.variant(via=[wide])], goals, policy=BoundPolicy(chain_programs=10))
     through = ad.lower_bound(problem.variant(via=[UR5[0]]))  # a member of the region
     assert found.duration <= passing.duration <= through.duration
 
@@ -166,7 +166,7 @@ def test_via_regions_add_the_ramps_of_a_retreat():
     tolerance = (5e-4, 5e-4, 5e-4, 5e-3, 5e-3, 5e-3)
     problem = ad.MinimumTimeProblem(robot, q_start=q, q_goal=over)
     passing = problem.variant(via=[ad.GoalPose(robot.tip, above, tolerance=tolerance)])
-    plain, found = (chain_bound([one], [q, over], policy=BoundPolicy(chain_programs=300)) for one in (problem, passing))
+    plain, found = (chain_bound([one], [q, over], policy=BoundPolicy(chain_programs=30)) for one in (problem, passing))
     assert plain.duration == pytest.approx(ad.lower_bound(problem).duration, rel=1e-12)
     assert found.duration > plain.duration
     # A joint position that brings the frame into the region is one of those that the bound holds for.
