@@ -116,7 +116,8 @@ def test_options_override_the_file_s(tmp_path):
 def test_an_interrupt_of_the_command_alone_reaches_its_workers(tmp_path):
     # With 1 kg no search of RRR with this many guesses ends early: it takes minutes.
     text = BOLT.replace('"rr"', '"rrr"').replace("mass = 0.1", "mass = 1").replace('search = "quick"', "starts = 5000")
-    for two, three in {"0.1, 0.2": "-1.4, 0.1, 0.1", "0.4, 0.6": "-1.7, 0.1, 0.1", "1.0, -0.4": "-1.3, -0.4, 0.1"}.items():
+    poses = {"0.1, 0.2": "-1.4, 0.1, 0.1", "0.4, 0.6": "-1.7, 0.1, 0.1", "1.0, -0.4": "-1.3, -0.4, 0.1"}
+    for two, three in poses.items():
         text = text.replace(two, three)
     (tmp_path / "bolt.toml").write_text(text)
     arguments = ["cycle", "bolt.toml", "--json", "--no-report", "--no-figure", "--out", "out"]

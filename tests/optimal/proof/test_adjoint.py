@@ -70,12 +70,17 @@ def test_where_effort_is_paid_for_too(arm):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "limits",
-    [{}, {"position_limit": (-np.inf, np.inf)}, {"effort_weight": 1.0, "effort_limit": 30.0}],
+    ("limits", "options"),
+    [
+        ({}, {}),
+        ({"position_limit": (-np.inf, np.inf)}, {}),
+        # Of one solve, which takes less time than to build its machine code.
+        ({"effort_weight": 1.0, "effort_limit": 30.0}, {"search": "quick", "workers": 1, "compile": False}),
+    ],
     ids=["end stops held", "none", "an end stop touched"],
 )
-def test_three_links_keep_them_with_pulls_of_end_stops(limits):
-    solution = solve(paper_problem("rrr", **limits))
+def test_three_links_keep_them_with_pulls_of_end_stops(limits, options):
+    solution = solve(paper_problem("rrr", **limits), **options)
     assert solution.certificate.extremal
     assert error(solution) < 0.5 * ADJOINT_TOLERANCE  # 2e-5 measured at the most
 

@@ -106,13 +106,13 @@ def test_a_search_without_arms_or_without_a_law_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arm", "longest", "most"), [("rr", 0.5, 0.45), ("rrr", 0.6, 0.65)])
-def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longest, most):
+@pytest.mark.parametrize(("arm", "longest", "most", "generations"), [("rr", 0.5, 0.45, 3), ("rrr", 0.6, 0.65, 4)])
+def test_a_sampled_pid_controller_is_tuned_over_payloads_and_friction(arm, longest, most, generations):
     robot, ends = paper_arm(arm), POSES[arm]
     arms, others = ad.Plants(**FRICTION).corners(robot), ad.Plants(**FRICTION).arms(robot, 50)
     family = ad.ControllerFamily.pid(robot, ends[1])
     # Half a per cent less than is required of the held-out arms, on which it is not chosen.
-    options = ad.TuneOptions(generations=5, duration=1.2, overshoot=0.045)
+    options = ad.TuneOptions(generations=generations, duration=1.2, overshoot=0.045)
     found = ad.tune(robot, ad.Ramps(*ends, (0.2, longest)), family, arms, others, options=options)
     for each in (found.training, found.held_out):
         assert each.settled_time <= most
