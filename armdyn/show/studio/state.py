@@ -32,6 +32,14 @@ _UNBOUNDED = 2 * np.pi
 """A slider of a joint without position limits goes so far either way [rad or m]."""
 
 
+def _positions(value: object, name: str) -> tuple[float, ...]:
+    """Joint positions, all finite."""
+    found = numbers(value, name)
+    if not np.all(np.isfinite(found)):
+        raise ProblemError(f"{name} is {shown(found.tolist())}; it must be finite")
+    return tuple(found.tolist())
+
+
 @dataclass(frozen=True, kw_only=True)
 class StudioState(Checked):
     """State of the page.
@@ -47,25 +55,14 @@ class StudioState(Checked):
         obstacles: in the world; their names differ.
     """
 
-    start: tuple[float, ...]
-    goal: tuple[float, ...]
-    payload: float = 0.0
-    reserve: float = 0.0
-    calm: float = 1e-3
+    start: tuple[float, ...] = checked(_positions)
+    goal: tuple[float, ...] = checked(_positions)
+    payload: float = checked(number, 0.0, sign="not negative", most=MOST_PAYLOAD)
+    reserve: float = checked(number, 0.0, sign="not negative", most=MOST_RESERVE)
+    calm: float = checked(number, 1e-3, sign="not negative", most=MAX_CALM)
     preset: str = checked(text, "")
     self_collision: bool = checked(flag, False)
     obstacles: tuple[Obstacle, ...] = ()
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for end in ("start", "goal"):
-            positions = numbers(getattr(self, end), end)
-            if not np.all(np.isfinite(positions)):
-                raise ProblemError(f"{end} is {shown(positions.tolist())}; it must be finite")
-            object.__setattr__(self, end, tuple(positions.tolist()))
-        for name, most in (("payload", MOST_PAYLOAD), ("reserve", MOST_RESERVE), ("calm", MAX_CALM)):
-            if number(getattr(self, name), name, sign="not negative") > most:
-                raise ProblemError(f"{name} is {getattr(self, name):g}; the studio takes at most {most:g}")
 
     @classmethod
     def of(cls, problem: MinimumTimeProblem, calm: float) -> Self:
