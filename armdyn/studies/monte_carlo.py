@@ -14,8 +14,7 @@ from armdyn.arguments import listener, number
 from armdyn.arguments import parts as parts_of
 from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Controller, Loop
 from armdyn.control.tracking.run import Envelope, Run
 from armdyn.errors import ProblemError, ResultError
 from armdyn.files import as_json, attributes

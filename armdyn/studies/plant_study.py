@@ -11,8 +11,7 @@ import numpy as np
 
 from armdyn.arguments import Checked, checked, expect, number, shown, whole
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Controller, Loop
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ResultError

@@ -8,8 +8,7 @@ import numpy as np
 
 from armdyn.arguments import each, listener, number
 from armdyn.control import Loop, Lqr, Run
-from armdyn.control.loop.law import Controller, expect_controller
-from armdyn.control.loop.loop import expect_loop
+from armdyn.control.loop.loop import Controller, expect_controller, expect_loop
 from armdyn.control.tracking.run import STAYS
 from armdyn.control.tracking.track import LONGER, Setup
 from armdyn.errors import ProblemError

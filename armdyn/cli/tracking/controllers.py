@@ -12,7 +12,7 @@ from armdyn.cli.options.task import FastArmOptions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from armdyn.control.loop.law import Controller
+    from armdyn.control.loop.loop import Controller
 
 _OPTIONS = {"lqr": "weights", "computed-torque": "bandwidth"}
 """Options of controllers that have one of their own; see `option_of`."""

@@ -7,8 +7,7 @@ import numpy as np
 
 from armdyn.arguments import Checked, checked, number
 from armdyn.control.laws.readings import Readings, law_function, reference_of, table
-from armdyn.control.loop.law import Law, expect_motors
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Law, Loop, expect_motors
 from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
 from armdyn.models.robots.robot import Robot, expect_robot

@@ -10,8 +10,7 @@ from armdyn.arguments import Checked, checked, number
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.linear import Steps, best_gains, loop_steps, plant_steps
 from armdyn.control.laws.readings import Readings, extended, law_function, reference_of, table
-from armdyn.control.loop.law import Law, expect_motors
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Law, Loop, expect_motors
 from armdyn.control.loop.references import Ticks
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot, expect_robot

@@ -11,8 +11,7 @@ import numpy as np
 from armdyn.arguments import MOST_MEMBERS, Checked, checked, expect, flag, one_of, whole
 from armdyn.arrays import Array
 from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
-from armdyn.control.loop.law import Law, expect_motors
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Law, Loop, expect_motors
 from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError

@@ -9,7 +9,7 @@ from armdyn.arguments import Sign, one_of
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import FORMS, Pid, PidGains
-from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Controller
 from armdyn.errors import ProblemError
 
 

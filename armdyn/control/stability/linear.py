@@ -12,8 +12,7 @@ from armdyn.arguments import expect, one_of
 from armdyn.arrays import Array
 from armdyn.control.laws.linear import linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
-from armdyn.control.loop.law import Controller, Law, expect_controller, law_of
-from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.loop import Controller, Law, Loop, expect_controller, expect_loop, law_of
 from armdyn.control.loop.references import Ticks, set_point
 from armdyn.dynamics import inverse_dynamics
 from armdyn.errors import ProblemError

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from armdyn.arguments import interval, whole
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import LEAST_RATE, MOST_RATE, Loop, expect_loop
+from armdyn.control.loop.loop import LEAST_RATE, MOST_RATE, Controller, Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, Rest, continuous_matrix
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.control.laws.linear import zero_order_hold
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.loop import Controller, Loop, expect_loop
 from armdyn.control.stability.linear import BeyondNumbersError, LinearPlant, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array
-from armdyn.control.loop.law import Law
+from armdyn.control.loop.loop import Law
 from armdyn.dynamics.driven import Driven, Plant, Tables, drive
 
 

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import MOST_SAMPLES, flag, number, whole
 from armdyn.arrays import Array
 from armdyn.control.laws.pid import DEFAULT_GAINS, Form, Pid, PidGains
-from armdyn.control.loop.law import expect_motors
-from armdyn.control.loop.loop import MOST_RATE, Loop
+from armdyn.control.loop.loop import MOST_RATE, Loop, expect_motors
 from armdyn.control.loop.references import set_point
 from armdyn.control.stability.linear import closed_loop_eigenvalues
 from armdyn.control.tracking.arrival import Arrival, ArrivalRule

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import expect, number
 from armdyn.arrays import Array
 from armdyn.control.laws.lqr import Lqr
-from armdyn.control.loop.law import Controller, Law, expect_controller, expect_motors, law_of
-from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.loop import Controller, Law, Loop, expect_controller, expect_loop, expect_motors, law_of
 from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import sampled_stability
 from armdyn.control.tracking.loads import ChangingLoad, Loaded

@@ -7,8 +7,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 from armdyn.arguments import Checked, checked, expect, number, one_of
 from armdyn.control.laws.registry import CONTROLLERS
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Controller, Loop
 from armdyn.control.loop.references import ramp
 from armdyn.errors import ProblemError
 from armdyn.files import attributes

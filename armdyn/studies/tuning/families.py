@@ -14,7 +14,7 @@ from armdyn.arrays import Array
 from armdyn.control.laws.computed_torque import ComputedTorque
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import FORMS, Form, Pid, PidGains
-from armdyn.control.loop.law import Controller
+from armdyn.control.loop.loop import Controller
 from armdyn.control.loop.references import ramp
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError

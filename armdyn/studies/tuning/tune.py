@@ -10,8 +10,7 @@ import numpy as np
 
 from armdyn.arguments import Checked, checked, expect, listener, number, one_of, path, whole
 from armdyn.arrays import Array
-from armdyn.control.loop.law import Controller
-from armdyn.control.loop.loop import Loop, expect_loop
+from armdyn.control.loop.loop import Controller, Loop, expect_loop
 from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots

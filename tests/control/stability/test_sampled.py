@@ -10,8 +10,7 @@ import plain_loop
 from armdyn.control.laws.linear import zero_order_hold
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
-from armdyn.control.loop.law import Controller, Law
-from armdyn.control.loop.loop import Loop
+from armdyn.control.loop.loop import Controller, Law, Loop
 from armdyn.control.stability.linear import Rest, closed_loop_eigenvalues, continuous_matrix, ticks_at_rest
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.dynamics import forward_dynamics, inverse_dynamics
