@@ -11,6 +11,7 @@ import yaml
 import armdyn as ad
 from armdyn.cli.reports.saved import read_saved
 from armdyn.cli.reports.subject import SubjectSpec, subject_of
+from armdyn.show.report import write_run
 from cli.command import answer, run_here, run_json
 from problems import pick_and_place
 
@@ -106,6 +107,25 @@ def test_a_robot_with_all_that_changes_it_is_made_again(tmp_path):
         "joint1": [[0, 5], [1, 4], [2, 1]]
     }
     assert "Torque and speed" in (tmp_path / "report.html").read_text()
+
+
+@pytest.fixture
+def ramp_of_panda(tmp_path):
+    """A result of a Panda, whose fingers are locked."""
+    panda = ad.Robot.from_library("panda", payload=ad.Payload(mass=0.5, frame="panda_hand"))
+    motion = ad.ramp(panda, panda.pose("ready"), panda.pose("ready") + 0.1, 1.0)
+    write_run(tmp_path / "panda", panda, {"trajectory": motion}, {"success": True}, "", parts=())
+    return tmp_path / "panda"
+
+
+def test_a_replay_on_another_arm_than_the_result_s(ramp_of_panda, tmp_path):
+    (warning,) = run_json("replay", "tiago_arm", ramp_of_panda, "--out", tmp_path / "page")["warnings"]
+    assert "another arm" in warning
+
+
+def test_a_replay_has_the_payload_and_the_locks_of_the_result(ramp_of_panda, tmp_path):
+    output = run_json("replay", "panda", ramp_of_panda, "--degrees", "--out", tmp_path / "page")
+    assert not output["warnings"] and "payload 500 g" in (tmp_path / "page" / "replay.html").read_text()
 
 
 @pytest.mark.slow

@@ -129,7 +129,7 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     payload, tool = (model.part(part).given() for part in ("payload", "tool"))
     carried = spec.payload or (payload_from(payload) if payload else None)
     locked = [
-        f"{joint}={q!r}"
+        f"{joint}={q!r}rad"  # a unit, as --degrees may be on; of a joint that slides it is not looked at
         for joint, q in list(model.part("locked").values.items())[:_MOST_LOCKS]
         if as_number(q) is not None
     ]
@@ -137,7 +137,14 @@ def _built(name: str, facts: Facts, spec: SubjectSpec) -> Robot:
     if not (part.lock or part.part or name.lower().endswith(".toml")):  # a file says it itself
         part = replace(part, lock=locked or None, part=ends_of(ends) if ends else None)
     held = tool_from(tool) if tool else None
-    if spec.robot is not None or name in PLANAR_ARMS or _is_file(name):
+    if spec.robot is not None:
+        try:
+            arm = part.read(name, carried, held)
+        except ArmdynError:
+            if part is spec.part:
+                raise
+            arm = spec.part.read(name, spec.payload)  # without the joints and frames of the result's arm
+    elif name in PLANAR_ARMS or _is_file(name):
         arm = part.read(name, carried, held)
     else:
         arm = Robot.from_library(name, carried, tool=held, lock=part.locks(), arm=part.part)
