@@ -5,7 +5,7 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
-from armdyn.cli.console import Followed
+from armdyn.cli.execution import Followed
 
 THEN = "--then"
 """Option whose value is the rest of the line: another command, see `identify`."""

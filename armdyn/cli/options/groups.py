@@ -11,7 +11,8 @@ from typing import Annotated, Any, TypeAlias, dataclass_transform, get_origin, g
 import typer
 from typer.models import OptionInfo
 
-from armdyn.cli.console import Answer, carry_out
+from armdyn.cli.console import Answer
+from armdyn.cli.execution import carry_out
 from armdyn.cli.invocation import flag_of, is_given, running
 from armdyn.parsing.numbers import numbers, one_or_more
 
