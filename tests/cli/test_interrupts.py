@@ -34,7 +34,7 @@ sys.argv[1:] = ["doctor", "rr"]
 def press(*_, **__):
     os.kill(os.getpid(), signal.SIGINT)
     {then}
-models.Robot.from_spec = press
+models.Robot.from_source = press
 from armdyn.cli import main
 main()
 """
@@ -127,8 +127,8 @@ def test_a_line_names_the_step_being_finished():
         "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"
     )
     then += "\n    with working('the motion'), stopping(60):\n        press_again()\n        time.sleep(1.5)"
-    press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_spec"
-    code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_spec", press)
+    press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_source"
+    code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_source", press)
     done = python(code.format(then=then))
     line = "armdyn: interrupted; still finishing the motion (Ctrl-C again ends it at once)\n"
     assert done.stderr.startswith(line)
