@@ -44,7 +44,7 @@ class Parameter(Checked):
         ProblemError: not positive, or not in order.
     """
 
-    name: str = checked(text, name="name of a parameter")
+    name: str
     low: float = checked(number, sign="positive")
     high: float = checked(number, sign="positive")
 
@@ -54,7 +54,7 @@ class Parameter(Checked):
             raise ProblemError(f"low of {self.name} is {self.low:g}, high {self.high:g}; low must be the less")
 
     def _of_whom(self) -> str:
-        return f" of {self.name}"
+        return f" of {text(self.name, 'name of a parameter')}"
 
 
 @brief
