@@ -206,8 +206,8 @@ def test_an_interrupt_after_the_first_of_several_goals_ends_all():
 
 @pytest.mark.slow
 def test_an_arm_that_stays_where_it_is_does_not_land_on_a_goal_nearby():
-    robot, way, jerk = ad.Robot.from_spec(ad.ArmSpec.paper("rr")), 1e-9, 100.0
-    problem = ad.MinimumTimeProblem(robot, q_start=[0.3, 0.3], q_goal=[0.3 + way, 0.3 + way], jerk_limit=jerk)
+    robot, way, jerk = ad.Robot.from_spec(ad.ArmSpec.paper("r")), 1e-9, 100.0
+    problem = ad.MinimumTimeProblem(robot, q_start=[0.3], q_goal=[0.3 + way], jerk_limit=jerk)
     found = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(search="quick", starts=3, workers=1))
     assert not found.usable or found.duration >= 0.99 * (32 * way / jerk) ** (1 / 3)  # rest to rest, by its jerk alone
 

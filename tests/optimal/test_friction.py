@@ -52,7 +52,9 @@ def sharp(coulomb):
 
 
 def solved(robot):
-    return ad.solve_minimum_time(ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[DISTANCE]))
+    """Without machine code, which takes longer to build than all of these solves."""
+    problem = ad.MinimumTimeProblem(robot, q_start=[0.0], q_goal=[DISTANCE])
+    return ad.solve_minimum_time(problem, ad.MinimumTimeOptions(compile=False))
 
 
 @pytest.mark.parametrize("damping", [0.05, 0.3, 2.0])

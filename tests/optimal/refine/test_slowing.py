@@ -163,9 +163,14 @@ def random_pair(robot, seed):
             return {"q_start": start, "q_goal": goal}
 
 
+ARMS = {
+    "rr": lambda: paper_problem("rr").robot,
+    "held ur5": held_ur5,
+    "panda": lambda: ad.Robot.from_library("panda"),
+}
 LIMITED = [
     ("rr", 15.0, 200.0, "mesh"),
-    ("ur5", 5.0, 40.0, "curves"),
+    ("held ur5", 5.0, 40.0, "curves"),
     ("panda", 5.0, 50.0, "curves"),
     ("panda", 5.0, 50.0, "profiles"),
 ]
@@ -174,7 +179,7 @@ LIMITED = [
 @pytest.mark.slow
 @pytest.mark.parametrize(("arm", "acceleration", "jerk", "method"), LIMITED)
 def test_accelerations_and_jerks_are_kept_in_an_independent_replay(arm, acceleration, jerk, method):
-    robot = paper_problem("rr").robot if arm == "rr" else ad.Robot.from_library(arm)
+    robot = ARMS[arm]()
     options = {"acceleration_limit": acceleration, "jerk_limit": jerk}
     problem = ad.MinimumTimeProblem(robot, **random_pair(robot, 7), **options)
     task = Task.of(problem, ad.MinimumTimeOptions(bound=False))
