@@ -137,7 +137,7 @@ def test_a_line_names_the_step_being_finished():
 def test_a_second_one_ends_code_without_signals():
     then = "import ctypes, subprocess\n    from armdyn.optimal.problem.stop import stopping\n    with stopping(60):"
     then += "\n        signal.pthread_sigmask(signal.SIG_BLOCK, {{signal.SIGINT}})  # of the main thread alone"
-    then += "\n        again = f'for k in 1 2; do sleep 1; kill -INT {os.getpid()}; done'"
+    then += "\n        again = f'for k in 1 2; do sleep 0.5; kill -INT {os.getpid()}; done'"
     then += "\n        subprocess.Popen(['sh', '-c', again])\n        ctypes.CDLL(None).sleep(100)"
     then = then.replace("{{", "{").replace("}}", "}")
     code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "")

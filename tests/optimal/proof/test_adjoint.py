@@ -50,7 +50,7 @@ def on_the_rail(**changes):
         ad.MinimumTimeProblem(cart().with_friction(0.5, 0.3, 1e-3), q_start=[0.0], q_goal=[2.0]),
         paper_problem("r", velocity_limit=10.0),
         paper_problem("rr"),
-        luus_problem(),
+        pytest.param(luus_problem(), marks=pytest.mark.slow),
         luus_problem().variant(velocity_limit=1.0),
     ],
     ids=["cart", "cart, speed limit", "cart, dry friction", "r, speed limit", "rr", "luus", "luus, speed limit"],
@@ -61,7 +61,7 @@ def test_the_costates_of_arcs_keep_the_adjoint_equations(problem):
     assert error(solution) < NEAR
 
 
-@pytest.mark.parametrize("arm", ["r", "rr"])
+@pytest.mark.parametrize("arm", ["r", pytest.param("rr", marks=pytest.mark.slow)])
 def test_where_effort_is_paid_for_too(arm):
     solution = solve(paper_problem(arm, effort_weight=1.0, effort_limit=50.0))
     # Torques of the replay are lines between samples, to 1e-6 of the true ones.

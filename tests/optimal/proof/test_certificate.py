@@ -110,13 +110,8 @@ def test_a_bound_is_a_positive_number(wrong):
         LANDED.bounded(wrong, 1.0)
 
 
-@pytest.mark.parametrize(
-    "limits",
-    [
-        pytest.param({}, id="torque decides"),
-        pytest.param({"velocity_limit": 0.5}, id="speed decides", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("limits", [{}, {"velocity_limit": 0.5}], ids=["torque decides", "speed decides"])
 def test_a_joint_that_time_does_not_determine_is_idle_and_an_extremal_all_the_same(limits):
     solution = solve(gantry_problem(**limits))
     certificate = solution.certificate
