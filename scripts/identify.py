@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 import armdyn as ad
-from armdyn.identification.model import mean_regressor, rigid_torques
+from armdyn.identification.equations import mean_regressor, rigid_torques
 from armdyn.studies.reserve import FINE_RESERVES
 
 FIRST = 0.6

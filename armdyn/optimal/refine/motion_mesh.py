@@ -102,6 +102,7 @@ class _Meshes:
             barrier=numbers.near_barrier,
             push=numbers.push,
             convex=numbers.convex,
+            acceptable=self._acceptable(numbers.rough_decrease),
         )
 
         def solve(guess: Trajectory, knots: Array) -> Attempt:
@@ -150,13 +151,20 @@ class _Meshes:
             barrier=numbers.sharp_barrier,
             push=numbers.push,
             convex=numbers.convex,
-            acceptable=Acceptable(numbers.close, numbers.close, numbers.least_decrease, numbers.patience),
+            acceptable=self._acceptable(numbers.least_decrease),
         )
+
+    def _acceptable(self, decrease: float) -> Acceptable:
+        """Errors of a motion that is accepted once it becomes faster by less than this part of the duration."""
+        numbers = self.task.policy.motion_mesh
+        return Acceptable(numbers.close, numbers.close, decrease, numbers.patience)
 
     def _solved(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """A solution on a mesh, with a larger tie if long idle joints prevent convergence."""
         numbers, self.tie = self.task.policy.motion_mesh, tie
         found = self._once(task, guess, knots, settings, tie)
+        if found.usable and found.iterations == settings.max_iterations:  # still becoming faster
+            found = replace(found, status=Status.ITERATION_LIMIT)
         if (
             found.usable
             or self.task.stop
@@ -165,7 +173,8 @@ class _Meshes:
         ):
             return found
         near = found.trajectory if found.status is Status.ITERATION_LIMIT else guess
-        return self._solved(task, near, knots, settings, tie + 1)
+        fewer = replace(settings, max_iterations=int(numbers.tied_part * settings.max_iterations))
+        return self._solved(task, near, knots, fewer, tie + 1)
 
     def _once(self, task: Task, guess: Trajectory, knots: Array, settings: SolverSettings, tie: int) -> Attempt:
         """Result of one solve on a mesh."""

@@ -89,8 +89,13 @@ class MotionMeshPolicy:
     iterations: int = tuned(
         130,
         "iterations",
-        "on the others, at most: certified motions of 80 problems took 72 at most; where idle joints take more "
-        "the next tie takes 6 to 50",
+        "on the others, at most: certified motions of 80 problems took 72 at most",
+        "random arms (RRR)",
+    )
+    tied_part: float = tuned(
+        0.5,
+        "of these iterations",
+        "with a larger tie, at most: those that converged took 13 to 46",
         "random arms (RRR)",
     )
     sharp_iterations: int = tuned(
@@ -122,7 +127,7 @@ class MotionMeshPolicy:
     close: float = tuned(
         1e-5,
         "scaled",
-        "acceptable error of a motion on the last mesh: its certificate decides",
+        "acceptable error of a motion: finer meshes correct it, and on the last one its certificate decides",
         "random arms (RRR)",
     )
     least_decrease: float = tuned(
@@ -130,6 +135,9 @@ class MotionMeshPolicy:
         "of the duration",
         "least decrease of the barrier function, or the last mesh counts as solved",
         "random arms (RRR)",
+    )
+    rough_decrease: float = tuned(
+        1e-6, "of the duration", "the same on the meshes before, except the first", "random arms (RRR)"
     )
     patience: int = tuned(12, "iterations", "over which the decrease is measured", "random arms (RRR)")
     parts: int = tuned(4, "parts", "of a divided interval, at most")

@@ -53,7 +53,7 @@ class DescentPolicy:
         1.5e-4, "integrator steps", "cost of a correction, divided by the cube of its unknowns", "random arms (RRR)"
     )
     budget_excess: float = tuned(
-        20_000, "integrator steps", "beyond the budget, at which Newton's method ends, too", "random arms (RRR)"
+        3_000, "integrator steps", "beyond the budget, at which Newton's method ends, too", "random arms (RRR)"
     )
     steps: int = tuned(20, "steps", "along tangents: those that reached an extremal took 13 at most")
     radius: float = tuned(0.03, "of the duration", "first radius of the trust region")
