@@ -1,6 +1,7 @@
 """No circle of imports: those within functions and those of modules that are named in a text count, too."""
 
 import ast
+import importlib
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -84,3 +85,12 @@ def test_the_core_does_not_name_the_paper():
         if "paper" in line.lower()
     ]
     assert not lines
+
+
+def test_scripts_import_what_exists():
+    for path in sorted((PACKAGE.parent / "scripts").rglob("*.py")):
+        lines = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+        for line in lines:
+            if line.module.split(".")[0] == "armdyn":
+                module = importlib.import_module(line.module)
+                assert [one.name for one in line.names if not hasattr(module, one.name)] == [], path.name
