@@ -31,6 +31,9 @@ _SIGNIFICANT = 1e-3
 """Torque residuals of a joint, as a part of its torque limit, below which they are no evidence of wrong inertias: the
 samples of a simulated log without noise leave up to 3e-4, measured torques several times 1e-3."""
 
+_LEAST_MEANS = 8
+"""Least number of averaged torques: their autocorrelation is summed over a quarter of them, in pairs of lags."""
+
 
 @brief
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +100,7 @@ def identify(
     first = [one.part(0, int(kept * one.t.size)) for one in signals]
     widths = (robot.friction.width,) if np.any(robot.friction.coulomb) else options.widths
     systems = _systems(robot, what, first, signals, widths, options.step)
+    _check_length(ordered, systems[0].part(0.0, kept), options)
     unmoved = tuple(
         joint for j, joint in enumerate(robot.joint_names) if all(np.ptp(one.q[:, j]) < MOVED for one in signals)
     )
@@ -108,6 +112,24 @@ def identify(
     equations, found = _fitted(systems, options)
     warnings = () if what == "all" else _warnings(robot, equations, found, signals, options)
     return replace(assembled(robot, equations, found, judged, unmoved), warnings=warnings)
+
+
+def _check_length(logs: list[Log], fitted: _System, options: IdentifyOptions) -> None:
+    """Refuse logs that are too short for a fit and its cross-validation.
+
+    Args:
+        logs: the logs.
+        fitted: equations of their fitted parts.
+        options: with the averaging time, the parts and the folds.
+    """
+    least, count = max(_LEAST_MEANS, 2 * options.fit.folds), sum(len(one) for one in fitted.torque)
+    if count < least:
+        seconds = sum(float(log.t[-1] - log.t[0]) for log in logs)
+        raise LogError(
+            f"{', '.join(log.name for log in logs)}: {seconds:.3g} s are too short: all but the last "
+            f"{100 * options.held_out:g} % make {count} means over {1e3 * options.step:g} ms, and a fit takes {least} "
+            "at least; several seconds of motion measure an arm"
+        )
 
 
 def _warnings(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.errors import LogError
-from armdyn.identification import identify
+from armdyn.identification import IdentifyOptions, identify
 from oracles import robot_named
 from simulated_logs import simulated_log
 
@@ -34,6 +34,11 @@ SWAPPED = [1, 0, 2, 3, 4, 5, 6]
 def test_a_wrong_log_of_this_arm_is_refused(changes, message):
     with pytest.raises(LogError, match=message):
         identify(PANDA, replace(GOOD, **changes))
+
+
+def test_a_log_too_short_for_a_fit_is_refused():
+    with pytest.raises(LogError, match=r"5 s are too short: .* 9 means over 400 ms, and a fit takes 10 at least"):
+        identify(PANDA, GOOD, options=IdentifyOptions(step=0.4))
 
 
 def test_a_good_log_of_another_load_is_none_of_these():

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from armdyn.arguments import Checked, checked, each, expect, path, several, shown
-from armdyn.errors import FileError, SpecError, UnknownRobotError
+from armdyn.errors import FileError, SpecError, UnknownRobotError, UrdfError
 from armdyn.files import place_inside
 from armdyn.models.mjcf.document import is_mjcf
 from armdyn.models.robots.library import described, is_description, library_names
@@ -22,6 +22,9 @@ from armdyn.models.values.spec import PLANAR_ARMS, ArmSpec, Payload, Tool
 from armdyn.reprs import brief
 
 Format = Literal["spec", "library", "urdf", "mjcf", "model"]
+
+_NO_ROBOTS = (".npz", ".csv", ".tsv", ".json", ".yaml", ".yml")
+"""Suffixes of motions, logs, results and scenes, which are often given for the robot's file."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,9 +71,14 @@ class RobotSource:
 
         Raises:
             UnknownRobotError: there is no robot of that name.
+            UrdfError: the name is that of a motion's, log's or result's file.
         """
         if name in PLANAR_ARMS:
             return cls.of_spec(ArmSpec.paper(name))
+        if Path(name).suffix.lower() in _NO_ROBOTS:
+            raise UrdfError(
+                name, "no robot: a robot is a URDF or MJCF file, a problem file (.toml), or a name of `armdyn robots`"
+            )
         if Path(name).suffix or Path(name).is_file():
             return cls(format="mjcf" if is_mjcf(name) else "urdf", name=name)
         if is_description(name):

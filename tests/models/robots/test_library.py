@@ -6,6 +6,7 @@ from armdyn.errors import UnknownRobotError, UnsupportedJointError, UrdfError
 from armdyn.models import Robot
 from armdyn.models.reading.urdf_arm import configuration
 from armdyn.models.robots.library import LIBRARY_ARMS, library_arm, library_urdf, other_robots
+from armdyn.models.robots.source import RobotSource
 
 DOF = {
     "anymal_kinova_arm": 6, "asr_twodof": 2, "b1_z1_arm": 6, "baxter_left": 7, "baxter_right": 7, "bravo7_gripper": 6,
@@ -118,3 +119,9 @@ def test_unknown_robot_knows_the_arms_too():
 def test_robot_described_by_sdf():
     with pytest.raises(UrdfError, match="SDF"):
         Robot.from_library("cassie")
+
+
+@pytest.mark.parametrize("name", ["trajectory.npz", "log.csv", "result.json"])
+def test_files_of_motions_and_logs_are_no_robots(name):
+    with pytest.raises(UrdfError, match=f"{name}: no robot: a robot is a URDF or MJCF file, a problem file"):
+        RobotSource.named(name)
