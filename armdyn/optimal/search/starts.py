@@ -139,11 +139,23 @@ def straight_curve(task: Task, intervals: int) -> Curve:
     if numbers.cruises:
         travel = np.max(np.abs(np.diff(problem.poses, axis=0)) / problem.limits.velocity, axis=1)
         durations = numbers.slack * np.maximum(travel, 1e-3 * np.sum(travel))
+        if problem.via and problem.jerk_limit is not None:  # from a faster guess IPOPT does not find back
+            durations = np.maximum(durations, numbers.gentle * _ramped_times(problem))
     else:
         travel = np.max(np.abs(np.diff(problem.poses, axis=0)), axis=1)
         travel = travel if travel.any() else np.ones_like(travel)  # from a moving state back to its own position
         durations = spline(problem, []).duration * travel / travel.sum()
     return Curve.straight(problem, basis, durations)
+
+
+def _ramped_times(problem: MinimumTimeProblem) -> Array:
+    """Times of the legs from rest to rest at the velocity limits, with ramps of limited jerk [s], shape (legs,)."""
+    v = np.where(np.isfinite(problem.limits.velocity), problem.limits.velocity, 1.0)
+    ramps = 2 * np.sqrt(v / np.asarray(problem.jerk_limit))
+    if problem.acceleration_limit is not None:
+        ramps = ramps + v / np.asarray(problem.acceleration_limit)
+    travel = np.abs(np.diff(problem.poses, axis=0))
+    return np.asarray(np.max(np.where(travel > 0, travel / v + ramps, 0.0), axis=1))
 
 
 def _torques(problem: MinimumTimeProblem, q: Array, v: Array, a: Array) -> Array:

@@ -145,6 +145,14 @@ def test_a_torque_jumps_at_a_via_point_where_it_may():
 
 
 @pytest.mark.slow
+def test_a_via_point_is_passed_with_limited_jerks():
+    """From a guess without ramps IPOPT ended at 45 s."""
+    ends = [0.02, 0.32, 0.0, -0.39, 0.56, -0.65], [0.3, -0.6, -0.08, 0.04, -0.35, -0.65]
+    optimum = solved(ur5(*ends, via=[[0.11, 0.03, 0.12, -0.27, 0.37, -0.38]], jerk_limit=2000.0), bound=False)
+    assert optimum.trajectory.duration == pytest.approx(0.4093, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_torque_rates_of_a_panda():
     problem = ur5(*USUAL_PANDA, ad.Robot.from_library("panda"), path_constraints=[ad.TorqueRateLimit(1000.0)])
     optimum = solved(problem)

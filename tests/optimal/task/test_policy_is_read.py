@@ -24,7 +24,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.curves import curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_batches
-from armdyn.optimal.search.starts import spline, via_guesses
+from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
 from armdyn.optimal.switching.contacts import Contact
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -231,6 +231,10 @@ def goals_as_coarse_curves():
     screened(noted(posed("rr", relative_effort_weight=0.5)))
 
 
+def a_guess_with_ramps():
+    straight_curve(noted(between("rr", velocity_limit=5.0, jerk_limit=500.0, via=[[-0.5, 0.3]])), 4)
+
+
 def a_curve_after_an_interrupt():
     task = replace(noted(between("rr", velocity_limit=5.0)), stop=Stop())
     curves(replace(task, progress=lambda text: task.stop.interrupt()))
@@ -293,6 +297,7 @@ CALLS = (
     bound_of_a_chain,
     bound_of_a_line,
     goals_as_coarse_curves,
+    a_guess_with_ramps,
     a_curve_after_an_interrupt,
     guesses_for_two_workers,
     a_torque_that_hovers,
