@@ -31,8 +31,9 @@ _SIGNIFICANT = 1e-3
 """Torque residuals of a joint, as a part of its torque limit, below which they are no evidence of wrong inertias: the
 samples of a simulated log without noise leave up to 3e-4, measured torques several times 1e-3."""
 
-_LEAST_MEANS = 8
-"""Least number of averaged torques: their autocorrelation is summed over a quarter of them, in pairs of lags."""
+_LEAST_MEANS = 25
+"""Least number of averaged torques: of fewer the intervals are far too narrow, as their autocorrelation is not seen.
+The twelve of a Z1's 0.34 s made 0.284 kg ± 0.0013 kg of 0.3 kg."""
 
 
 @brief

@@ -37,7 +37,7 @@ def test_a_wrong_log_of_this_arm_is_refused(changes, message):
 
 
 def test_a_log_too_short_for_a_fit_is_refused():
-    with pytest.raises(LogError, match=r"5 s are too short: .* 9 means over 400 ms, and a fit takes 10 at least"):
+    with pytest.raises(LogError, match=r"5 s are too short: .* 9 means over 400 ms, and a fit takes 25 at least"):
         identify(PANDA, GOOD, options=IdentifyOptions(step=0.4))
 
 
