@@ -40,6 +40,12 @@ def one_or_more(text: str | None, what: str) -> float | list[float] | None:
     return values[0] if len(values) == 1 else values
 
 
+def part(text: str, what: str) -> float:
+    """A part of a whole, as a number or in percent: 0.95, 95%."""
+    digits = text.strip()
+    return number(digits.removesuffix("%"), what) / (100 if digits.endswith("%") else 1)
+
+
 def position(text: str, what: str, slides: bool | None = False, *, degrees: bool = False) -> float:
     """A joint's position [rad or m]: 1.2, pi/2, 90deg, 90°, 1.57rad, 0.1m.
 

@@ -55,7 +55,7 @@ def test_another_question_is_bad_input(tmp_path):
 
 def test_fewer_than_are_required_have_an_exit_code(tmp_path):
     more = ("--count", 3, "--no-figure", "--within", "0.001")
-    assert many(tmp_path, *more, "--at-least", "0.5", code=4)["settled"] == 0
+    assert many(tmp_path, *more, "--at-least", "50%", code=4)["settled"] == 0
     assert many(tmp_path, *more)["settled"] == 0
 
 
@@ -76,7 +76,7 @@ def test_people_see_how_many_settle(tmp_path):
         (("--count", "0"), "count is 0; it must be at least 1"),
         (("--within", "-1"), "--within is -1.0; it must be positive and finite"),
         (("--within", "5"), "--within is 5 s, but arms are simulated for 0.6 s only: --duration"),
-        (("--at-least", "95"), "--at-least is 95; it is a part of the arms, 0 to 1"),
+        (("--at-least", "95"), "--at-least is 95; it is a part of the arms, 0 to 1 or 0% to 100%"),
     ],
 )
 def test_ranges_that_are_none_are_bad_input(tmp_path, more, message):

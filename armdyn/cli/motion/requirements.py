@@ -6,7 +6,7 @@ from typing import Any
 
 from armdyn.cli.options.groups import TASK, option
 from armdyn.errors import ProblemError
-from armdyn.parsing.numbers import number
+from armdyn.parsing.numbers import part
 
 REQUIRE = option(
     "certified|extremal|gap:X",
@@ -64,8 +64,7 @@ def _requirement(text: str) -> Requirement:
     kind, colon, rest = text.partition(":")
     if kind.strip() != "gap" or not colon:
         raise ProblemError(f"--require {text!r}: write certified, extremal or gap:X, such as gap:0.5%")
-    share = rest.strip().endswith("%")
-    most = number(rest.strip().removesuffix("%"), f"--require {text}") / (100 if share else 1)
+    most = part(rest, f"--require {text}")
     if not 0 <= most <= 1:
         raise ProblemError(f"--require {text!r}: the gap is from 0 to 100 %, written gap:0.5% or gap:0.005")
     return Requirement(text, "gap", most)

@@ -14,7 +14,7 @@ from typer.models import OptionInfo
 from armdyn.cli.console import Answer
 from armdyn.cli.execution import carry_out
 from armdyn.cli.invocation import flag_of, is_given, running
-from armdyn.parsing.numbers import numbers, one_or_more
+from armdyn.parsing.numbers import numbers, one_or_more, part
 
 TASK, ROBOT, LIMITS, SCENE, SOLVER, OUTPUT = "Task", "Robot", "Limits", "Scene", "Solver", "Output"
 """Panels of help that commands share, in their order."""
@@ -23,6 +23,8 @@ PerJoint: TypeAlias = Annotated[float | list[float] | None, one_or_more]
 """An option of one number for all joints, or one for each."""
 Numbers: TypeAlias = Annotated[list[float] | None, numbers]
 """An option of numbers."""
+Part: TypeAlias = Annotated[float | None, part]
+"""An option of a part of a whole, as a number or in percent."""
 
 _ANGLES = ("q_start", "q_goal", "via", "lock")
 """Options of joint positions, to which --degrees applies."""

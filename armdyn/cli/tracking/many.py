@@ -9,7 +9,7 @@ from typing import Annotated, TypeAlias
 import armdyn as ad
 from armdyn.arguments import number as checked
 from armdyn.cli.console import Answer, facts_table, interrupted, judged, working
-from armdyn.cli.options.groups import TASK, flag, group, option
+from armdyn.cli.options.groups import TASK, Part, flag, group, option
 from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.cli.options.task import FastArmOptions
 from armdyn.cli.tracking.controllers import ControllerOptions, LoopOptions
@@ -73,7 +73,7 @@ class CountOptions:
 
     count: int = option("N", "Number of random arms.", default=1000)
     within: float | None = option("S", "Time in which an arm must settle \\[s]; by default --duration.")
-    at_least: float | None = option("PART", "Fraction of the arms that must settle, 0 to 1; else the exit code is 4.")
+    at_least: Part = option("PART", "Part of the arms that must settle, such as 0.95 or 95%; else the exit code is 4.")
 
     def time(self, duration: float) -> float:
         """Time that an arm has to settle [s], of a simulation of `duration` [s].
@@ -82,7 +82,7 @@ class CountOptions:
             ProblemError: no arms can meet the requirement.
         """
         if self.at_least is not None and not 0 <= self.at_least <= 1:
-            raise ProblemError(f"--at-least is {self.at_least:g}; it is a part of the arms, 0 to 1")
+            raise ProblemError(f"--at-least is {self.at_least:g}; it is a part of the arms, 0 to 1 or 0% to 100%")
         within = duration if self.within is None else checked(self.within, "--within", sign="positive")
         if within > duration:
             raise ProblemError(f"--within is {within:g} s, but arms are simulated for {duration:g} s only: --duration")
