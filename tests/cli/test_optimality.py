@@ -90,6 +90,14 @@ def test_a_motion_that_breaks_its_limits_is_not_as_it_should_be(rr, here):
         (["rr", "bad.csv"], "bad.csv: there is no t"),
         (["rr", "other.csv"], "other.csv: there is no q of joint1, joint2"),
         (["rr", "short.csv"], "short.csv: t must be at least three increasing times"),
+        (
+            ["ur5", "radians.csv"],
+            "radians.csv: shoulder_pan_joint is at 90 rad, and its limits are [-6.283, 6.283] rad: ",
+        ),
+        (
+            ["ur5", "radians.csv"],
+            "these are degrees; positions are radians, in a table also degrees in columns named 'q1",
+        ),
         (["rr", "own.npz", "--reserve", "2"], "reserve of joint 'joint1' is 2"),
     ],
 )
@@ -98,6 +106,8 @@ def test_a_wrong_motion_is_refused(motion, here, arguments, words):
     (here / "bad.csv").write_text("x,y\n1,2\n")
     (here / "other.csv").write_text("t,q_arm1,q_arm2\n0,0,0\n1,1,1\n")
     (here / "short.csv").write_text("t,q1,q2\n0,0,0\n1,1,1\n")
+    turns = [[t, 90 * t, *[-40 * t] * 5] for t in (0, 0.5, 1)]
+    np.savetxt(here / "radians.csv", turns, delimiter=",", header="t,q1,q2,q3,q4,q5,q6", comments="")
     (here / "moveit.json").write_text(json.dumps({"joint_names": ["a", "b"], "points": [{}, {}]}))
     assert words in answer(run_here("optimality", *arguments, *QUICK), 2)["message"]
 

@@ -8,7 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 import armdyn as ad
+from armdyn.arrays import Array
 from armdyn.errors import FileError, TrajectoryError
 from armdyn.show.page.facts import Facts
 from armdyn.show.results import load_result
@@ -83,17 +86,35 @@ def motion_of(robot: ad.Robot, file: Path) -> Trajectory:
     """The motion in a file; torques that it has not are computed.
 
     Raises:
-        TrajectoryError: it cannot be read, or is of another robot.
+        TrajectoryError: it cannot be read, is of another robot, or its positions are degrees.
     """
     if is_own(file):
         return Trajectory.load(file)
     planned = read_planned(file, robot.joint_names)
+    _refuse_degrees(robot, file, planned.q)
     try:
         a = planned.accelerations() if planned.a is None and planned.tau is None else planned.a
         motion = ad.trajectory_from_path(robot, planned.t, planned.q, planned.v, a, name=file.stem)
     except TrajectoryError as error:
         raise TrajectoryError(f"{file}: {error}") from None
     return motion if planned.tau is None else replace(motion, tau=planned.tau)
+
+
+def _refuse_degrees(robot: ad.Robot, file: Path, q: Array) -> None:
+    """Refuse positions far beyond the limits, shape (n, nv), that are within them as degrees."""
+    limits, turns = robot.limits, ~robot.slides
+
+    def beyond(positions: Array) -> Array:
+        return np.maximum(limits.position_lower - positions, positions - limits.position_upper)
+
+    far, meant = np.where(turns, beyond(q), -np.inf), beyond(np.where(turns, np.deg2rad(q), q))
+    if np.max(far) > np.pi and np.max(meant) <= 0:
+        k, j = np.unravel_index(np.argmax(far), far.shape)
+        raise TrajectoryError(
+            f"{file}: {robot.joint_names[j]} is at {q[k, j]:.4g} rad, and its limits are "
+            f"[{limits.position_lower[j]:.4g}, {limits.position_upper[j]:.4g}] rad: these are degrees; positions are "
+            f"radians, in a table also degrees in columns named 'q{j + 1} [deg]'"
+        )
 
 
 def checked(robot: ad.Robot, motion: Trajectory) -> Facts:
