@@ -195,7 +195,7 @@ class MotionMeshPolicy:
         5000, "knots", "of such a mesh: those that were certified took 4,200", "random arms (RRR)"
     )
     nearly_certified: float = tuned(
-        1e-3, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
+        4e-4, "-", "saving, or excess over a limit, beyond which no mesh is divided", "random arms (RRR)"
     )
     margin: float = tuned(0.07, "of an interval", "a switch nearer to its end is moved away")
 
