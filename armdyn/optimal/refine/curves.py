@@ -147,6 +147,8 @@ def _may_improve(task: Task, refined: RefinedCurve) -> bool:
 def _guesses(task: Task, count: int) -> list[Curve]:
     """Initial guesses: the straight path, the options' guesses, then paths through random poses.
 
+    Through via points the straight path alone, with jerk limits also slower and faster.
+
     Args:
         task: the problem and its settings.
         count: number of guesses besides the options'.
@@ -155,7 +157,8 @@ def _guesses(task: Task, count: int) -> list[Curve]:
     guesses = [straight_curve(task, numbers.intervals)]
     basis = guesses[0].legs[0].basis
     if problem.via:
-        return guesses
+        paces = (numbers.pace, 1 / numbers.pace) if count > 1 and problem.jerk_limit is not None else ()
+        return guesses + [guesses[0].slower(pace) for pace in paces]
     guesses += [Curve.near(guess, basis) for guess in options.guesses]
     if count > 1:
         ways = via_guesses(problem, options.seed, count, policy=task.policy.search)[1:]

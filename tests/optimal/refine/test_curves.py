@@ -153,6 +153,20 @@ def test_a_via_point_is_passed_with_limited_jerks():
 
 
 @pytest.mark.slow
+def test_a_slower_guess_is_tried_if_the_first_fails():
+    """The first has no ramps, and leads nowhere."""
+    start = [0.187, 0.157, -0.082, -1.356, 0.661, 0.928, -0.483]
+    via = [-0.198, 0.489, 0.302, -1.514, 0.206, 1.22, -0.014]
+    goal = [-0.55, 0.283, 0.428, -1.199, -0.493, 0.921, 0.29]
+    problem = ur5(start, goal, ad.Robot.from_library("panda"), via=[via], jerk_limit=1500.0)
+    task = Task.of(problem, ad.MinimumTimeOptions(calm=0.0, bound=False))
+    task = replace(task, policy=task.policy.changed("curves", gentle=0.0, patience=80))
+    optima, _ = curves(task)
+    optimum = slowed(task, optima[0])
+    assert optimum.usable(task.options.replay_tolerance) and optimum.trajectory.duration < 0.54
+
+
+@pytest.mark.slow
 def test_torque_rates_of_a_panda():
     problem = ur5(*USUAL_PANDA, ad.Robot.from_library("panda"), path_constraints=[ad.TorqueRateLimit(1000.0)])
     optimum = solved(problem)

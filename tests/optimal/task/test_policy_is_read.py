@@ -21,10 +21,10 @@ from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
-from armdyn.optimal.refine.curves import curves
+from armdyn.optimal.refine.curves import _guesses, curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_batches
-from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
+from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.switching.contacts import Contact
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
@@ -232,7 +232,8 @@ def goals_as_coarse_curves():
 
 
 def a_guess_with_ramps():
-    straight_curve(noted(between("rr", velocity_limit=5.0, jerk_limit=500.0, via=[[-0.5, 0.3]])), 4)
+    guesses = _guesses(noted(between("rr", velocity_limit=5.0, jerk_limit=500.0, via=[[-0.5, 0.3]])), 3)
+    assert [guess.duration / guesses[0].duration for guess in guesses] == pytest.approx([1, 1.5, 1 / 1.5])
 
 
 def a_curve_after_an_interrupt():

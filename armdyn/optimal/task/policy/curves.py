@@ -29,6 +29,12 @@ class CurvePolicy:
         "the same through via points; with 1.2 two of 13 motions are not found, from guesses without ramps five",
         "Panda, UR5, 13 random pairs with a via point",
     )
+    pace: float = tuned(
+        1.5,
+        "-",
+        "duration over that guess's of a slower one, and the inverse of a faster one's, if it has failed",
+        "Panda, two random pairs with a via point",
+    )
     patience: int = by_kind(
         "iterations",
         "of IPOPT; those that converge take 20 to 60, with path constraints up to 140, with Coulomb friction up to 200",
