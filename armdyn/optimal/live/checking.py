@@ -14,7 +14,7 @@ from armdyn.trajectory.interpolation import cubic_accelerations
 
 
 @dataclass(frozen=True, eq=False)
-class Checked:
+class SampledCurve:
     """A curve at the samples of its mesh, and its excesses over limits.
 
     Attributes:
@@ -48,7 +48,7 @@ class Checked:
         return self.torque <= -spare and self.other <= tolerance
 
 
-def check(program: StepProgram, points: Array, duration: float, torque: StateFunction) -> Checked:
+def check(program: StepProgram, points: Array, duration: float, torque: StateFunction) -> SampledCurve:
     """Check a curve at its samples.
 
     Args:
@@ -72,7 +72,7 @@ def check(program: StepProgram, points: Array, duration: float, torque: StateFun
         float(np.max(np.maximum(q - limits.position_upper, limits.position_lower - q) / bounded)),
         acceleration_excess(duration * mesh.samples, q, v, program.acceleration),
     )
-    return Checked(duration * mesh.samples, q, v, a, tau, above, below, other)
+    return SampledCurve(duration * mesh.samples, q, v, a, tau, above, below, other)
 
 
 def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
@@ -89,7 +89,7 @@ def acceleration_excess(t: Array, q: Array, v: Array, limits: Array) -> float:
     return float(np.max(np.abs(cubic_accelerations(t, q, v)) / limits)) - 1
 
 
-def between_samples(sampled: Checked, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
+def between_samples(sampled: SampledCurve, limits: JointLimits, inertia: Callable[[Array], Array]) -> float:
     """Largest excess of a torque between samples, as a part of half its range.
 
     The returned motion is cubic between samples. Its accelerations are linear, so that both ends of each cubic are

@@ -15,7 +15,7 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.pace import least_factor
-from armdyn.optimal.live.checking import Checked, between_samples, check
+from armdyn.optimal.live.checking import SampledCurve, between_samples, check
 from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
@@ -79,16 +79,16 @@ class LimitedArm:
     inertia: Callable[[Array], Array]
     torques: TorqueRows
 
-    def sampled(self, points: Array, duration: float) -> Checked:
+    def sampled(self, points: Array, duration: float) -> SampledCurve:
         """A curve at its samples."""
         return check(self.program, points, duration, self.torque)
 
-    def motion(self, sampled: Checked, name: str) -> Trajectory:
+    def motion(self, sampled: SampledCurve, name: str) -> Trajectory:
         """The samples as a motion."""
         names, model = self.robot.joint_names, self.robot.model_hash
         return Trajectory(sampled.t, sampled.q, sampled.v, sampled.tau, names, self.robot.marked(name), model)
 
-    def within_limits(self, sampled: Checked, distances: Distances | None) -> bool:
+    def within_limits(self, sampled: SampledCurve, distances: Distances | None) -> bool:
         """Whether a curve satisfies all limits and distances."""
         kept = sampled.kept(self.program.policy.least_reserve, LIMIT_TOLERANCE)
         kept = kept and between_samples(sampled, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
@@ -108,7 +108,7 @@ class Improved:
     """
 
     duration: float
-    sampled: Checked
+    sampled: SampledCurve
     margins: TorqueMargin
     settled: bool
 
@@ -216,7 +216,7 @@ def _step_taken(
 
 
 def _slowed(
-    arm: LimitedArm, here: Iterate, sampled: Checked, margins: TorqueMargin, distances: Distances | None
+    arm: LimitedArm, here: Iterate, sampled: SampledCurve, margins: TorqueMargin, distances: Distances | None
 ) -> Improved | None:
     """Slow a motion from rest down along its path until it is within its limits; None if no pace is."""
     program = arm.program
@@ -229,7 +229,7 @@ def _slowed(
 
 
 def _tightened(
-    program: StepProgram, margins: TorqueMargin, here: Iterate, sampled: Checked, near: bool
+    program: StepProgram, margins: TorqueMargin, here: Iterate, sampled: SampledCurve, near: bool
 ) -> TorqueMargin:
     """Torque margins for the next step, larger around places where torques exceed their limits.
 

@@ -14,7 +14,7 @@ import armdyn as ad
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
 from armdyn.optimal.live import improving
 from armdyn.optimal.live import resolver as live_resolver
-from armdyn.optimal.live.checking import Checked, between_samples
+from armdyn.optimal.live.checking import SampledCurve, between_samples
 from armdyn.trajectory.interpolation import cubic_accelerations
 from problems import CART
 
@@ -61,7 +61,7 @@ def test_torques_between_samples_are_those_of_the_cubics():
     few = replace(whole, t=whole.t[::24], q=whole.q[::24], v=whole.v[::24], tau=whole.tau[::24])
     nothing = np.zeros((len(few.t), 7))
     tau = inverse_dynamics(robot)(few.q, few.v, nothing)
-    sampled = Checked(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
+    sampled = SampledCurve(few.t, few.q, few.v, nothing, tau, nothing, nothing, 0.0)
     between = between_samples(sampled, robot.limits, joint_inertia(robot))
     cubics, limits, found = CubicHermiteSpline(few.t, few.q, few.v), robot.limits, -np.inf
     for first, last in pairwise(few.t):
