@@ -130,6 +130,7 @@ def test_options_of_another_controller_are_refused(tmp_path, option):
     assert f"{option[0]} is an option of --controller pid, not of lqr" in answer(done, 2)["message"]
 
 
+@pytest.mark.slow
 def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(tmp_path):
     arms = "".join(f"[[robot.likely]]\npayload = {{ mass = {0.1 + k / 1000} }}\n" for k in range(5))
     file = tmp_path / "identified.toml"

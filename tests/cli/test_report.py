@@ -118,11 +118,13 @@ def ramp_of_panda(tmp_path):
     return tmp_path / "panda"
 
 
+@pytest.mark.slow
 def test_a_replay_on_another_arm_than_the_result_s(ramp_of_panda, tmp_path):
     (warning,) = run_json("replay", "tiago_arm", ramp_of_panda, "--out", tmp_path / "page")["warnings"]
     assert "another arm" in warning
 
 
+@pytest.mark.slow
 def test_a_replay_has_the_payload_and_the_locks_of_the_result(ramp_of_panda, tmp_path):
     output = run_json("replay", "panda", ramp_of_panda, "--degrees", "--out", tmp_path / "page")
     assert not output["warnings"] and "payload 500 g" in (tmp_path / "page" / "replay.html").read_text()

@@ -42,6 +42,7 @@ def test_the_cycle_of_rr_is_the_best_of_its_four_ways():
     assert max(ways) > min(ways) + 0.01  # the choice matters
 
 
+@pytest.mark.slow
 def test_the_whole_cycle_is_one_motion_that_each_piece_s_own_arm_repeats():
     solved = planar_solved()
     motion = solved.trajectory

@@ -87,6 +87,7 @@ def test_a_planar_arm_passes_a_position(fastest):
     assert np.max(np.abs(beyond)) <= 0.02 + 1e-6
 
 
+@pytest.mark.slow
 def test_the_elbow_passes_a_region_on_the_side_of_least_travel():
     """A stretching arm may pass with its elbow up or down; a region around a point takes no longer than the point."""
     inside = np.array([-0.56, -0.84])  # the other elbow, nearer to the goal, takes half as long again
@@ -98,6 +99,7 @@ def test_the_elbow_passes_a_region_on_the_side_of_least_travel():
     assert solve(region, bound=False).duration < solve(exact, bound=False).duration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arm", "start", "goal", "at"),
     [

@@ -87,6 +87,7 @@ def test_motions_are_proven_and_keep_limits(rates):
     assert unknown.iterations == 0 and unknown.duration == solution.duration
 
 
+@pytest.mark.slow
 def test_torques_beyond_their_limits_leave_it_to_other_methods():
     limits = {"acceleration_limit": 100.0, "effort_limit": 3.0, "velocity_limit": 10.0}
     problem = ad.MinimumTimeProblem(paper_arm("rr"), q_start=[-1.5, 0], q_goal=[0.2, 0.3], **limits)

@@ -18,6 +18,7 @@ from armdyn.optimal.task.task import Task
 from problems import random_problem, random_solution, solved
 
 
+@pytest.mark.slow
 def test_changes_that_are_missing_are_put_in():
     solution = random_solution(15)
     given = SwitchingStructure.of(solution.phases.arcs, solution.phases.torques)
