@@ -32,10 +32,8 @@ def numbers(text: str, what: str) -> list[float]:
     return [number(part, what) for part in text.split(",")]
 
 
-def one_or_more(text: str | None, what: str) -> float | list[float] | None:
+def one_or_more(text: str, what: str) -> float | list[float]:
     """One number for all joints, or one for each."""
-    if text is None:
-        return None
     values = numbers(text, what)
     return values[0] if len(values) == 1 else values
 

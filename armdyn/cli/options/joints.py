@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from armdyn.models.values.friction import FrictionValue
 
 
-def _friction(text: str, what: str) -> FrictionValue | None:
+def _friction(text: str, what: str) -> FrictionValue:
     """Parse friction: one number for all joints, one per joint, or "urdf" for the URDF's."""
     return "urdf" if text.strip() == "urdf" else one_or_more(text, what)
 

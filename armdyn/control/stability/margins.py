@@ -147,7 +147,11 @@ def _within_a_tick(loop: SampledLoop, joint: int) -> float:
     """
     from scipy.optimize import brentq
 
-    return float(brentq(lambda part: late_radius(loop, joint, part) - 1, 0.0, 1.0)) * loop.period
+    def unstable(part: float) -> float:
+        """Radius beyond 1; of the ends the sign is known, which rounding may turn."""
+        return part - 0.5 if part in (0.0, 1.0) else late_radius(loop, joint, part) - 1
+
+    return float(brentq(unstable, 0.0, 1.0)) * loop.period
 
 
 def frequencies(loop: SampledLoop, A: Array) -> Array:
