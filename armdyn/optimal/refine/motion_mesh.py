@@ -5,7 +5,7 @@ optimum: at jumps of a torque off its limits, along limits of velocity and posit
 where the collocation's error is large.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +43,7 @@ class ResolvedMotions:
 
     def __init__(self, numbers: MotionMeshPolicy) -> None:
         self.left, self.best, self._numbers = float(numbers.work), np.inf, numbers
-        self._known: list[tuple[Attempt, Optimum | None]] = []
+        self._known: list[tuple[Sequence[Attempt], Optimum | None]] = []
 
     @property
     def spent(self) -> bool:
@@ -63,14 +63,15 @@ class ResolvedMotions:
         known = (optimum for _, optimum in self._known if optimum is not None and optimum.cost <= duration)
         return any(one.usable(tolerance) for one in known)
 
-    def add(self, first: Attempt, optimum: Optimum | None) -> None:
-        """Record the result of a solution on the first mesh; None: no result."""
-        self._known.append((first, optimum))
+    def add(self, meshes: Sequence[Attempt], optimum: Optimum | None) -> None:
+        """Record the result of solutions on successive meshes; None: no result."""
+        self._known.append((meshes, optimum))
 
-    def like(self, first: Attempt, same: SamePolicy) -> tuple[Optimum | None] | None:
-        """Recorded result of the same solution on the first mesh; None: not recorded."""
+    def like(self, meshes: Sequence[Attempt], same: SamePolicy) -> tuple[Optimum | None] | None:
+        """Recorded result of the same solution on the last of these meshes; None: not recorded."""
+        k = len(meshes) - 1
         for known, optimum in self._known:
-            if len(distinct([known, first], same.resolved, same.distance)) == 1:
+            if k < len(known) and len(distinct([known[k], meshes[k]], same.resolved, same.distance)) == 1:
                 return (optimum,)
         return None
 
@@ -250,20 +251,16 @@ def mesh_optimum(task: Task, attempt: Attempt, remark: str, resolved: ResolvedMo
     Returns:
         None if no mesh converges, the motion does not land, or a certified one is much faster.
     """
-    meshes = _Meshes(task, resolved)
-    finer = meshes.finer(attempt)
-    first = next(finer, None)
-    if first is None:
-        return None
-    if (known := resolved.like(first, task.policy.same)) is not None:
-        return known[0]
-    mesh, best = first, None
-    for mesh in finer:
-        if resolved.beats(mesh):
+    meshes, tried, best = _Meshes(task, resolved), list[Attempt](), None
+    for rough in meshes.finer(attempt):
+        tried.append(rough)
+        if (known := resolved.like(tried, task.policy.same)) is not None:
+            return known[0]
+        if len(tried) > 1 and resolved.beats(rough):
             break
     else:
-        best = _divided_until_certified(meshes, meshes.sharp(mesh), remark)
-    resolved.add(first, best)
+        best = _divided_until_certified(meshes, meshes.sharp(tried[-1]), remark) if tried else None
+    resolved.add(tried, best)
     return best
 
 

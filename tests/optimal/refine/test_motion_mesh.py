@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
+from armdyn.optimal.landing.pace import paced
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
 from armdyn.optimal.refine.mesh_margins import MeshMargins
@@ -68,6 +69,19 @@ def test_a_motion_is_resolved_once():
     first, after = optimum_of(task, resolved), resolved.left
     assert optimum_of(task, resolved) is first
     assert task.policy.motion_mesh.work - after > 10 * (after - resolved.left) > 0
+
+
+@pytest.mark.slow
+def test_a_motion_is_recognised_on_its_second_mesh():
+    task = task_of(rounds=2)
+    resolved, same = ResolvedMotions(task.policy.motion_mesh), task.policy.same
+    first, second = _Meshes(task, resolved).finer(find(task).attempts[0])
+    slower = replace(first, trajectory=paced(first.trajectory, 1.01))
+    resolved.add((first, second), None)
+    assert resolved.like((first,), same) == (None,)
+    assert resolved.like((slower,), same) is None
+    assert resolved.like((slower, second), same) == (None,)
+    assert resolved.like((slower, slower), same) is None
 
 
 def test_without_work_left_one_mesh_is_solved():
