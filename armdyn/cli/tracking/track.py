@@ -75,8 +75,8 @@ def track(
 
     The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller's model carries
     --payload; the simulated arm may carry --plant-payload and have friction. Where the payload changes along
-    --reference, both have the loads of its pieces. Exit code 0: it settled at the goal; 3: it did not, and the output
-    says why, also where the loop is unstable for its sampling.
+    --reference, both have the loads of its pieces. Exit code 0: it settled at the goal within its position and
+    velocity limits; 3: it did not, and the output says why, also where the loop is unstable for its sampling.
 
     [dim]armdyn track rrr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
     armdyn track rr --ramp 0.4 --controller pid --gains 30,50,1
@@ -104,7 +104,7 @@ def track(
         written = results.write(folder, real, motions, summary, title, progress=progress)
     words = friction_words(real) | _words(run, motion) | written.words
     shown = facts_table(f"{arm.name}: tracking with {controller.controller}", words)
-    return judged(summary, shown, usable=run.settled, files=written.files)
+    return judged(summary, shown, usable=run.status == "settled", files=written.files)
 
 
 def no_motion(found: ad.Solution) -> Answer:
@@ -114,7 +114,10 @@ def no_motion(found: ad.Solution) -> Answer:
 
 
 def _outcome(run: ad.Run) -> str:
-    return str(run.status).replace("_", " ") if run.settled_time is None else f"settled at {run.settled_time:.4f} s"
+    status = str(run.status).replace("_", " ")
+    if run.settled_time is None:
+        return status
+    return f"settled at {run.settled_time:.4f} s" + ("" if run.status == "settled" else f", {status}")
 
 
 def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:

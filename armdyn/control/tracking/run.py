@@ -22,7 +22,7 @@ from armdyn.reprs import brief, called, joint_unit
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
 
-Status = Literal["settled", "not_settled", "diverged", "failed"]
+Status = Literal["settled", "limits_exceeded", "not_settled", "diverged", "failed"]
 """See `Run.status`."""
 
 _LOST = 20.0
@@ -30,6 +30,9 @@ _LOST = 20.0
 
 STAYS = 0.1
 """Least time at the goal, until the run ends, of an arm that has settled and does not just pass [s]."""
+
+_FASTER = 0.01
+"""Part of a velocity limit that the feedback of a motion on its limit may exceed it by: encoders take up to 0.1 %."""
 
 
 @brief
@@ -40,14 +43,17 @@ class Run:
     Attributes:
         trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.
         status: "settled": all joints came within the tolerance of the goal and stayed until the end of the run, 0.1 s
-            or longer; "not_settled": the run is whole but they did not; "diverged": stopped 100 rad from the goal or at
-            1000 rad/s; "failed": no step of the integrator was short enough.
+            or longer; "limits_exceeded": of `track`, settled, but a joint was more than 1 % faster than its limit, or
+            farther beyond a position limit than the tolerance; "not_settled": the run is whole but they did not;
+            "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the integrator was
+            short enough.
         message: the status in a sentence, with its numbers and the joint.
         settled_time: from when on all joints stay within the tolerance of the goal [s]; None if they do not.
         error_at_end: largest distance of a joint from the goal when the reference ends [rad or m]; inf where the run
             broke off before.
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
+        limits_exceeded: velocity and position limits that were exceeded, in words, with the time of the largest excess.
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
@@ -77,6 +83,7 @@ class Run:
     arrival_rule: ArrivalRule = "last_entry_all_joints"
     max_real_eigenvalue: float | None = None
     unit: str = "rad or m"
+    limits_exceeded: tuple[str, ...] = ()
 
     def _repr_parts(self) -> list[str]:
         """Parts of the `repr`."""
@@ -95,7 +102,14 @@ class Run:
     @property
     def settled(self) -> bool:
         """All joints came within the tolerance of the goal and stayed."""
-        return self.status == "settled"
+        return self.status in ("settled", "limits_exceeded")
+
+    def with_limits(self) -> Self:
+        """The run with the limits that it exceeded in status and message."""
+        if not self.limits_exceeded:
+            return self
+        status: Status = "limits_exceeded" if self.settled else self.status
+        return replace(self, status=status, message=f"{self.message}; but {'; '.join(self.limits_exceeded)}")
 
     def with_stability(self, stability: SampledStability) -> Self:
         """The run with the stability at its goal, in the message too if the loop is unstable."""
@@ -116,10 +130,11 @@ class Run:
         }
 
     def summary(self) -> dict[str, object]:
-        """Summary of the run for JSON: success means that it settled; units as above."""
+        """Summary of the run for JSON: success means that it settled within its limits; units as above."""
         errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time", "overshoot")
         own = attributes(self, "message", "settled_time", *errors)
-        facts = {"success": self.settled, "status": str(self.status), **own}
+        facts = {"success": self.status == "settled", "status": str(self.status), **own}
+        facts["limits_exceeded"] = list(self.limits_exceeded)
         return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
 
 
@@ -157,7 +172,23 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         overshoot=np.maximum(overshoot(driven.q, ticks.goal) - overshoot(ticks.q, ticks.goal), 0.0),
         arrival_time=settled,
         unit=joint_unit(robot.slides),
+        limits_exceeded=_limits_exceeded(robot, driven, t, tolerance),
     )
+
+
+def _limits_exceeded(robot: Robot, driven: Driven, t: Array, tolerance: float) -> tuple[str, ...]:
+    """Velocity and position limits that the motion exceeded, in words."""
+    limits, found = robot.limits, []
+    speeds = np.abs(driven.v) / limits.velocity
+    beyond = np.maximum(limits.position_lower - driven.q, driven.q - limits.position_upper)
+    for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
+        fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
+        if speeds[fast, i] > 1 + _FASTER:
+            found.append(f"{name} reaches {100 * speeds[fast, i]:.4g} % of its velocity limit at t = {t[fast]:.4g} s")
+        if beyond[far, i] > tolerance:
+            where = f"{beyond[far, i]:.4g} {'m' if slides else 'rad'} beyond its position limit"
+            found.append(f"{name} is {where} at t = {t[far]:.4g} s")
+    return tuple(found)
 
 
 def settled_time(t: Array, error: Array, tolerance: float) -> float | None:

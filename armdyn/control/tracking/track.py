@@ -279,15 +279,15 @@ def track(
         q_start: where the arm stands at the beginning [rad or m], shape (nv,); None: where the reference begins.
 
     Returns:
-        The run. The message of a run that did not settle says whether the loop is stable at its goal, and
-        whether its sampling is to blame.
+        The run. Its message names the velocity and position limits that it exceeded; of a run that did not settle also
+        whether the loop is stable at its goal, and whether its sampling is to blame.
 
     Raises:
         ProblemError: robot, plant, reference or controller do not fit each other; not finite; too many samples.
     """
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plants = _plants(setup.robots, reference, robot, plant)
-    run = setup.run(plants, name=f"tracked by {_called(controller)}")
+    run = setup.run(plants, name=f"tracked by {_called(controller)}").with_limits()
     if run.settled:
         return run
     return run.with_stability(sampled_stability(setup.robot, setup.ticks.goal, controller, loop, plants[-1]))

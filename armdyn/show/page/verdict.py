@@ -204,18 +204,20 @@ def _of_planned(facts: Facts) -> Verdict:
 
 def _of_tracking(facts: Facts) -> Verdict:
     settled, wrong = facts.number("settled_time"), facts.number("failed_time")
-    fastest = facts.number("peak_velocity")
+    fastest, exceeded = facts.number("peak_velocity"), facts.texts("limits_exceeded")
     checks: list[tuple[str, bool | None, str]] = [
         ("settles", settled is not None, seconds(settled)),
         ("stays with its reference", wrong is None, "all the way" if wrong is None else f"lost it at {seconds(wrong)}"),
     ]
     if fastest is not None:
-        checks.append(("keeps speed limits", fastest <= 1, f"largest speed {100 * fastest:.3g} % of its limit"))
+        said = "; ".join(exceeded) or f"largest speed {100 * fastest:.3g} % of its limit"
+        checks.append(("keeps position and speed limits", not exceeded, said))
     stability = facts.part("stability")
     if "stable" in stability:
         checks.append(("stable at the goal", stability.true("stable"), stability.text("message")))
     headline = f"Settled after {seconds(settled)}" if settled is not None else "Did not settle"
-    level: Level = "bad" if settled is None else "good" if wrong is None else "fair"
+    headline += ", but exceeded its limits" if exceeded and settled is not None else ""
+    level: Level = "bad" if settled is None or exceeded else "good" if wrong is None else "fair"
     return Verdict(level, headline, _sentence(facts.text("message")), tuple(checks))
 
 

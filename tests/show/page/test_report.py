@@ -72,6 +72,11 @@ def of_a_pid_loop(arrival):
         ({"peak_error": 0.1, "settled_time": 0.3, "failed_time": 0.1}, "fair", "Settled after 0.3000 s"),
         ({"peak_error": 0.1, "settled_time": None, "failed_time": 0.1}, "bad", "Did not settle"),
         (
+            {"peak_error": 0.1, "settled_time": 0.3, "peak_velocity": 1.2, "limits_exceeded": ["j1: 120 %"]},
+            "bad",
+            "Settled after 0.3000 s, but exceeded its limits",
+        ),
+        (
             {"optimal_duration": 0.2, "ratio": 2.5, "feasible": True, "success": True},
             "good",
             "Keeps its limits, takes 2.5 times as long as the fastest",
@@ -95,7 +100,7 @@ def test_a_number_has_the_same_digits_everywhere():
     said = text_of(report_html(report))
     assert said.count("+2068.3 %") == 2 and "e+03" not in said
     tracked = verdict_of(Facts({"peak_error": 0.1, "settled_time": 0.3, "peak_velocity": 0.04664}))
-    assert ("keeps speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
+    assert ("keeps position and speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
 
 
 def test_iterations_that_were_not_counted_are_not_said():
