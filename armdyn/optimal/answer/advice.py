@@ -11,6 +11,7 @@ from armdyn.optimal.landing.pace import can_be_slowed
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate
+from armdyn.optimal.task.policy.policy import Policy
 from armdyn.reprs import percent
 
 _HOLD = (
@@ -39,19 +40,19 @@ def advice(
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
         if problem.crowded:
             return {"lands": f"no motion was found: {_MORE_ROOM}"}
-        return {"lands": "no motion was found: raise `starts`, `time_limit` or `max_intervals`, or widen the limits"}
+        wider = "widen the limits or regions" if problem.regional else "widen the limits"
+        return {"lands": f"no motion was found: {_raise(problem, wider, 'starts', 'time_limit', 'max_intervals')}"}
     lines = {}
     if not certificate.lands and certificate.replay == "segments":
         lines["lands"] = "open loop it is unstable: keep a `reserve` of the torque limits for feedback"
     elif not certificate.lands:
-        lines["lands"] = (
-            "it does not reach the goal: raise `max_intervals`; light links at strong motors may need "
-            "their rotors' inertia, `armature`"
-        )
+        links = "light links at strong motors may need their rotors' inertia, `armature`"
+        lines["lands"] = f"it does not reach the goal: {_raise(problem, links, 'max_intervals')}"
     if not certificate.keeps_limits:
-        lines["limits"] = _for_limits(certificate) + _not_slowed(problem)
+        lines["limits"] = _for_limits(problem, certificate) + _not_slowed(problem)
     if missed := [each.name for each in kept if each.reasons]:
-        more = _MORE_ROOM if missed == ["clearance"] else "raise `max_intervals`, or tighten the constraint a little"
+        tighter = _raise(problem, "tighten the constraint a little", "max_intervals")
+        more = _MORE_ROOM if missed == ["clearance"] else tighter
         lines["conditions"] = f"it does not keep {', '.join(missed)}: {more}{_not_slowed(problem)}"
     if lines:
         return lines
@@ -64,6 +65,21 @@ def advice(
     return lines
 
 
+def _raise(problem: MinimumTimeProblem, otherwise: str, *options: str) -> str:
+    """Advice to raise those of some options that change the problem's search, or else to do something else."""
+    *first, last = [f"`{name}`" for name in options if _changes(problem, name)] or [""]
+    named = f"{', '.join(first)} or {last}" if first else last
+    return ", or ".join(filter(None, (named and f"raise {named}", otherwise)))
+
+
+def _changes(problem: MinimumTimeProblem, option: str) -> bool:
+    """Whether an option changes the problem's search: curves have no meshes, and no guesses where paths are planned."""
+    if option not in ("starts", "max_intervals") or not Policy.of(problem).strategy.curves_alone:
+        return True
+    planned = problem.crowded or problem.regional or (len(problem.poses) > 2 and problem.jerk_limit is None)
+    return option == "starts" and not planned
+
+
 def _not_slowed(problem: MinimumTimeProblem) -> str:
     if can_be_slowed(problem):
         return ""
@@ -71,27 +87,33 @@ def _not_slowed(problem: MinimumTimeProblem) -> str:
     return f"; it cannot be slowed down as a whole, since {why}"
 
 
-def _for_limits(certificate: Certificate) -> str:
+def _for_limits(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     worst = certificate.exceeded
     if worst is None:
-        return "it exceeds a limit: raise `max_intervals`, or give limits a little below the arm's"
+        lower = "give limits a little below the arm's"
+        return f"it exceeds a limit: {_raise(problem, lower, 'max_intervals')}"
     beyond = f"it exceeds the {worst.constraint} of {worst.joint} by {percent(worst.value)} of it"
-    return f"{beyond}: raise `max_intervals`, or lower that limit by as much"
+    return f"{beyond}: {_raise(problem, 'lower that limit by as much', 'max_intervals')}"
 
 
 def _for_extremal(problem: MinimumTimeProblem, certificate: Certificate, arcs: bool) -> str:
     if not arcs and certificate.remark == ON_CURVE:
-        return f"not extremal: {ON_CURVE}; more `starts` may find a faster one"
+        more = "; more `starts` may find a faster one" if _changes(problem, "starts") else ""
+        return f"not extremal: {ON_CURVE}{more}"
     if not arcs and problem.path_constraint_names:
         names = ", ".join(problem.path_constraint_names)
         return f"not extremal: Pontryagin's conditions are not checked with {names}; a small gap would say as much"
     if not certificate.on_goal:
-        return "not extremal: it ends more than 1e-6 off the goal: raise `max_intervals`, or give `armature`"
+        return f"not extremal: {_off_goal(problem)}"
     if not arcs:
         return (
             "not extremal: its arcs were not resolved: raise `max_intervals` or `starts`; a small gap would say as much"
         )
     return "not extremal: its arcs do not quite satisfy the optimality conditions: raise `max_intervals` or `starts`"
+
+
+def _off_goal(problem: MinimumTimeProblem) -> str:
+    return f"it ends more than 1e-6 off the goal: {_raise(problem, 'give `armature`', 'max_intervals')}"
 
 
 def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
@@ -104,12 +126,12 @@ def _for_gap(problem: MinimumTimeProblem, certificate: Certificate) -> str:
     if not certificate.gap_proven and certificate.on_goal:
         return "the motion is faster than the lower bound: one of the two is wrong: a bug in armdyn"
     if not certificate.gap_proven:
-        return "the gap is not proven: the motion ends more than 1e-6 off the goal: raise `max_intervals`"
+        return f"the gap is not proven: {_off_goal(problem)}"
     if certificate.gap > _LITTLE:
         return "a large gap: the bound is by velocity limits, and weak where torque limits decide"
     if certificate.remark == ON_CURVE:
-        return (
-            f"look for a faster motion with `search` thorough or more `starts`; much of the gap of "
-            f"{percent(certificate.gap)} may be the bound's"
-        )
-    return f"a gap of {percent(certificate.gap)}: raise `starts` or `max_intervals`; there may be a faster motion"
+        look = "look for a faster motion with `search` thorough or more `starts`; "
+        more = look if _changes(problem, "starts") else ""
+        return f"{more}much of the gap of {percent(certificate.gap)} may be the bound's"
+    more = _raise(problem, "", "starts", "max_intervals")
+    return f"a gap of {percent(certificate.gap)}" + (f": {more}; there may be a faster motion" if more else "")

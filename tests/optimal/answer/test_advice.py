@@ -98,6 +98,19 @@ def test_why_there_is_no_small_gap(certificate, options, words):
     assert words in said(certificate, **options)["gap"]
 
 
+def test_options_that_change_nothing_are_not_advised():
+    region = ad.GoalPose("tip", (0.3, 0.0, -0.1), tolerance=(0.02, 0, 0.02, 0, 0, 0))
+    options = {"via": [region], "q_start": [-0.5, 0.3], "q_goal": [0.5, -0.3], "velocity_limit": 20.0}
+    lines = [
+        *said(Certificate(np.inf, np.inf, np.inf), **options).values(),
+        *said(Certificate(0.2, 0.1, 5.6e-4), **options).values(),
+        *said(replace(LANDED, remark=ON_CURVE), **options).values(),
+        *said(replace(LANDED, remark=ON_CURVE).bounded(1.0, 1.02), **options).values(),
+    ]
+    assert "widen the limits or regions" in lines[0] and len(lines) == 6
+    assert not any(name in line for line in lines for name in ("`starts`", "`search`", "`seed`", "`max_intervals`"))
+
+
 def test_met_conditions_have_no_advice():
     assert "extremal" not in said(solved("rr").certificate, arcs=True)
     assert "gap" not in said(LANDED.bounded(1.0, 1.0005))
