@@ -6,6 +6,7 @@ import os
 import shlex
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import NoReturn
 
 import typer
@@ -36,9 +37,11 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
         typer.Exit: always, with the code; `Followed` where another command follows.
     """
     as_json = bool(option_value("json")) or "--json" in shlex.split(option_value("then") or "")
-    with warnings.catch_warnings(record=True) as caught:
+    messages: list[str] = []
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.simplefilter("always", ArmdynWarning)
+        warnings.showwarning = partial(_warn, messages)  # at once: a solve may take minutes
         console.quiet = as_json or bool(option_value("quiet"))
         try:
             with interrupts.Raised():
@@ -54,9 +57,6 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
         finally:
             console.quiet = False
     interrupts.answer()
-    messages = list(dict.fromkeys(in_options(str(w.message)) for w in caught if issubclass(w.category, ArmdynWarning)))
-    for message in messages:
-        errors.print(f"[yellow]warning:[/] {escape(message)}")
     if answer.then:
         raise Followed([*answer.then, *(["--json"] if as_json and "--json" not in answer.then else [])])
     if as_json:
@@ -64,6 +64,14 @@ def carry_out(command: Callable[[], Answer]) -> NoReturn:
     for line in () if as_json else answer.remarks:
         errors.print(line)
     raise typer.Exit(answer.code)
+
+
+def _warn(messages: list[str], warning: Warning | str, category: type[Warning], *_where: object) -> None:
+    """Print a warning, unless the same was printed before, and add it to the messages."""
+    message = in_options(str(warning))
+    if issubclass(category, ArmdynWarning) and message not in messages:
+        messages.append(message)
+        errors.print(f"[yellow]warning:[/] {escape(message)}")
 
 
 def _is_bug(error: BaseException) -> bool:

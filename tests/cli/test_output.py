@@ -4,12 +4,16 @@ import errno
 import json
 import os
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import armdyn as ad
+from armdyn.cli.console import Answer
+from armdyn.cli.execution import carry_out
 from armdyn.cli.options.results import OutputOptions
 from armdyn.models import Robot
 from armdyn.paper.outcomes.store import load_outcome
@@ -182,3 +186,17 @@ def test_reproduce_counts_the_papers_numbers_and_not_its_own_comparisons(tmp_pat
 def test_a_folder_has_the_letters_of_its_robot_s_name_in_any_script(name, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert OutputOptions(out=None).folder("mintime", name) == Path("results", f"mintime-{folder}")
+
+
+def test_a_warning_is_printed_at_once_and_only_once(capsys):
+    seen = []
+
+    def command():
+        for _ in range(2):
+            warnings.warn("the goal cannot be held", ad.ArmdynWarning, stacklevel=1)
+        seen.append(capsys.readouterr().err)
+        return Answer()
+
+    with pytest.raises(typer.Exit):
+        carry_out(command)
+    assert seen[0].count("warning: the goal cannot be held") == 1 and not capsys.readouterr().err

@@ -38,6 +38,8 @@ def advice(
         arcs: whether the answer's arcs were resolved.
     """
     if not np.isfinite(certificate.goal_error) and certificate.growth is None:
+        if problem.holding_deficit is not None:
+            return {"lands": f"no motion was found, and the arm cannot stay at the goal: {_HOLD}"}
         if problem.crowded:
             return {"lands": f"no motion was found: {_MORE_ROOM}"}
         wider = "widen the limits or regions" if problem.regional else "widen the limits"

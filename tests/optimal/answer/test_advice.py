@@ -53,6 +53,12 @@ def test_all_that_is_missing_of_usable_is_named():
     assert "obstacles" in lines["conditions"] and "jerk" not in lines["conditions"]
 
 
+@pytest.mark.filterwarnings("ignore::armdyn.ArmdynWarning")
+def test_a_load_that_the_motors_cannot_hold_is_the_reason_where_no_motion_was_found():
+    line = said(Certificate(np.inf, np.inf, np.inf), effort_limit=0.1)["lands"]
+    assert "cannot stay at the goal" in line and "`payload`" in line and "`starts`" not in line
+
+
 def test_among_obstacles_another_path_may_help():
     options, missed = {"obstacles": [ad.Sphere((5, 5, 5), 0.1)]}, ConstraintReport("clearance", "", None, ("touches",))
     for line in (
