@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import armdyn as ad
 from armdyn.arguments import whole
-from armdyn.cli.console import Answer, Shown, done, escape, facts_table, table, working
+from armdyn.cli.console import DONE, Answer, Shown, done, escape, facts_table, judged, table, working
 from armdyn.cli.invocation import flag_of, invocation, is_given
 from armdyn.cli.options.groups import argument, flag, given, group, option
 from armdyn.cli.options.path_constraints import SceneOptions
@@ -94,7 +94,8 @@ def identify(
     identified.toml, which mintime, track and the other commands take as ROBOT, with arms that fit the logs as well:
     mintime --for-tracking chooses the reserve with which all of them settle.
 
-    A log that does not fit this arm is refused: degrees, another order of joints, currents, gaps, dead channels.
+    A log that does not fit this arm is refused: degrees, another order of joints, currents, gaps, dead channels. Exit
+    code 3: the torques of the logs do not fit the motion, and the result should not be used.
 
     [dim]armdyn identify panda --exciting 10 --out log
     armdyn identify ur5 --exciting 10 --obstacle plane:0,0,1@0,0,-0.05 --self-collision --preset ur5
@@ -119,7 +120,7 @@ def identify(
         return _write_motion(arm, options.exciting, sought, output.folder("identify", robot.robot, [_MOTION]))
     folder = output.folder("identify", robot.robot, [_FILE, _REPORT, "result.json"])
     made = _identify(arm, logs or (), options, folder)
-    return replace(made, then=[then[0], str(folder / _FILE), *then[1:]]) if then else made
+    return replace(made, then=[then[0], str(folder / _FILE), *then[1:]]) if then and made.code == DONE else made
 
 
 def _write_motion(arm: ad.Robot, duration: float, sought: ad.ExcitingOptions, folder: Path) -> Answer:
@@ -139,11 +140,14 @@ def _identify(arm: ad.Robot, logs: Sequence[str], options: IdentifyCommandOption
         estimate = ad.identify(arm, [ad.Log.load(log, arm) for log in logs], what, settings)
         likely = estimate.likely(options.likely, options.confidence) if options.likely else ()
         text, count = _robot_file(estimate, likely, folder)
-        facts = _facts(estimate) | {"likely": count}
+        unfit = estimate.judged.unfit if estimate.judged is not None else ""
+        facts: dict[str, object] = {"success": not unfit, "status": "unfit" if unfit else "identified"}
+        facts |= _facts(estimate) | {"likely": count}
         files = _written(estimate, text, facts, folder)
     for warning in estimate.warnings:
-        warnings.warn(f"{warning}: leave out --{what}-only", ad.ArmdynWarning, stacklevel=2)
-    return done("identified", facts, *_shown(estimate, files[0]), files=files)
+        remedy = "" if unfit else f": leave out --{what}-only"
+        warnings.warn(f"{warning}{remedy}", ad.ArmdynWarning, stacklevel=2)
+    return judged(facts, *_shown(estimate, files[0]), usable=not unfit, files=files)
 
 
 def _robot_file(estimate: ad.Estimate, likely: Sequence[ad.Robot], folder: Path) -> tuple[str, int]:
@@ -168,16 +172,16 @@ def _written(estimate: ad.Estimate, text: str, facts: dict[str, object], folder:
     made = invocation()
     file = write_whole(folder / _FILE, text.encode())
     report = write_identification(estimate, folder / _REPORT, Facts(result_head(estimate.robot) | made))
-    return save_results(folder, estimate.robot, {"status": "identified", **facts, **made}, [file, report])
+    return save_results(folder, estimate.robot, {**facts, **made}, [file, report])
 
 
 def _facts(estimate: ad.Estimate) -> dict[str, object]:
-    judged, own = estimate.judged, ("name", "unit", "prior", "value", "deviation", "measured")
+    held_out, own = estimate.judged, ("name", "unit", "prior", "value", "deviation", "measured")
     whole = ("noise", "offset", "combinations", "measured_combinations", "condition", "weight", "unmoved", "warnings")
     return {
         "robot": estimate.robot.name,
         "joints": list(estimate.robot.joint_names),
-        "torque_errors": {} if judged is None else attributes(judged, "measured", "before", "after"),
+        "torque_errors": {} if held_out is None else attributes(held_out, "measured", "before", "after"),
         "parameters": [attributes(one, *own) for one in estimate.parameters],
         **attributes(estimate, *whole),
     }
@@ -193,10 +197,10 @@ def _shown(estimate: ad.Estimate, file: Path) -> list[Shown]:
         words["not moved"] = ", ".join(estimate.unmoved)
     shown: list[Shown] = [facts_table(f"{estimate.robot.name}: identified", words)]
     if estimate.judged is not None:
-        judged = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
+        errors = (estimate.judged.measured, estimate.judged.before, estimate.judged.after)
         rows = [
             (joint, *(f"{value:.3g}" for value in row))
-            for joint, *row in zip(estimate.robot.joint_names, *judged, strict=True)
+            for joint, *row in zip(estimate.robot.joint_names, *errors, strict=True)
         ]
         title = f"root mean square on the end of the logs [{joint_unit(estimate.robot.slides, 'N m', 'N')}]"
         shown.append(table(title, ("joint", ">torque", ">error before", ">after"), rows))

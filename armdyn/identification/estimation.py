@@ -111,7 +111,10 @@ def identify(
         rest = [one.part(int(kept * one.t.size), one.t.size) for one in signals]
         judged = _judged(robot, assembled(robot, *begun, None, unmoved), rest, options.step)
     equations, found = _fitted(systems, options)
-    warnings = () if what == "all" else _warnings(robot, equations, found, signals, options)
+    if judged is not None and judged.unfit:
+        warnings: tuple[str, ...] = (judged.unfit,)
+    else:
+        warnings = () if what == "all" else _warnings(robot, equations, found, signals, options)
     return replace(assembled(robot, equations, found, judged, unmoved), warnings=warnings)
 
 

@@ -64,6 +64,8 @@ def write_identification(estimate: Estimate, path: str | os.PathLike[str], comma
 
 def _verdict(estimate: Estimate) -> Verdict:
     """Verdict on an identification."""
+    if estimate.judged is not None and (why := estimate.judged.unfit):
+        return Verdict("bad", "Not to be used", f"{why[:1].upper()}{why[1:]}.")
     if estimate.warnings:
         text = estimate.warnings[0]
         return Verdict("fair", "Other inertias than the file's", f"{text[:1].upper()}{text[1:]}.")

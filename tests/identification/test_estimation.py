@@ -102,6 +102,18 @@ def test_a_simulated_loop_s_own_samples_ask_for_no_other_inertias():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("what", ["all", "payload"])
+def test_torques_that_have_nothing_to_do_with_the_motion_are_said_to(what):
+    prior = robot_named("ur5")
+    log = simulated_log(prior, duration=4.0)
+    assert not identify(prior, log, what).judged.unfit
+    steps = np.random.default_rng(1).normal(size=log.tau.shape)
+    walk = 0.15 * np.std(log.tau, axis=0) * np.cumsum(steps, axis=0)
+    found = identify(prior, ad.Log(t=log.t, q=log.q, tau=walk), what)
+    assert found.warnings == (found.judged.unfit,)
+    assert re.search(r"errors are [\d.]+ % of the torques after .* do not use this result", found.judged.unfit)
+
+
 def test_confidence_covers_the_truth():
     prior, hits = robot_named("rrr"), []
     for seed in range(25):
