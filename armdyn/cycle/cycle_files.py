@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,6 +112,11 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
             return Cycle(robot, **{**given, "start": start, "steps": steps})
         except CycleError as error:
             raise _with_line(file, error) from None
+
+
+def keys_of(step: Mapping[str, object]) -> tuple[str, ...]:
+    """The keys that a step's table may have, first that of its kind; empty: it is no step."""
+    return next((_KEYS[kind] for kind in _KINDS if kind in step), ())
 
 
 def _with_line(file: Table, error: CycleError) -> ProblemError:

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from armdyn.cycle.cycle_files import OPTIONS, TABLES, cycle_from
+from armdyn.arguments import shown
+from armdyn.cycle.cycle_files import OPTIONS, TABLES, cycle_from, keys_of
 from armdyn.cycle.solve import solve_cycle
-from armdyn.errors import ProblemError
+from armdyn.errors import ProblemError, did_you_mean
 from armdyn.files import file_inside
+from armdyn.models.robots.poses import positions_of
 from armdyn.optimal import MinimumTimeOptions
 from armdyn.optimal.problem.robot_tables import robot_from, robot_table
 from armdyn.parsing.toml import Table, read_toml
@@ -71,8 +73,20 @@ class CycleTask:
         """
         if name.partition(".")[0] not in self.tables:
             raise ProblemError(f"{name} is no setting of a cycle: its way begins with {', '.join(self.tables)}")
-        place_of(copy.deepcopy(dict(self.tables)), name, ())
+        place, key = place_of(copy.deepcopy(dict(self.tables)), name, ())
+        known = keys_of(place) if isinstance(place, dict) else ()
+        if known and key not in known:
+            raise ProblemError(f"{name}: a {known[0]} has no {key!r}{did_you_mean(key, known)}")
+        if isinstance(value, str):
+            self._check_name(name, key, place, value)
         return value
+
+    def _check_name(self, name: str, key: Any, place: object, value: str) -> None:
+        """Refuse the name of a pose or part that there is not: once, not in every row."""
+        if key in ("grasp", "release") and value not in (parts := self.tables.get("parts", {})):
+            raise ProblemError(f"{name} is {shown(value)}; it is a part of [parts]{did_you_mean(value, parts)}")
+        if key in ("start", "to") or (isinstance(place, list) and name.split(".")[-2] == "via"):
+            positions_of(robot_from(Table(self.file, dict(self.tables["robot"]), None)), value, name)
 
     def work(self, settings: Mapping[str, Value], guess: bytes, revisit: bool = False) -> CaseResult:
         """Solve the cycle of a case."""

@@ -54,6 +54,12 @@ def test_rows_are_the_cycles_of_the_file_with_its_numbers_changed(study, tmp_pat
         (("parts.bolt.mass", "payload.mass"), "its way begins with robot, cycle, parts, steps"),
         (('"to the hole"', '"to the hoel"'), r"did you mean 'to the hole'"),
         (('"to the hole"', "9"), r"steps has no '9'"),
+        (("to.0 = [0.8, 1.0]", 'too = ["zero"]'), "line 9: .*a move has no 'too'; did you mean 'to'"),
+        (("to.0 = [0.8, 1.0]", 'to = ["zero", "zreo"]'), "line 9: .*to.* is 'zreo'.*did you mean 'zero'"),
+        (
+            ('steps."to the hole".to.0 = [0.8, 1.0]', 'steps.1.grasp = ["bolt", "blot"]'),
+            "line 9: .*did you mean 'bolt'",
+        ),
         (("cell.toml", "../cell.toml"), "line 4: .*is outside the folder"),
         (("file =", "fiel ="), "did you mean 'file'"),
         (("[vary]", "[arms.rr]\n[vary]"), "no table 'arms'"),
