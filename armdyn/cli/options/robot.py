@@ -70,7 +70,9 @@ class PartOptions:
     """
 
     lock: list[str] | None = option(
-        "JOINT=Q", "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again."
+        "JOINT=Q",
+        "Fix a joint at a position \\[rad or m], such as 1.2, 90deg, 0.1m; may be given again. Named poses are then "
+        "those of the other joints.",
     )
     part: Annotated[tuple[str, str] | None, ends_of] = option(
         "FIRST,LAST",

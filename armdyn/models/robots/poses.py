@@ -49,16 +49,16 @@ TABLE: tuple[tuple[tuple[str, ...], dict[str, tuple[float, ...]]], ...] = (
 def named_poses(robot: Arm) -> dict[str, Array]:
     """The poses of a robot that have a name, each of shape (nv,) [rad or m].
 
-    "zero" is all joints at zero, where the limits allow it. Of an SRDF's poses and of an
-    MJCF's keyframes those count that say where every moving joint is; a file that cannot be read has none.
+    "zero" is all joints at zero, where the limits allow it. Of an SRDF's poses, of an MJCF's keyframes and of the table
+    those count that say where every moving joint is, wherever locked joints are; a file that cannot be read has none.
     """
     poses = {}
     limits, zero = robot.limits, np.zeros(robot.nv)
     if np.all((limits.position_lower <= 0) & (limits.position_upper >= 0)):
         poses["zero"] = zero
     for joints, table in TABLE:
-        if robot.joint_names == joints:
-            poses |= {name: np.array(q, dtype=float) for name, q in table.items()}
+        if set(joints) <= {*robot.joint_names, *robot.locked}:
+            poses |= _poses(((name, dict(zip(joints, q, strict=True))) for name, q in table.items()), robot.joint_names)
     for path in _files(robot):
         poses |= _of_file(path, robot)
     return poses | _of_keyframes(robot)

@@ -106,6 +106,14 @@ def test_ready_is_the_library_s_default_pose():
     assert panda.pose("ready")[1] == -math.pi / 4
 
 
+def test_locked_joints_are_left_out_of_the_poses():
+    whole, held = (ad.Robot.from_library("ur5", lock=lock) for lock in (None, {"elbow_joint": 1.0}))
+    assert {name: q.tolist() for name, q in held.poses.items()} == {
+        name: np.delete(q, 2).tolist() for name, q in whole.poses.items()
+    }
+    assert {"home", "up", "zero"} == held.poses.keys()
+
+
 def test_names_stand_where_poses_do():
     """In Python as on the command line."""
     panda = ad.Robot.from_library("panda")
