@@ -105,18 +105,10 @@ class Curve:
         return replace(self, legs=tuple(CurveLeg(own, leg.at(own.places)[0], leg.duration) for own, leg in pairs))
 
     @classmethod
-    def near(cls, motion: Trajectory, basis: Basis, passing: Array | None = None) -> Self:
-        """Make a curve with control points sampled from a motion.
-
-        Args:
-            motion: the motion.
-            basis: basis of every leg.
-            passing: end times of the legs without the last [s]; None: one leg.
-        """
-        inner = np.empty(0) if passing is None else passing
-        marks = np.concatenate([motion.t[:1], inner, motion.t[-1:]])
-        spans = zip(marks[:-1], np.diff(marks), strict=True)
-        return cls(tuple(CurveLeg(basis, motion(start + T * basis.places).q, float(T)) for start, T in spans))
+    def near(cls, motion: Trajectory, basis: Basis) -> Self:
+        """Make a curve of one leg with control points sampled from a motion."""
+        at = motion(motion.t[0] + motion.duration * basis.places)
+        return cls((CurveLeg(basis, at.q, motion.duration),))
 
     @property
     def duration(self) -> float:

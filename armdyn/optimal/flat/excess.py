@@ -136,7 +136,7 @@ class Tightening:
         self.task.progress(round_words(self.rounds, curve, over))
         actuators = self.task.problem.limits.actuators
         least, most = (side / actuators.half_range for side in (actuators.lower, actuators.upper))
-        (margin,), (beyond,) = self.spec.margins or (TorqueMargin(),), over
+        margin, (beyond,) = self.spec.margin(0), over
         spare_upper, spare_lower = most - margin.upper - tau, tau - (least + margin.lower)
         # A point's own excess, by nonlinearity, is left to the next step.
         left = TorqueMargin(

@@ -1,6 +1,7 @@
 """Data of the B-spline program: guess, parameters, bounds of unknowns and equations."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import factorial
 from typing import Self
@@ -13,7 +14,6 @@ from armdyn.optimal.flat.basis import WINDOW, Basis
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.path_constraints.constraint import PathConstraint
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, intervals_of, spread
@@ -68,6 +68,10 @@ class CurveSpec:
         smooth = 0.0 if task.problem.pays_effort else task.policy.curves.smooth
         return cls(TightenedConstraints.of(task), smooth=smooth)
 
+    def margin(self, leg: int) -> TorqueMargin:
+        """Torque margins of one leg."""
+        return self.margins[leg] if self.margins else TorqueMargin()
+
 
 def curve_layout(problem: MinimumTimeProblem, guess: Curve, constraints: TightenedConstraints) -> CurveLayout:
     """Layout of a problem's program."""
@@ -90,31 +94,31 @@ def torque_rates(task: Task, constraints: TightenedConstraints) -> Array | None:
     return (1 - kept) * np.min(given, axis=0) if given else None
 
 
-def _has_rows(problem: MinimumTimeProblem, constraint: PathConstraint) -> bool:
-    """Whether a constraint needs rows of its own, apart from bounds of control points or torques."""
-    if isinstance(constraint, TorqueSpeedLimit):
-        return False
-    return constraint.derivative_limit(problem) is None and constraint.torque_rate_limit(problem) is None
+def _with_rows(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> TightenedConstraints:
+    """The constraints that need rows of their own, apart from bounds of control points or torques."""
+    own = (each for each in constraints.path_constraints if not isinstance(each, TorqueSpeedLimit))
+    own = (each for each in own if each.derivative_limit(problem) is None and each.torque_rate_limit(problem) is None)
+    return replace(constraints, path_constraints=tuple(own))
 
 
 def rows_of(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[StageRows, ...]:
     """Rows of the constraints that need rows of their own, and of torques at the ends of short legs."""
-    with_rows = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return (*end_torque_rows(problem), *(rows for each in with_rows for rows in each.rows(problem)))
+    return (*end_torque_rows(problem), *_with_rows(problem, constraints).rows(problem))
 
 
-class _Numbers:
-    """Parameters and bounds of equations, block by block in the program's order."""
+def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
+    """Parameters and bounds of each of `rows_of`."""
+    return (*end_torque_values(problem), *_with_rows(problem, constraints).values(problem))
 
-    def __init__(self) -> None:
-        self.parameters: list[Array] = []
-        self.lower: list[Array] = []
-        self.upper: list[Array] = []
 
-    def add(self, parameters: Array, lower: Array, upper: Array) -> None:
-        """Add parameters and bounds of one block."""
-        for numbers, more in ((self.parameters, parameters), (self.lower, lower), (self.upper, upper)):
-            numbers.append(np.ravel(more))
+def rate_limits(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> dict[int, Array]:
+    """Limits of the curve's time derivatives by order, each of shape (nv,); inf: none."""
+    velocity = problem.limits.velocity
+    return {1: velocity, 2: np.full(velocity.size, np.inf)} | constraints.derivative_limits(problem)
+
+
+_Equations = tuple[Array, Array, Array]
+"""Parameters, lower and upper bounds of a block of equations."""
 
 
 def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> NlpData:
@@ -126,7 +130,7 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         spec: requirements of the curve.
         shape: layout of the program.
     """
-    problem, numbers, whole = task.problem, _Numbers(), guess.duration
+    problem, blocks, whole = task.problem, list[_Equations](), guess.duration
     limits, n = problem.limits, shape.joints
     half = limits.actuators.half_range
     x, lower, upper = np.empty(shape.size), np.full(shape.size, -np.inf), np.full(shape.size, np.inf)
@@ -134,12 +138,12 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
         s, weights = leg.basis.gauss(POINTS)
         basis = leg.basis.local(s.ravel()).reshape(s.size, -1)
         ties = np.array([spec.smooth, spec.travel]) * leg.duration / whole / n
-        nothing = np.zeros(s.size * n)
-        numbers.add(np.hstack([basis, weights.reshape(-1, 1), weights.reshape(-1, 1) * ties]), nothing, nothing)
-        numbers.add(np.full(s.size - 1, spec.steps / n), np.array([]), np.array([]))
-        _add_rates(numbers, task, spec.constraints, leg.basis, shape, k)
-        points, torques, margin = shape.points(k), shape.torques(k), spec.margins[k] if spec.margins else TorqueMargin()
-        _add_torque_speeds(numbers, limits.actuators, basis, margin)
+        nothing, parts = np.zeros(s.size * n), weights.reshape(-1, 1)
+        blocks.append((np.hstack([basis, parts, parts * ties]), nothing, nothing))
+        blocks.append((np.full(s.size - 1, spec.steps / n), np.empty(0), np.empty(0)))
+        blocks += _rates(task, spec.constraints, leg.basis, shape, k)
+        points, torques, margin = shape.points(k), shape.torques(k), spec.margin(k)
+        blocks += _torque_speeds(limits.actuators, basis, margin)
         lower[points], upper[points] = limits.position_lower, limits.position_upper
         least, most = limits.actuators.lower / half, limits.actuators.upper / half
         lower[torques], upper[torques] = least + margin.lower, most - margin.upper
@@ -151,12 +155,14 @@ def assemble_curve(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout
     for k in shape.legs[1:]:
         for order in range(1, shape.smooth + 1):
             sides = guess.legs[k - 1].basis.differences(order)[-1], guess.legs[k].basis.differences(order)[0]
-            numbers.add(np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n))
-    _add_torque_rates(numbers, task, spec, guess)
-    _add_rows(numbers, task, guess, spec.constraints)
+            blocks.append((np.concatenate([*sides, 1 / _meeting_speeds(problem, guess)]), np.zeros(n), np.zeros(n)))
+    blocks += _torque_rates(task, spec, guess)
+    blocks += _rows(task, guess, spec.constraints)
     squares = problem.effort_weights() * half**2
     shared = np.concatenate([half, squares, task.dynamics.last_body, travel_scales(task, guess), [1 / whole]])
-    parameters, g_lower, g_upper = map(np.concatenate, (numbers.parameters, numbers.lower, numbers.upper))
+    parameters, g_lower, g_upper = (
+        np.concatenate([np.ravel(each) for each in own]) for own in zip(*blocks, strict=True)
+    )
     return NlpData(np.clip(x, lower, upper), np.append(shared, parameters), (lower, upper), (g_lower, g_upper))
 
 
@@ -181,14 +187,13 @@ def finite(limit: Array) -> Array:
     return np.where(np.isinf(limit), 1.0, limit)
 
 
-def _add_rates(
-    numbers: _Numbers, task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int
-) -> None:
+def _rates(
+    task: Task, constraints: TightenedConstraints, basis: Basis, shape: CurveLayout, leg: int
+) -> Iterator[_Equations]:
     """Limits of derivatives on one leg, by their control points."""
     problem = task.problem
     most = 1.0 if problem.from_rest_to_rest else 1 - task.policy.curves.in_flight
-    given = {1: problem.limits.velocity, 2: np.full(shape.joints, np.inf)}
-    given |= constraints.derivative_limits(problem)
+    given = rate_limits(problem, constraints)
     for order in shape.orders:
         factors, scale = basis.differences(order), finite(given[order])
         bound = np.tile(np.where(np.isinf(given[order]), np.inf, most), (len(factors), 1))
@@ -203,14 +208,13 @@ def _add_rates(
         if order == 1 and leg == shape.legs[-1] and _ends_free(constraints):  # at rest at any position
             rest = 1 + _begins_gently(problem, np.asarray(problem.q_goal))
             lower[-rest:] = upper[-rest:] = np.asarray(problem.v_goal) / scale
-        numbers.add(np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper)
+        yield np.hstack([factors, np.tile(1 / scale, (len(factors), 1))]), lower, upper
 
 
-def _add_torque_speeds(numbers: _Numbers, actuators: ActuatorLimits, basis: Array, margin: TorqueMargin) -> None:
+def _torque_speeds(actuators: ActuatorLimits, basis: Array, margin: TorqueMargin) -> Iterator[_Equations]:
     """Lines of torque-speed curves at a leg's points.
 
     Args:
-        numbers: parameters and bounds so far, extended here.
         actuators: actuators with the curves.
         basis: values, first and second derivatives of the points' B-splines, shape (points, 3 WINDOW).
         margin: torque margin at the points.
@@ -221,10 +225,10 @@ def _add_torque_speeds(numbers: _Numbers, actuators: ActuatorLimits, basis: Arra
     first = basis[:, WINDOW : 2 * WINDOW]
     given = np.hstack([first, np.tile(slopes.ravel(), (len(basis), 1))])
     lower, upper = (np.broadcast_to(each, (len(basis), slopes.shape[1])) for each in (margin.lower, margin.upper))
-    numbers.add(given, lower[:, None] - rest, rest - upper[:, None])
+    yield given, lower[:, None] - rest, rest - upper[:, None]
 
 
-def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Curve) -> None:
+def _torque_rates(task: Task, spec: CurveSpec, guess: Curve) -> Iterator[_Equations]:
     """Limits of torque rates: within legs, where legs meet, and from and to the holding torques."""
     problem = task.problem
     rates = torque_rates(task, spec.constraints)
@@ -234,20 +238,19 @@ def _add_torque_rates(numbers: _Numbers, task: Task, spec: CurveSpec, guess: Cur
     half = limits.actuators.half_range
     over, whole = half / finite(rates), np.where(np.isinf(rates), np.inf, 1.0)
     places = [leg.basis.gauss(POINTS)[0].ravel() for leg in guess.legs]
-    margins = [margin.rates for margin in spec.margins or (TorqueMargin(),) * len(places)]
-    bounds = [whole - np.broadcast_to(margin, (s.size + 1, n)) for margin, s in zip(margins, places, strict=True)]
+    bounds = [whole - np.broadcast_to(spec.margin(k).rates, (s.size + 1, n)) for k, s in enumerate(places)]
     for s, bound in zip(places, bounds, strict=True):
-        numbers.add(np.hstack([np.diff(s)[:, None], np.tile(over, (s.size - 1, 1))]), -bound[1:-1], bound[1:-1])
+        yield np.hstack([np.diff(s)[:, None], np.tile(over, (s.size - 1, 1))]), -bound[1:-1], bound[1:-1]
     for (before, own), (after, next_own) in pairwise(zip(places, bounds, strict=True)):
         bound = np.minimum(own[-1], next_own[0])
-        numbers.add(np.concatenate([[1 - before[-1], after[0]], over]), -bound, bound)
+        yield np.concatenate([[1 - before[-1], after[0]], over]), -bound, bound
     starts = problem.q_start, problem.v_start, places[0][0], bounds[0][0]
     ends = problem.q_goal, problem.v_goal, 1 - places[-1][-1], bounds[-1][-1]
     for q, v, part, bound in (starts, ends):
         hold = problem.robot.holding_torque(np.asarray(q))
         held = limits.actuators.allows(hold, np.asarray(q), np.asarray(v)) & (not np.any(v))
         free = np.where(held, bound, np.inf)
-        numbers.add(np.concatenate([hold / half, [part], over]), -free, free)
+        yield np.concatenate([hold / half, [part], over]), -free, free
 
 
 def _ends_free(constraints: TightenedConstraints) -> bool:
@@ -277,8 +280,8 @@ def _begins_gently(problem: MinimumTimeProblem, q: Array) -> bool:
     return bool(np.all(problem.limits.actuators.allows(hold, q, np.zeros_like(q))))
 
 
-def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: TightenedConstraints) -> None:
-    """Add the parameters and bounds of the path constraints' rows, over the intervals of all legs."""
+def _rows(task: Task, guess: Curve, constraints: TightenedConstraints) -> Iterator[_Equations]:
+    """The path constraints' rows, over the intervals of all legs."""
     problem, place = task.problem, CurveInterval(task.dynamics, task.scheme.compile)
     rows, intervals = rows_of(problem, constraints), [leg.basis.intervals for leg in guess.legs]
     if not rows:
@@ -287,13 +290,7 @@ def _add_rows(numbers: _Numbers, task: Task, guess: Curve, constraints: Tightene
     values = constraint_values(problem, constraints)
     for each, own in zip(rows, values, strict=True):
         own_powers = powers[intervals_of(each, intervals)]
-        numbers.add(np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals))
-
-
-def constraint_values(problem: MinimumTimeProblem, constraints: TightenedConstraints) -> tuple[RowValues, ...]:
-    """Parameters and bounds of each of `rows_of`."""
-    with_rows = (each for each in constraints.path_constraints if _has_rows(problem, each))
-    return (*end_torque_values(problem), *(values for each in with_rows for values in each.values(problem)))
+        yield np.append(own_powers, own.numbers), *spread(each, each.functions(place), own, intervals)
 
 
 def _powers(basis: Basis) -> Array:

@@ -1,7 +1,8 @@
 """Nonlinear program of B-spline motions: layout of its unknowns, and its blocks of equations."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from armdyn.arrays import Array, Index
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.flat.basis import DEGREE, WINDOW, Basis
-from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.equations import (
     POINTS,
     CurveInterval,
@@ -82,28 +83,30 @@ class CurveLayout:
 
     def curve(self, guess: Curve, x: Array) -> Curve:
         """The curve of unknowns x, shape (size,), with the bases of a guess."""
-        legs = tuple(
-            replace(leg, points=x[self.points(k)], duration=float(x[self.duration(k)]))
-            for k, leg in enumerate(guess.legs)
-        )
-        return Curve(legs)
+        bases = (leg.basis for leg in guess.legs)
+        own = zip(self.legs, bases, strict=True)
+        return Curve(tuple(CurveLeg(basis, x[self.points(k)], float(x[self.duration(k)])) for k, basis in own))
 
     def torque_rows(self, leg: int) -> Index:
         """Rows of the torque equations, shape (intervals * POINTS, joints)."""
-        first = sum(self._equations(before) for before in range(leg))
-        return first + np.arange(self.intervals[leg] * POINTS * self.joints).reshape(-1, self.joints)
+        return self._rows(leg)[0]
 
     def rates(self, leg: int, order: int) -> Index:
         """Rows of the equations of a derivative's control points, shape (control points, joints)."""
-        first = sum(self._equations(before) for before in range(leg)) + self.intervals[leg] * POINTS * self.joints
-        first += sum(self._count(leg, lower) * self.joints for lower in self.orders if lower < order)
-        return first + np.arange(self._count(leg, order) * self.joints).reshape(-1, self.joints)
+        return self._rows(leg)[1 + self.orders.index(order)]
 
     def torque_speeds(self, leg: int) -> Index:
         """Rows of the lines of torque-speed curves, shape (intervals * POINTS, lines, joints)."""
-        size = self.intervals[leg] * POINTS * self.lines * self.joints
-        last = sum(self._equations(before) for before in range(leg + 1))
-        return last - size + np.arange(size).reshape(-1, self.lines, self.joints)
+        return self._rows(leg)[-1].reshape(-1, self.lines, self.joints)
+
+    def _rows(self, leg: int) -> list[Index]:
+        """Rows of each of a leg's kinds of equations, in the program's order, each of shape (places, joints)."""
+        places = [
+            (POINTS * size, *(size + DEGREE - order for order in self.orders), POINTS * size * self.lines)
+            for size in self.intervals
+        ]
+        ends = sum(sum(each) for each in places[:leg]) + np.cumsum([0, *places[leg]])
+        return [np.arange(a, b).reshape(-1, self.joints) for a, b in pairwise(self.joints * ends)]
 
     def at_points(self, leg: int) -> Index:
         """Indices of the unknowns of the torque equations, a column per point."""
@@ -117,15 +120,7 @@ class CurveLayout:
 
     def differences(self, leg: int, order: int) -> Index:
         """Indices of the unknowns for a derivative's control points, a column per control point."""
-        return self._columns(leg, np.arange(self._count(leg, order))[:, None] + np.arange(order + 1))
-
-    def _count(self, leg: int, order: int) -> int:
-        """Number of a derivative's control points."""
-        return self.intervals[leg] + DEGREE - order
-
-    def _equations(self, leg: int) -> int:
-        points = self.intervals[leg] * POINTS
-        return self.joints * (points * (1 + self.lines) + sum(self._count(leg, order) for order in self.orders))
+        return self._columns(leg, np.arange(self.intervals[leg] + DEGREE - order)[:, None] + np.arange(order + 1))
 
     def torque_steps(self, leg: int) -> Index:
         """Indices of the unknowns for a leg's torque rates from point to point, a column each."""
@@ -189,9 +184,8 @@ def build(dynamics: Dynamics, shape: CurveLayout, rows: tuple[StageRows, ...], c
     for leg in shape.legs:
         parts.append(_Part(torque_equations(dynamics, compile_mode), shape.at_points(leg), 3 * WINDOW + 3, shared=True))
         parts.append(_Part(torque_step_cost(n), shape.torque_steps(leg)[: 2 * n], 1))
-        parts += [
-            _Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n) for order in shape.orders
-        ]
+        for order in shape.orders:
+            parts.append(_Part(rate_equations(n, order), shape.differences(leg, order), order + 1 + n))
         if shape.lines:
             falling = torque_speed_equations(n, shape.lines)
             parts.append(_Part(falling, shape.at_points(leg), WINDOW + shape.lines * n))

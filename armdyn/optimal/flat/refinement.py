@@ -169,8 +169,7 @@ def _in_rounds(
 
 def _tighter(task: Task, spec: CurveSpec, over: tuple[TorqueMargin, ...], reports: ConstraintReports) -> CurveSpec:
     """Specification with larger torque margins and tightened constraints, by the excesses."""
-    margins = spec.margins or (TorqueMargin(),) * len(over)
-    more = tuple(larger_margin(task, margin, here) for margin, here in zip(margins, over, strict=True))
+    more = tuple(larger_margin(task, spec.margin(k), here) for k, here in enumerate(over))
     return replace(spec, margins=more, constraints=spec.constraints.tightened(task.problem, reports))
 
 

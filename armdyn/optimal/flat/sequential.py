@@ -12,11 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.flat.clearance_rows import Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
 from armdyn.optimal.flat.curve_program import CurveProgram
-from armdyn.optimal.flat.derivative_rows import Sides
-from armdyn.optimal.flat.torque_rows import TorqueParts
+from armdyn.optimal.flat.linear_rows import Linearised, Sides, TorqueParts
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.solver import NlpResult
@@ -38,8 +36,7 @@ class _Iterate:
         x: unknowns.
         cost: cost without penalties [s].
         torques: torques of the curve.
-        velocities: rows of the velocities' control points.
-        others: other equations; None: no such equations.
+        sides: rows of the derivatives' control points, velocities first, and of other equations.
         near: linearised distances; None: no distances.
         penalties: priced violations: torques, distances, other rows [s].
     """
@@ -47,8 +44,7 @@ class _Iterate:
     x: Array
     cost: float
     torques: TorqueParts
-    velocities: Sides
-    others: Sides | None
+    sides: tuple[Sides, ...]
     near: Linearised | None
     penalties: tuple[float, float, float]
 
@@ -161,13 +157,12 @@ class Sequential:
     def _point(self, x: Array) -> _Iterate:
         """An iterate from unknowns; its torques are recomputed."""
         problem = self.problem
-        torques, velocities = problem.torque_rows.at(x), problem.velocities(x)
-        x = x.copy()
+        torques, x = problem.torque_rows.at(x), x.copy()
         x[problem.torques] = torques.tau
-        others = problem.other_sides(x, torques.jacobian)
+        sides = problem.sides(x, torques.jacobian)
         near = None if problem.clearance is None else problem.clearance.at(problem.shape, x)
         cost = problem.cost.value(x, torques.tau)
-        return _Iterate(x, cost, torques, velocities, others, near, self._penalties(x, velocities, others, near))
+        return _Iterate(x, cost, torques, sides, near, self._penalties(x, sides, near))
 
     def _bounded(self, at: _Iterate, bounds: tuple[Array, Array]) -> _Iterate:
         """The iterate with other bounds of the torques."""
@@ -175,15 +170,13 @@ class Sequential:
         lower, upper = (side.copy() for side in numbers.x_bounds)
         lower[own], upper[own] = bounds
         self.problem = replace(self.problem, numbers=replace(numbers, x_bounds=(lower, upper)))
-        return replace(at, penalties=self._penalties(at.x, at.velocities, at.others, at.near))
+        return replace(at, penalties=self._penalties(at.x, at.sides, at.near))
 
-    def _penalties(
-        self, x: Array, velocities: Sides, others: Sides | None, near: Linearised | None
-    ) -> tuple[float, float, float]:
+    def _penalties(self, x: Array, sides: tuple[Sides, ...], near: Linearised | None) -> tuple[float, float, float]:
         policy, own = self.policy, self.problem.torques
         low, high = (side[own] for side in self.problem.numbers.x_bounds)
         over = np.max(np.maximum(x[own] - high, low - x[own]), axis=1, initial=0)
-        missed = velocities.missed + (0.0 if others is None else others.missed)
+        missed = sum(each.missed for each in sides)
         missing = 0.0 if near is None else float(np.sum(near.missing))
         return policy.torque * float(np.sum(over)), policy.distance * missing, policy.other * missed
 
@@ -218,9 +211,10 @@ class Sequential:
         low, high = (side[problem.torques] for side in problem.numbers.x_bounds)
         points = np.repeat(np.arange(len(tau)), tau.shape[1])
         soft = [SoftRows.between(at.torques.jacobian, (low - tau).ravel(), (high - tau).ravel(), points, policy.torque)]
-        given = at.velocities.equal
-        rows = (at.velocities.only(given) if np.any(given) else None, at.others)
-        soft += [SoftRows(*sides.below(at.x), policy.other) for sides in rows if sides is not None]
+        velocities, *others = at.sides
+        if np.any(given := velocities.equal):
+            others.insert(0, velocities.only(given))
+        soft += [SoftRows(*sides.below(at.x), policy.other) for sides in others]
         if at.near is not None:
             soft.append(SoftRows((-at.near.jacobian,), at.near.spare, at.near.samples, policy.distance))
         nothing = np.zeros(at.x.size)
@@ -230,7 +224,7 @@ class Sequential:
             curvature=problem.smooth + problem.cost.moving,
             squares=problem.cost.squares(at.x, at.torques),
             bounds=(nothing, nothing),
-            hard=at.velocities.only(~given).below(at.x)[:2],
+            hard=velocities.only(~given).below(at.x)[:2],
             soft=tuple(soft),
         )
 
@@ -251,7 +245,7 @@ class Sequential:
 
     def _multipliers(self, step: QpSolution, lam_x: Array, lam_g: Array) -> None:
         """Multipliers of torque limits and velocity limits, with IPOPT's signs."""
-        torques, rates = self.problem.torques.ravel(), self.problem.rates
+        torques, rates = self.problem.torques.ravel(), self.problem.rates(1)
         least, most = (side[rates] for side in self.problem.numbers.g_bounds)
         for out, own, found in (
             (lam_x, torques, step.multipliers[1]),

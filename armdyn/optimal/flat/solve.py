@@ -3,21 +3,15 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
 from armdyn.arrays import Flags
 from armdyn.codegen.background import arrived
 from armdyn.locks import forget
-from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_cost import curve_cost, quadratic_form
-from armdyn.optimal.flat.curve_program import CurveProgram, other_equations
-from armdyn.optimal.flat.derivative_rows import DerivativeRows
-from armdyn.optimal.flat.equations import POINTS
-from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, finite, rows_of
+from armdyn.optimal.flat.curve_program import curve_program
+from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import CurveLayout, build
 from armdyn.optimal.flat.sequential import SequenceSettings, Sequential, Tighten
-from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.path_constraints.rows import StageRows
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
@@ -119,47 +113,6 @@ def solve_in_steps(
     shape, rows = problem.shape, rows_of(task.problem, spec.constraints)
     limits = np.less(*problem.numbers.g_bounds)
     return Solved(shape.curve(guess, result.x), result, shape, rows, guess.duration, limits, in_steps=True)
-
-
-def curve_program(task: Task, guess: Curve, spec: CurveSpec) -> CurveProgram:
-    """Program for sequential convexification.
-
-    Args:
-        task: the problem and its settings.
-        guess: initial guess.
-        spec: requirements of the curve.
-    """
-    problem = task.problem
-    shape, rows = curve_layout(problem, guess, spec.constraints), rows_of(problem, spec.constraints)
-    required = spec.constraints.required_distances(problem)
-    data, program = assemble_curve(task, guess, spec, shape), None
-    if other_equations(shape, data.g_bounds[0].size).size:
-        program = in_time(task, lambda scheme: build(task.dynamics, shape, rows, scheme.compile))
-    half, velocity = problem.limits.actuators.half_range, finite(problem.limits.velocity)
-    points = [(leg.basis, leg.basis.gauss(POINTS)[0].ravel()) for leg in guess.legs]
-    return CurveProgram(
-        numbers=data,
-        shape=shape,
-        guess=guess,
-        torque_rows=TorqueRows(problem.robot, half, points, shape),
-        cost=curve_cost(task, guess, spec, shape),
-        smooth=_smoothing(task, guess, spec, shape),
-        velocity_rows=DerivativeRows.of([basis for basis, _ in points], shape, 1, velocity),
-        program=program,
-        clearance=None if required is None else clearance_rows(required, guess, task.policy.sequential),
-    )
-
-
-def _smoothing(task: Task, guess: Curve, spec: CurveSpec, shape: CurveLayout) -> sp.csr_matrix:
-    """Weights of squared accelerations over velocity limits, in the unknowns; zero if torques have a cost."""
-    if spec.smooth or spec.travel:
-        return sp.csr_matrix((shape.size, shape.size))
-    numbers, times = task.policy.sequential, np.array([leg.duration for leg in guess.legs])
-    prices = numbers.smooth * np.ones(times.size)
-    if shape.joined:  # of accelerations in time: those of short legs are large
-        prices = numbers.smooth_short * (np.max(times) / times) ** 3
-    squared = [price * leg.basis.squared(2, POINTS) for price, leg in zip(prices, guess.legs, strict=True)]
-    return quadratic_form(shape, squared, task.problem.limits.velocity)
 
 
 def prepare_curve(task: Task, guess: Curve, spec: CurveSpec) -> None:

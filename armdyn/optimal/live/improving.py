@@ -10,10 +10,9 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.dynamics.numeric import StateFunction
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.flat.clearance_rows import ClearanceRows, clearance_rows
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.linear_rows import ClearanceRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import TorqueMargin
-from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.pace import least_factor
 from armdyn.optimal.live.checking import SampledCurve, between_samples, check
 from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram

@@ -11,14 +11,12 @@ import scipy.sparse as sp
 
 from armdyn.arrays import Array
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.flat.clearance_rows import ClearanceRows, Linearised
 from armdyn.optimal.flat.convex_step import ConvexStep, SoftRows, solve_step, with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
-from armdyn.optimal.flat.curve_cost import quadratic_form
-from armdyn.optimal.flat.derivative_rows import DerivativeRows, Sides
+from armdyn.optimal.flat.curve_program import quadratic_form
+from armdyn.optimal.flat.linear_rows import ClearanceRows, DerivativeRows, Linearised, Sides, TorqueParts, TorqueRows
 from armdyn.optimal.flat.nlp_data import TorqueMargin, finite
 from armdyn.optimal.flat.program import CurveLayout
-from armdyn.optimal.flat.torque_rows import TorqueParts, TorqueRows
 from armdyn.optimal.live.mesh import Places
 from armdyn.optimal.task.policy.live import LivePolicy
 

@@ -21,8 +21,8 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.assembly import without_motion
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.flat.basis import Basis, graded
+from armdyn.optimal.flat.linear_rows import TorqueRows
 from armdyn.optimal.flat.nlp_data import TorqueMargin
-from armdyn.optimal.flat.torque_rows import TorqueRows
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.live.guesses import direct, rest_of
 from armdyn.optimal.live.improving import Distances, Draft, Improved, LimitedArm, improve

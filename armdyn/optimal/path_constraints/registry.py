@@ -5,10 +5,9 @@ from difflib import get_close_matches
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import PathConstraint
-from armdyn.optimal.path_constraints.limits.acceleration import AccelerationLimit
+from armdyn.optimal.path_constraints.limits.derivatives import AccelerationLimit, JerkLimit
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
-from armdyn.optimal.path_constraints.limits.jerk import JerkLimit
 from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
 from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit

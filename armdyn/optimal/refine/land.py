@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.solving import solve_phases
+from armdyn.optimal.arcs.phases import Phases, Unresolved, solve_phases
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.segments import Segments
 from armdyn.optimal.path_constraints.tightened import Aim

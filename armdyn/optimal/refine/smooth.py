@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved
-from armdyn.optimal.arcs.solving import solve_phases
-from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.arcs.detection import with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.arcs.phases import TABLEAU, Phases, Unresolved, solve_phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.unknowns import doubled

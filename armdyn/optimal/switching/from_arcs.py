@@ -12,7 +12,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.switching.extremal.change import Change, Segment
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-from armdyn.optimal.switching.singular import control_near, jumping_within
+from armdyn.optimal.switching.signs import control_near, jumping_within
 from armdyn.optimal.switching.velocity_contacts import speed_contacts
 from armdyn.trajectory import Trajectory
 

@@ -14,8 +14,16 @@ from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
 from armdyn.optimal.switching.extremal.state_limits import with_limits, within_limits
 from armdyn.optimal.switching.extremal.structure import StructureKey, SwitchingStructure
-from armdyn.optimal.switching.signs import WrongSign, with_signs, without_wrong_touches, wrong_signs
-from armdyn.optimal.switching.singular import idle_fall, with_bang_arcs, with_longer_control, with_singular
+from armdyn.optimal.switching.signs import (
+    WrongSign,
+    idle_fall,
+    with_bang_arcs,
+    with_longer_control,
+    with_signs,
+    with_singular,
+    without_wrong_touches,
+    wrong_signs,
+)
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

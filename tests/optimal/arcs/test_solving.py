@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.arcs.phases import Phases, Unresolved
-from armdyn.optimal.arcs.solving import solve_phases
+from armdyn.optimal.arcs.phases import Phases, Unresolved, solve_phases
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.task.task import Task
 from problems import solved

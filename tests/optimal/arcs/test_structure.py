@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.arcs.structure import with_overlooked, without_idle_touches, without_vanished
+from armdyn.optimal.arcs.detection import with_overlooked, without_idle_touches, without_vanished
 from armdyn.optimal.task.policy import Policy
 from problems import cart, solve, solved
 

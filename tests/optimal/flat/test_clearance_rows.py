@@ -8,8 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.models.scene.obstacles import Box
 from armdyn.optimal.flat.basis import Basis, graded
-from armdyn.optimal.flat.clearance_rows import clearance_rows
 from armdyn.optimal.flat.curve import Curve
+from armdyn.optimal.flat.linear_rows import clearance_rows
 from armdyn.optimal.flat.nlp_data import curve_layout
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints

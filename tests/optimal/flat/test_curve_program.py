@@ -8,11 +8,10 @@ import scipy.sparse as sp
 import armdyn as ad
 from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
-from armdyn.optimal.flat.curve_cost import curve_cost
-from armdyn.optimal.flat.derivative_rows import DerivativeRows
+from armdyn.optimal.flat.curve_program import curve_cost, curve_program
 from armdyn.optimal.flat.nlp_data import CurveSpec, assemble_curve, curve_layout, rows_of
 from armdyn.optimal.flat.program import build
-from armdyn.optimal.flat.solve import curve_program, solve_curve
+from armdyn.optimal.flat.solve import solve_curve
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.task.task import Task
 from oracles import robot_named
@@ -59,9 +58,9 @@ def test_rows_and_costs_are_those_of_the_nonlinear_program(options):
     by_points[:, own.torques.ravel()] = 0
     np.testing.assert_allclose(at.jacobian.toarray(), by_points, rtol=1e-9, atol=1e-9 * np.max(np.abs(by_points)))
 
-    velocities = own.velocities(x)
-    np.testing.assert_allclose(velocities.values, np.array(g).ravel()[own.rates], atol=1e-12)
-    np.testing.assert_allclose(velocities.jacobian.toarray(), whole[own.rates], rtol=1e-12, atol=1e-12)
+    velocities, *_ = own.sides(x, at.jacobian)
+    np.testing.assert_allclose(velocities.values, np.array(g).ravel()[own.rates(1)], atol=1e-12)
+    np.testing.assert_allclose(velocities.jacobian.toarray(), whole[own.rates(1)], rtol=1e-12, atol=1e-12)
 
     cost, f = curve_cost(task, guess, spec, shape), program.functions["f"]
     value = float(ca.Function("f", [program.functions["x"], program.functions["p"]], [f])(x, data.p))
@@ -80,13 +79,14 @@ def test_accelerations_by_hand_are_those_of_the_nonlinear_program():
     x = own.numbers.x.copy()
     at = own.torque_rows.at(x)
     x[own.torques] = at.tau
-    rows = np.concatenate([own.shape.rates(leg, 2).ravel() for leg in own.shape.legs])
-    others, which = own.other_sides(x, at.jacobian), np.searchsorted(own.others, rows)
-    by_hand = DerivativeRows.of([leg.basis for leg in guess.legs], own.shape, 2, np.full(6, 4.0))
-    found = by_hand.at(x, (-np.ones(rows.size), np.ones(rows.size)))
-    np.testing.assert_allclose(found.values, others.values[which], atol=1e-12)
-    np.testing.assert_allclose(found.jacobian.toarray(), others.jacobian[which].toarray(), atol=1e-11)
-    np.testing.assert_array_equal(found.duration, others.duration[which])
+    program = build(task.dynamics, own.shape, (), False)
+    g, matrix = program.jacobian(x, own.numbers.p)
+    whole = sp.csc_matrix((matrix.nonzeros(), matrix.row(), matrix.colind()), shape=matrix.shape).toarray()
+    found, which = own.sides(x, at.jacobian)[1], own.rates(2)
+    np.testing.assert_allclose(found.values, np.array(g).ravel()[which], atol=1e-12)
+    np.testing.assert_allclose(found.jacobian.toarray(), whole[which], atol=1e-11)
+    expected = [np.full(own.shape.rates(leg, 2).size, own.shape.duration(leg)) for leg in own.shape.legs]
+    np.testing.assert_array_equal(found.duration, np.concatenate(expected))
 
 
 def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
@@ -100,10 +100,7 @@ def test_sides_of_a_power_of_the_duration_are_exact_or_safe():
     for longer in (-0.1, 0.2):
         step[duration] = longer
         after = own.torque_rows.at(x + step)
-        for sides, then in (
-            (own.velocities(x), own.velocities(x + step)),
-            (own.other_sides(x, at.jacobian), own.other_sides(x + step, after.jacobian)),
-        ):
+        for sides, then in zip(own.sides(x, at.jacobian), own.sides(x + step, after.jacobian), strict=True):
             jacobians, top, which = sides.below(x)
             kept = np.concatenate([jacobian @ step for jacobian in jacobians]) <= top
             true = np.concatenate([then.values <= then.bounds[1], then.values >= then.bounds[0]])

@@ -5,8 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import POSITION, outward
-from armdyn.optimal.arcs.phases import Phases
-from armdyn.optimal.arcs.solving import solve_phases
+from armdyn.optimal.arcs.phases import Phases, solve_phases
 from armdyn.optimal.proof.sensitivity import sensitivities
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task

@@ -11,7 +11,7 @@ from armdyn.optimal.switching.extremal.descent import Extremal, fastest
 from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.from_arcs import structures_of
 from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
-from armdyn.optimal.switching.singular import control_near, idle_fall, with_bang_arcs, with_longer_control
+from armdyn.optimal.switching.signs import control_near, idle_fall, with_bang_arcs, with_longer_control
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.task import Task
 from problems import both_sides, paper_problem, random_problem, solved

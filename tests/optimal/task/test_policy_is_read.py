@@ -29,8 +29,7 @@ from armdyn.optimal.switching.contacts import Contact
 from armdyn.optimal.switching.extremal.descent import fastest
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
-from armdyn.optimal.switching.signs import WrongSign
-from armdyn.optimal.switching.singular import with_singular
+from armdyn.optimal.switching.signs import WrongSign, with_singular
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.task import Task
 from armdyn.studies.tasks import minimum_time

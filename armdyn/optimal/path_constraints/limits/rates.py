@@ -1,7 +1,7 @@
-"""Accelerations and jerks along a replay; limits that are tightened by a common factor, and their reports."""
+"""Accelerations and jerks along a replay; limits that are tightened by a common factor."""
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -9,12 +9,10 @@ from armdyn.arrays import Array
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.path_constraints.constraint import ConstraintReport, PathConstraint
-from armdyn.optimal.path_constraints.rows import RowValues
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.tableau import differentiation, lagrange
 from armdyn.trajectory import Trajectory
 
-_DERIVATIVES = {2: ("acceleration", "²"), 3: ("jerk", "³")}
 _POINTS = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 """Chebyshev points of a sample, including its ends."""
 _PLACES = np.linspace(0, 1, 17)
@@ -74,42 +72,3 @@ class PartialLimit(PathConstraint):
     def on_finer_mesh(self) -> Self:
         """Restore the whole limit: on a mesh twice as fine the excess between the points is much smaller."""
         return replace(self, part=1.0)
-
-
-@dataclass(frozen=True)
-class DerivativeLimit(PartialLimit):
-    """Limits of a derivative of the joint positions, from an argument of the problem.
-
-    Attributes:
-        order: order of the derivative: 2, acceleration, or 3, jerk.
-    """
-
-    order: ClassVar[int]
-
-    @classmethod
-    def limits(cls, problem: MinimumTimeProblem) -> Array | None:
-        """The derivative's limits [rad/s² or m/s², or rad/s³ or m/s³], shape (nv,); None: no limits."""
-        given = getattr(problem, f"{_DERIVATIVES[cls.order][0]}_limit")
-        return None if given is None else np.asarray(given)
-
-    @classmethod
-    def from_problem(cls, problem: MinimumTimeProblem) -> Self | None:
-        return None if cls.limits(problem) is None else cls()
-
-    def derivative_limit(self, problem: MinimumTimeProblem) -> tuple[int, Array]:
-        return self.order, self.part * np.asarray(self.limits(problem))
-
-    def values(self, problem: MinimumTimeProblem) -> tuple[RowValues, ...]:
-        return (RowValues(-self.part, self.part, 1 / np.asarray(self.limits(problem))),)
-
-    def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
-        """Check accelerations by forward dynamics, and their time derivatives, within every sample."""
-        robot, limits, (kind, power) = problem.robot, np.asarray(self.limits(problem)), _DERIVATIVES[self.order]
-        t, *rates = accelerations(robot, motion)
-        seen = np.abs(rates[self.order - 2]).reshape(-1, robot.nv)
-        k, i = np.unravel_index(np.argmax(seen / limits), seen.shape)
-        share, joint, when = float(seen[k, i] / limits[i]), robot.joint_names[i], float(t.ravel()[k])
-        unit = f"{'m' if robot.slides[i] else 'rad'}/s{power}"
-        words = f"{seen[k, i]:.5g} of {limits[i]:.5g} {unit} at most, by {joint!r} at t = {when:.4g} s"
-        reason = f"joint {joint!r} exceeds its {kind} limit by {100 * (share - 1):.2g} % at t = {when:.4g} s"
-        return self.report(share, words, reason, (f"{kind} limit", joint, when), order=self.order)

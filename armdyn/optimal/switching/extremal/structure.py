@@ -9,8 +9,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import VELOCITY, Arc, Mode, merged
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
-from armdyn.optimal.switching.extremal.singular_control import SingularControl
+from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment, SingularControl
 from armdyn.trajectory import Trajectory
 
 StructureKey = tuple[tuple[Mode, ...], tuple[tuple[int, Mode, bool, Carrier | None], ...]]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armdyn.optimal.switching.extremal.singular_control import SingularControl
+from armdyn.optimal.switching.extremal.change import SingularControl
 
 S = np.linspace(0, 1, 5)
 SIGNS = np.array([[0.0, sign] for sign in (1, 1, -1, -1, 0)])

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.switching.extremal.change import Change
+from armdyn.optimal.switching.extremal.change import Change, SingularControl
 from armdyn.optimal.switching.extremal.rollout import Rollout
-from armdyn.optimal.switching.extremal.singular_control import SingularControl
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions

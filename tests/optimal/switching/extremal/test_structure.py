@@ -5,8 +5,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment
-from armdyn.optimal.switching.extremal.singular_control import SingularControl
+from armdyn.optimal.switching.extremal.change import Carrier, Change, Segment, SingularControl
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.from_arcs import banged
 from problems import solved
