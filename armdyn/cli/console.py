@@ -137,9 +137,9 @@ def failed(status: str, message: str, code: int, **facts: object) -> Answer:
     return Answer(facts=known, code=code, remarks=[_complaint(message)])
 
 
-def interrupted(message: str = "interrupted", **facts: object) -> Answer:
-    """The answer of a command that Ctrl-C ended."""
-    return failed("interrupted", message, INTERRUPTED, **facts)
+def interrupted(message: str = "", **facts: object) -> Answer:
+    """The answer of a command that Ctrl-C ended; by default it says which results are saved."""
+    return failed("interrupted", message or interrupts.message(), INTERRUPTED, **facts)
 
 
 def _complaint(message: object) -> str:

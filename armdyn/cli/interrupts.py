@@ -26,8 +26,8 @@ SCHEMA = "armdyn-json-1"
 """See `console.SCHEMA`; it is here because this is imported first."""
 
 _ANSWER = (
-    b'{"schema": "armdyn-json-1", "command": "", "success": false, "status": "interrupted", '
-    b'"message": "interrupted", "warnings": []}\n'
+    '{"schema": "armdyn-json-1", "command": "", "success": false, "status": "interrupted", '
+    '"message": MESSAGE, "warnings": []}\n'
 )
 _SHOW_CURSOR = b"\x1b[?25h"  # a spinner hides it
 _CLEAR_LINE = b"\r\x1b[2K"  # of a spinner
@@ -48,6 +48,8 @@ class _State:
     """The command has reported its end, or is about to."""
     doing = ""
     """The command's current step, in words."""
+    saved = ""
+    """Results that the command has written, in words."""
 
 
 class Guard:
@@ -88,7 +90,7 @@ class Raised:
     """
 
     def __enter__(self) -> None:
-        _State.working, _State.answered = True, False
+        _State.working, _State.answered, _State.saved = True, False, ""
         if _signal.getsignal(_signal.SIGINT) is _on_interrupt:
             reading, writing = os.pipe()
             os.set_blocking(writing, False)
@@ -108,6 +110,20 @@ def at(what: str) -> None:
     _State.doing = what
 
 
+def saved(what: str) -> None:
+    """Set the results that are written and stay where Ctrl-C comes later.
+
+    Args:
+        what: a sentence such as "the motion is saved in results".
+    """
+    _State.saved = what
+
+
+def message() -> str:
+    """The message of a command that Ctrl-C ended."""
+    return f"interrupted; {_State.saved}" if _State.saved else "interrupted"
+
+
 def answer() -> None:
     """Note that the command reports its end: no further line about the interrupt is needed."""
     _State.answered = True
@@ -121,8 +137,11 @@ def pressed() -> bool:
 def leave() -> NoReturn:
     """End the process at once, with one line of output."""
     if "--json" in sys.argv:
-        os.write(1, _ANSWER)
-    os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + b"armdyn: interrupted\n")
+        # json was imported before anything was saved.
+        text = sys.modules["json"].dumps(message()) if _State.saved else f'"{message()}"'
+        os.write(1, _ANSWER.replace("MESSAGE", text).encode())
+    line = f"armdyn: {message()}\n".encode("utf-8", "backslashreplace")
+    os.write(2, (_SHOW_CURSOR if os.isatty(2) else b"") + line)
     os._exit(INTERRUPTED)
 
 

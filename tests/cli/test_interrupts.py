@@ -82,6 +82,16 @@ def test_within_an_import(module, arguments):
     ends_in_a_line(python(AT_IMPORT.format(module=module, arguments=arguments)))
 
 
+@pytest.mark.parametrize("module", ["armdyn.show.plots", "armdyn.show.page.motions"])
+def test_a_motion_that_is_saved_is_said_to_be_where_drawings_are_not_made(module, tmp_path):
+    command = ["pid", "r", "--duration", "5", "--out", str(tmp_path / 'a "b"')]
+    done = python(AT_IMPORT.format(module=module, arguments=command))
+    assert done.returncode == 130 and (tmp_path / 'a "b"' / "trajectory.npz").exists()
+    assert done.stderr == f'armdyn: interrupted; the motion is saved in {tmp_path}/a "b"\n'
+    done = python(AT_IMPORT.format(module=module, arguments=[*command, "--json"]))
+    assert json.loads(done.stdout)["message"] == f'interrupted; the motion is saved in {tmp_path}/a "b"'
+
+
 def test_within_an_import_for_a_machine():
     done = python(AT_IMPORT.format(module="numpy", arguments=["robots", "--json"]))
     ends_in_a_line(done)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import armdyn as ad
+from armdyn.cli import interrupts
 from armdyn.cli.invocation import invocation
 from armdyn.cli.options.groups import flag, group, option
 from armdyn.files import probe_folder
@@ -103,5 +104,10 @@ class ResultOptions:
         begun = time.perf_counter()
         known = {**summary, **invocation()}
         parts = [] if summary.get("status") == "interrupted" else self._parts
-        files = write_run(folder, robot, motions, known, title, obstacles, parts=parts, progress=progress)
+
+        def drawing(text: str) -> None:
+            interrupts.saved(f"the motion is saved in {folder}")  # drawing begins when it is
+            progress(text)
+
+        files = write_run(folder, robot, motions, known, title, obstacles, parts=parts, progress=drawing)
         return Written(files=files, seconds=time.perf_counter() - begun)
