@@ -7,11 +7,11 @@ import re
 import sqlite3
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 from armdyn.arguments import path as path_of
 from armdyn.errors import ArmdynError, DiskFullError, FileError, ProblemError, ResultError
@@ -248,28 +248,40 @@ def _check_kind(connection: sqlite3.Connection, path: Path) -> None:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold the file's lock, which ends with this process and its workers, however they end.
+    """Hold the lock of a file, which ends with this process and its workers, however they end; removed without errors.
 
     Raises:
         FileError: the folder cannot be written.
         ResultError: another process holds it.
     """
+    file, until = path.with_name(f"{path.name}.lock"), time.monotonic() + _LOCK_TIMEOUT
+    while (lock := _lock(path, file)) is None:
+        if time.monotonic() > until:
+            raise ResultError(f"{path}: another process is at this study")
+        time.sleep(0.05)
+    with lock:
+        yield
+        with suppress(OSError):
+            file.unlink()  # while it is held: see `_lock`
+
+
+def _lock(path: Path, file: Path) -> BinaryIO | None:
+    """Open and lock a file; None if another process holds it, or has removed it since it was opened.
+
+    Raises:
+        FileError: the folder cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(f"{path.name}.lock").open("ab")
+        lock = file.open("ab")
     except OSError as error:
         raise FileError(path, f"cannot be written ({error.strerror}); give the path of a file that can") from None
-    with lock:
-        until = time.monotonic() + _LOCK_TIMEOUT
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError:
-                if time.monotonic() > until:
-                    raise ResultError(f"{path}: another process is at this study") from None
-                time.sleep(0.05)
-        yield
+    with suppress(OSError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.path.samestat(os.fstat(lock.fileno()), file.stat()):
+            return lock
+    lock.close()
+    return None
 
 
 @contextmanager

@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
@@ -78,6 +79,7 @@ def test_ctrl_c_keeps_the_rows_and_the_rest_follows(tmp_path):
 KILLED = """
 import sys
 sys.path.insert(0, {here!r})
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
 from toys import squares
@@ -203,3 +205,21 @@ class Requeued:
 def test_a_case_that_comes_back_undone_is_given_again(tmp_path):
     run = run_study(squares(3), tmp_path / "s.sqlite", lambda task: nullcontext(Requeued()))
     assert run.counts == {"squared": 3} and not run.interrupted
+
+
+def test_writers_take_turns_and_leave_no_lock(tmp_path):
+    file, inside, most = tmp_path / "rows.sqlite", [], []
+
+    def write():
+        for _ in range(20):
+            with row_store(file, dict):
+                inside.append(1)
+                most.append(len(inside))
+                time.sleep(0.001)
+                inside.pop()
+
+    with ThreadPoolExecutor(4) as pool:
+        for each in [pool.submit(write) for _ in range(4)]:
+            each.result()
+    assert most == [1] * 80
+    assert [one.name for one in tmp_path.iterdir()] == ["rows.sqlite"]
