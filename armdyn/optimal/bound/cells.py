@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.bound.enclosure.instructions import Affine
-from armdyn.optimal.bound.enclosure.interval import Interval, joined, stacked
+from armdyn.optimal.bound.enclosure import Affine, terms_over
 from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.interval import Interval, joined, stacked
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.rates import torques
 from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 _EDGE = 1e-9

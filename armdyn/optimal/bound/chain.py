@@ -24,8 +24,8 @@ from armdyn.models.robots.poses import pose_given
 from armdyn.models.scene.reaching import GoalPose, poses_reaching
 from armdyn.optimal.bound.covers import Place, covers
 from armdyn.optimal.bound.effort import Effort, Stopped
-from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
 from armdyn.optimal.bound.goal_set import is_closed
+from armdyn.optimal.bound.interval import Interval, sum_down
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.passing import Passage

@@ -10,7 +10,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
+from armdyn.optimal.bound.enclosure import EnclosedFunction
 
 _TRIALS = 20
 """Number of random positions at which a polynomial of sines and cosines, of second degree in each joint's, vanishes

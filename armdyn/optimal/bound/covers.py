@@ -13,8 +13,8 @@ from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.effort import polled
-from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
+from armdyn.optimal.bound.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import least_time

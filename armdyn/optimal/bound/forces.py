@@ -10,8 +10,8 @@ from armdyn.arrays import Array, Flags
 from armdyn.locks import cached_property
 from armdyn.models.values.actuator_limits import ActuatorLimits
 from armdyn.models.values.friction import JointFriction
-from armdyn.optimal.bound.enclosure.interval import Interval, down, up
-from armdyn.optimal.bound.terms import Indices, Terms
+from armdyn.optimal.bound.enclosure import Indices, Terms
+from armdyn.optimal.bound.interval import Interval, down, up
 
 MOST_CORNERS = 9
 """Largest number of joints for which all 2ⁿ corners are evaluated; beyond, every product has its largest size."""

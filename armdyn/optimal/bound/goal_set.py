@@ -27,8 +27,8 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import cached_property
 from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
-from armdyn.optimal.bound.enclosure.instructions import Affine
-from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, joined, rounding, up
+from armdyn.optimal.bound.enclosure import Affine
+from armdyn.optimal.bound.interval import TURN, Interval, down, joined, rounding, up
 from armdyn.optimal.bound.rates import least_time
 from armdyn.optimal.task.policy.bound import BoundPolicy
 

@@ -17,8 +17,8 @@ import numpy as np
 from armdyn.arguments import StopCondition
 from armdyn.arrays import Array, Flags
 from armdyn.optimal.bound.effort import Edge, Effort, polled
-from armdyn.optimal.bound.enclosure.interval import TURN, Interval, joined, sum_down
 from armdyn.optimal.bound.goal_set import GoalSet
+from armdyn.optimal.bound.interval import TURN, Interval, joined, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.passing import Passage
 

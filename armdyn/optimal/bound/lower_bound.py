@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arguments import stopper
-from armdyn.optimal.bound.enclosure.interval import sum_down
+from armdyn.optimal.bound.interval import sum_down
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound
 from armdyn.optimal.bound.pose_bound import pose_bound

@@ -10,8 +10,8 @@ import pinocchio as pin
 from armdyn.arguments import StopCondition
 from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.cells import Phase
-from armdyn.optimal.bound.enclosure.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.goal_set import GoalSet, Within
+from armdyn.optimal.bound.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
 from armdyn.optimal.bound.region import BoundRegion

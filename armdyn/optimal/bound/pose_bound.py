@@ -12,8 +12,8 @@ import numpy as np
 
 from armdyn.arguments import StopCondition, expect
 from armdyn.models.scene.reaching import GoalPose
-from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.leg_bound import leg_bound

@@ -25,8 +25,8 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure.interval import Interval, down, rounding, stacked
 from armdyn.optimal.bound.forces import Forces, rate_by_lines
+from armdyn.optimal.bound.interval import Interval, down, rounding, stacked
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.rates import accelerations
 from armdyn.optimal.bound.reach import at_ends

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armdyn.arrays import Array, Flags
-from armdyn.optimal.bound.enclosure.interval import TURN, Interval, down, up
-from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.bound.enclosure import terms_over
+from armdyn.optimal.bound.interval import TURN, Interval, down, up
 from armdyn.optimal.problem.profile import Profiles
 
 if TYPE_CHECKING:

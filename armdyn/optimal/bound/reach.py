@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import BoundLeg
 from armdyn.optimal.bound.rates import accelerations
 

@@ -9,9 +9,9 @@ from armdyn.arrays import Flags
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.models.scene.reaching import GoalPose, moving_directions
-from armdyn.optimal.bound.enclosure.instructions import Affine, EnclosedFunction
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure import Affine, EnclosedFunction
 from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import LegEnd
 from armdyn.optimal.task.policy.bound import BoundPolicy
 

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from armdyn.arrays import Array
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.forces import Forces, Line, lines_of, shares_of
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.linear_program import LinearProgram
 from armdyn.optimal.bound.proof import Multipliers

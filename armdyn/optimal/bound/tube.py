@@ -17,7 +17,7 @@ import pinocchio as pin
 from armdyn.arguments import expect
 from armdyn.arrays import Array
 from armdyn.models.scene.reaching import GoalPose, slid
-from armdyn.optimal.bound.enclosure.interval import Interval, sum_down
+from armdyn.optimal.bound.interval import Interval, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.rates import least_time
 from armdyn.optimal.bound.region import BoundRegion

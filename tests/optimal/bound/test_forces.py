@@ -6,9 +6,9 @@ import pytest
 
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.bound import forces as forces_module
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure import terms_over
 from armdyn.optimal.bound.forces import Forces, range_of
-from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.bound.interval import Interval
 from optimal.bound.arms import ARMS, drawn
 
 _STEP = 1e-6

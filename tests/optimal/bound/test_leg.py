@@ -6,8 +6,8 @@ import pytest
 import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.models.scene.reaching import free_directions, poses_reaching, slid
-from armdyn.optimal.bound.enclosure.interval import Interval
 from armdyn.optimal.bound.goal_set import GoalSet, Within
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import LegEnd
 from armdyn.optimal.task.policy.bound import BoundPolicy
 

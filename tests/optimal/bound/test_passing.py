@@ -12,7 +12,7 @@ from armdyn.models.scene.reaching import deviations_of, slid
 from armdyn.optimal.bound import passing
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound

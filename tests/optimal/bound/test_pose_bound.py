@@ -10,8 +10,8 @@ import armdyn as ad
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
-from armdyn.optimal.bound.enclosure.interval import Interval, joined
 from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
+from armdyn.optimal.bound.interval import Interval, joined
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from problems import paper_arm
 

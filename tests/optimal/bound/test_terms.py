@@ -6,8 +6,8 @@ import pinocchio as pin
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.bound.enclosure.interval import Interval
-from armdyn.optimal.bound.terms import terms_over
+from armdyn.optimal.bound.enclosure import terms_over
+from armdyn.optimal.bound.interval import Interval
 from optimal.bound.arms import ARMS, drawn
 
 ROUNDING = 1e-11

@@ -8,13 +8,13 @@ from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.optimal.bound.cells import Cells
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure import terms_over
 from armdyn.optimal.bound.forces import Forces, rate_by_lines
+from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
 from armdyn.optimal.bound.relaxation import relaxed
-from armdyn.optimal.bound.terms import terms_over
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from optimal.bound.arms import ARMS, drawn, random_problem
 from optimal.test_motor_limits import INERTIA, PEAK, turntable

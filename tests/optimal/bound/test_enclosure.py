@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armdyn.errors import BridgeError
-from armdyn.optimal.bound.enclosure.instructions import EnclosedFunction
-from armdyn.optimal.bound.enclosure.interval import Interval
+from armdyn.optimal.bound.enclosure import EnclosedFunction
+from armdyn.optimal.bound.interval import Interval
 
 X = ca.SX.sym("x", 3)
 VALUES = ca.vertcat(

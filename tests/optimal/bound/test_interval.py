@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armdyn.optimal.bound.enclosure.interval import Interval, joined
+from armdyn.optimal.bound.interval import Interval, joined
 
 NUMBERS = st.floats(-1e3, 1e3, allow_subnormal=False)
 PAIRS = st.tuples(NUMBERS, NUMBERS, st.floats(0, 1))

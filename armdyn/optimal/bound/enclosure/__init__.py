@@ -1,1 +1,0 @@
-"""Enclosures of values over boxes: intervals, affine forms, and CasADi Functions evaluated in both."""
