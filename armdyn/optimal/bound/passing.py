@@ -14,8 +14,7 @@ from armdyn.optimal.bound.goal_set import GoalSet, Within
 from armdyn.optimal.bound.interval import Interval, joined, sum_down, up
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
-from armdyn.optimal.bound.region import BoundRegion
-from armdyn.optimal.bound.tube import tube
+from armdyn.optimal.bound.region import BoundRegion, tube
 
 
 @dataclass(frozen=True, eq=False)

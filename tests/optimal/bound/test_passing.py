@@ -17,9 +17,8 @@ from armdyn.optimal.bound.leg import legs_of
 from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
 from armdyn.optimal.bound.passing import Passage, passing_bound
 from armdyn.optimal.bound.proof import proven
-from armdyn.optimal.bound.region import BoundRegion
+from armdyn.optimal.bound.region import BoundRegion, tube
 from armdyn.optimal.bound.relaxation import relaxed_in_phases
-from armdyn.optimal.bound.tube import tube
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 UP, ACROSS = 0.025, 0.3
