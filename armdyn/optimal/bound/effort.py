@@ -12,8 +12,7 @@ import numpy as np
 
 from armdyn.arguments import StopCondition
 from armdyn.optimal.bound.leg import BoundLeg
-from armdyn.optimal.bound.leg_bound import leg_bound
-from armdyn.optimal.bound.passing import Passage, passing_bound
+from armdyn.optimal.bound.leg_bound import Passage, leg_bound, passing_bound
 from armdyn.parallel import in_processes
 
 Item = TypeVar("Item")

@@ -20,7 +20,7 @@ from armdyn.optimal.bound.effort import Edge, Effort, polled
 from armdyn.optimal.bound.goal_set import GoalSet
 from armdyn.optimal.bound.interval import TURN, Interval, joined, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.passing import Passage
+from armdyn.optimal.bound.leg_bound import Passage
 
 NOTHING, PASSAGE, MOMENTUM = range(3)
 """Next improvement of an edge's bound: none, by the regions on the way, or by momentum and then by these."""

@@ -1,14 +1,21 @@
-"""Lower bounds of one leg: boxes, multipliers and proof, iterated until the bound converges."""
+"""Lower bounds of one leg: by itself, and through regions and along lines."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 
 from armdyn.arguments import StopCondition
+from armdyn.models.scene.reaching import GoalPose
 from armdyn.optimal.bound.cells import Cells, Phase
-from armdyn.optimal.bound.leg import BoundLeg
+from armdyn.optimal.bound.goal_set import GoalSet, Within
+from armdyn.optimal.bound.interval import Interval, joined, sum_down, up
+from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.reach import reached
+from armdyn.optimal.bound.region import BoundRegion, tube
 from armdyn.optimal.bound.relaxation import relaxed, relaxed_in_phases
 
 
@@ -81,3 +88,177 @@ def phased_bound(leg: BoundLeg, phases: Sequence[Phase], known: float, longest: 
     forces, ends = cells.forces(leg), cells.ends(leg)
     by = None if stop() else relaxed_in_phases(leg, cells, forces, ends, known)
     return known if by is None else max(known, min(proven(leg, cells, forces, ends, by), longest))
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """Regions and lines that a leg passes, in order.
+
+    Attributes:
+        regions: regions in order, passed at any velocity.
+        lines: regions in which a frame stays during a phase between two of these, by the phase's index. Only the lines
+            of the first and the last phase are used.
+    """
+
+    regions: tuple[BoundRegion, ...]
+    lines: Mapping[int, BoundRegion]
+
+
+def passing_bound(
+    leg: BoundLeg, passage: Passage, known: float, longest: float, stop: StopCondition
+) -> tuple[float, bool]:
+    """Lower bound on the duration of a leg through regions [s], and whether further tries would gain nothing.
+
+    Args:
+        leg: leg between joint positions, or boxes of them.
+        passage: regions and lines on the way.
+        known: bound that is already proven [s].
+        longest: duration up to which motions are covered [s], an upper limit of the bound.
+        stop: stopping condition, polled regularly; once true, the bound so far is returned.
+    """
+    numbers, begun, longest = leg.policy, known, min(longest, (1 + leg.policy.passing_horizon) * known)
+    phases = _phases(leg, passage, longest, stop)
+    if phases is None:
+        return longest, longest == begun
+    known = max(known, min(sum_down([phase.least for phase in phases]), longest))
+    near = min(longest, (1 + numbers.region_horizon) * known)
+    for _ in range(numbers.region_grids):
+        before, known = known, max(known, phased_bound(leg, phases, known, near, stop))
+        if stop() or known == longest or (known < near and known < before * (1 + numbers.regrid)):
+            break
+        # The shorter the covered motions, the smaller the boxes; if the bound reaches them, try longer ones.
+        near = min(longest, (known + near) / 2 if known < near else (1 + numbers.region_horizon) * known)
+    return known, known < longest or known == begun
+
+
+@dataclass(frozen=True, eq=False)
+class _Event:
+    """Boundary between two consecutive phases.
+
+    Attributes:
+        region: region of the frame.
+        box: box of all joint positions in the region, each end of shape (nv,).
+        line_box: box of all joint positions in the phase along the line to or from the region; None: no line.
+    """
+
+    region: BoundRegion
+    box: Interval
+    line_box: Interval | None = None
+
+
+def _phases(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[Phase] | None:
+    """Phases of motions of at most a duration [s]; None: no such motions exist."""
+    events = _events(leg, passage, longest, stop)
+    if events is None:
+        return None
+    last = len(events)
+    ends = [leg.start, *(event.region.end(event.box) for event in events), leg.goal]
+    legs = [replace(leg, start=start, goal=goal) for start, goal in pairwise(ends)]
+    goals = [*((event.region, event.box) for event in events), None]
+    phases = [Phase(own.shortest, leg.position, goal=goal) for own, goal in zip(legs, goals, strict=True)]
+    for k, event in ((0, events[0]), (last, events[-1])):
+        if k in passage.lines and event.line_box is not None:
+            phases[k] = replace(phases[k], line=passage.lines[k], box=event.line_box)
+        others = sum_down([phase.least for j, phase in enumerate(phases) if j != k])
+        if event.line_box is None:
+            least_time = _least_time_to(
+                leg.start if k == 0 else leg.goal, event.region, leg, max(longest - others, 0.0)
+            )
+            phases[k] = replace(phases[k], least=max(phases[k].least, least_time))
+        least = _alone(legs[k], phases[k], event, k == 0, longest - others, stop)
+        phases[k] = replace(phases[k], least=max(phases[k].least, least))
+    return phases
+
+
+def _alone(leg: BoundLeg, phase: Phase, event: _Event, first: bool, longest: float, stop: StopCondition) -> float:
+    """Least time of the first or last phase by itself [s], given the event at its other end."""
+    numbers = leg.policy
+    known, _ = leg_bound(replace(leg, policy=numbers.between_wide), stop)
+    known = max(known, phase.least)
+    for _ in range(numbers.phase_grids):
+        if stop() or known == 0 or known >= longest:
+            break
+        before, most = known, min((1 + numbers.phase_horizon) * known, longest)
+        far = up(leg.velocity * most)
+        box = ((leg.start if first else leg.goal).q + Interval(-far, far)).intersection(event.box)
+        near = event.region.narrowed(box[None], numbers) if np.all(box.lower <= box.upper) else None
+        if near is None:
+            known = most
+            continue
+        passed = event.region.end(near[0])
+        one = replace(leg, goal=passed) if first else replace(leg, start=passed)
+        known = phased_bound(one, [replace(phase, least=known, goal=None)], known, most, stop)
+        if known < before * (1 + numbers.phase_least_gain):
+            break
+    return known
+
+
+def _events(leg: BoundLeg, passage: Passage, longest: float, stop: StopCondition) -> list[_Event] | None:
+    """Events at which a motion meets its regions; None: impossible within a duration [s].
+
+    A motion along a line into a region crosses the plane in front of the region. The event is its first crossing.
+    """
+    regions, count = passage.regions, len(passage.regions)
+    found: list[_Event | None] = [None] * count
+    if 0 in passage.lines:
+        found[0] = _on_line(leg, passage.lines[0], regions[0], (leg.start, leg.goal), longest)
+    if count in passage.lines and found[-1] is None:
+        found[-1] = _on_line(leg, passage.lines[count], regions[-1], (leg.goal, leg.start), longest)
+    for k, region in enumerate(regions):
+        if found[k] is None:
+            box = _enclosed(leg, region, longest, stop)
+            if box is None:
+                return None
+            found[k] = _Event(region, box)
+    return [event for event in found if event is not None]
+
+
+def _on_line(
+    leg: BoundLeg, line: BoundRegion, region: BoundRegion, ends: tuple[LegEnd, LegEnd], longest: float
+) -> _Event | None:
+    """Event on a line from one of the leg's ends, given the other end; None: unknown."""
+    axis, goal, passed = line.free, line.goal, region.goal
+    if axis is None or goal.frame != passed.frame:
+        return None
+    off = goal.pose.actInv(passed.pose)
+    deviation = float(np.abs(off.rotation[axis]) @ passed.deviations[:3])
+    plane = float(np.copysign(max(abs(off.translation[axis]) - deviation, 0.0), off.translation[axis]))
+    if not np.isfinite(deviation) or plane == 0:
+        return None
+    found = tube(leg, line, plane, ends, longest)
+    if found is None:
+        return None
+    at = goal.pose * pin.SE3(np.eye(3), plane * np.eye(3)[axis])
+    free = tuple(name for name in goal.free if name != "xyz"[axis])
+    return _Event(
+        BoundRegion(line.dynamics, GoalPose(goal.frame, at.homogeneous, free, goal.tolerance)), found.plane, found.box
+    )
+
+
+def _enclosed(leg: BoundLeg, region: BoundRegion, longest: float, stop: StopCondition) -> Interval | None:
+    """A box of all joint positions in a region that a motion passes within a duration [s]; None: there are none."""
+    within = Within((leg.start.q.centre, leg.goal.q.centre), leg.velocity, leg.position, longest)
+    goals, box = GoalSet(leg.dynamics, region.goal, within, leg.policy), within.box
+    boxes = goals.whole if goals.closed and not np.any(leg.start.q.radius) and not np.any(leg.goal.q.radius) else None
+    if boxes is not None:
+        for size in leg.policy.region_sizes:
+            boxes = goals.enclosed(boxes, size, stop)
+        turned = [one for one, _ in goals.turned(boxes)] if len(boxes.lower) else []
+        if not turned:
+            return None
+        box = joined(turned).around.intersection(within.box)
+    found = region.narrowed(box[None], leg.policy)
+    return None if found is None else found[0]
+
+
+def _least_time_to(end: LegEnd, region: BoundRegion, leg: BoundLeg, most: float) -> float:
+    """Lower bound by velocity limits on the time from an end of a leg to a region [s], capped."""
+    never, reached = 0.0, most
+    for _ in range(leg.policy.reach_rounds):
+        middle = (never + reached) / 2
+        far = up(leg.velocity * middle)
+        if region.narrowed((end.q + Interval(-far, far))[None], leg.policy) is None:
+            never = middle
+        else:
+            reached = middle
+    return never

@@ -14,8 +14,7 @@ from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.leg_bound import leg_bound, phased_bound
-from armdyn.optimal.bound.passing import Passage, passing_bound
+from armdyn.optimal.bound.leg_bound import Passage, leg_bound, passing_bound, phased_bound
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion, tube
 from armdyn.optimal.bound.relaxation import relaxed_in_phases
