@@ -19,7 +19,7 @@ from armdyn.optimal.bound.enclosure import Affine, terms_over
 from armdyn.optimal.bound.forces import Forces
 from armdyn.optimal.bound.interval import Interval, joined, stacked
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.rates import torques
+from armdyn.optimal.bound.reach import torques
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.task.policy.bound import BoundPolicy
 

@@ -29,7 +29,7 @@ from armdyn.optimal.bound.interval import Interval, sum_down
 from armdyn.optimal.bound.lattice import Lattice, Region
 from armdyn.optimal.bound.leg import BoundLeg, legs_of
 from armdyn.optimal.bound.leg_bound import Passage
-from armdyn.optimal.bound.rates import least_time
+from armdyn.optimal.bound.reach import least_time
 from armdyn.optimal.bound.region import BoundRegion
 from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
 from armdyn.optimal.path_constraints.registry import path_constraints_of

@@ -17,7 +17,7 @@ from armdyn.optimal.bound.goal_set import GoalSet, Within, clusters
 from armdyn.optimal.bound.interval import TURN, Interval, down, up
 from armdyn.optimal.bound.lattice import Region
 from armdyn.optimal.bound.leg import BoundLeg
-from armdyn.optimal.bound.rates import least_time
+from armdyn.optimal.bound.reach import least_time
 
 Place = Array | GoalPose
 

@@ -29,7 +29,7 @@ from armdyn.models.scene.reaching import REACHED, GoalPose
 from armdyn.optimal.bound.closure import chain_to, closure
 from armdyn.optimal.bound.enclosure import Affine
 from armdyn.optimal.bound.interval import TURN, Interval, down, joined, rounding, up
-from armdyn.optimal.bound.rates import least_time
+from armdyn.optimal.bound.reach import least_time
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 TOLERANCE = 10 * REACHED

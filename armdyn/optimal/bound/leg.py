@@ -12,7 +12,7 @@ from armdyn.models.values.friction import JointFriction
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.enclosure import Affine, terms_over
 from armdyn.optimal.bound.interval import Interval, down, joined, rounding
-from armdyn.optimal.bound.rates import least_times
+from armdyn.optimal.bound.reach import least_times
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy.bound import BoundPolicy

@@ -1,6 +1,7 @@
 """Lower bound on the duration of all motions within the limits, to joint positions or to a goal pose.
 
-Velocity limits give a time before which none of them is reached (`GoalSet.enclosed`). Momentum improves on it by
+To a goal pose the bound holds for all joint positions that reach it. Velocity limits give a time before which none of
+them is reached (`GoalSet.enclosed`). Momentum improves on it by
 bounding the time to all goals in a box at once. A goal that velocity limits make unreachable within a time T is not
 reached before T; nearer goals are enclosed by boxes, and the least of T and of these boxes' bounds holds for the whole
 set.

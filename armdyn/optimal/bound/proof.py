@@ -28,8 +28,7 @@ from armdyn.optimal.bound.cells import Cells
 from armdyn.optimal.bound.forces import Forces, rate_by_lines
 from armdyn.optimal.bound.interval import Interval, down, rounding, stacked
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.rates import accelerations
-from armdyn.optimal.bound.reach import at_ends
+from armdyn.optimal.bound.reach import accelerations, at_ends
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from armdyn.optimal.bound.enclosure import Affine, EnclosedFunction
 from armdyn.optimal.bound.goal_set import TOLERANCE, narrowed
 from armdyn.optimal.bound.interval import Interval, sum_down
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
-from armdyn.optimal.bound.rates import least_time
+from armdyn.optimal.bound.reach import least_time
 from armdyn.optimal.task.policy.bound import BoundPolicy
 
 

@@ -32,7 +32,7 @@ from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import BoundLeg, LegEnd
 from armdyn.optimal.bound.linear_program import LinearProgram
 from armdyn.optimal.bound.proof import Multipliers
-from armdyn.optimal.bound.rates import accelerations
+from armdyn.optimal.bound.reach import accelerations
 
 Indices = NDArray[np.intp]
 

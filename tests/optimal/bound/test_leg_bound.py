@@ -9,12 +9,11 @@ import pytest
 import armdyn as ad
 from armdyn.cycle.posing import problem_of
 from armdyn.models.scene.reaching import deviations_of, slid
-from armdyn.optimal.bound import passing
 from armdyn.optimal.bound.cells import Cells, Phase
 from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.interval import Interval
 from armdyn.optimal.bound.leg import legs_of
-from armdyn.optimal.bound.leg_bound import Passage, leg_bound, passing_bound, phased_bound
+from armdyn.optimal.bound.leg_bound import Passage, _phases, leg_bound, passing_bound, phased_bound
 from armdyn.optimal.bound.proof import proven
 from armdyn.optimal.bound.region import BoundRegion, tube
 from armdyn.optimal.bound.relaxation import relaxed_in_phases
@@ -222,7 +221,7 @@ def test_phases_to_blends_are_no_longer_than_a_motion_s(straight):
     solution = ad.solve_minimum_time(problem, ONCE)
     assert solution.usable
     passage = Passage(tuple(BoundRegion(leg.dynamics, one) for one in via), {})
-    first, _, last = phases = passing._phases(leg, passage, 1.001 * solution.duration, lambda: False)
+    first, _, last = phases = _phases(leg, passage, 1.001 * solution.duration, lambda: False)
     begin, end = solution.via_times
     assert 0.01 < first.least <= begin
     assert 0.01 < last.least <= solution.duration - end
