@@ -20,7 +20,7 @@ from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError, TrajectoryError
 from armdyn.models.scene.collision import collision_model
 from armdyn.models.scene.obstacles import SHAPES, obstacle_entry
-from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
+from armdyn.optimal.path_constraints.frame_limits import FrameSpeedLimit
 from armdyn.optimal.path_constraints.registry import path_constraints_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.interval import CollocationInterval

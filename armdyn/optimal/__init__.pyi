@@ -10,10 +10,10 @@ from armdyn.optimal.landing.rollout import replay_torques as replay_torques
 from armdyn.optimal.live.resolver import Resolver as Resolver
 from armdyn.optimal.many import solve_many as solve_many
 from armdyn.optimal.minimum_time import solve_minimum_time as solve_minimum_time
-from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion as FrameRegion
-from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit as FrameSpeedLimit
-from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque as RmsTorque
-from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit as TorqueRateLimit
+from armdyn.optimal.path_constraints.frame_limits import FrameRegion as FrameRegion
+from armdyn.optimal.path_constraints.frame_limits import FrameSpeedLimit as FrameSpeedLimit
+from armdyn.optimal.path_constraints.torque_limits import RmsTorque as RmsTorque
+from armdyn.optimal.path_constraints.torque_limits import TorqueRateLimit as TorqueRateLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem as MinimumTimeProblem
 from armdyn.optimal.problem.status import Status as Status
 from armdyn.optimal.problem.status import Violation as Violation

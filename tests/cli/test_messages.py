@@ -17,7 +17,8 @@ from cli.command import app, run_json
 SOURCE = Path(ad.__file__).parent
 PYTHON_ONLY = {
     "control/laws/pid.py", "control/loop/loop.py", "control/stability", "models/robots/arm.py", "optimal/program",
-    "optimal/problem_files.py", "paper", "parsing", "show", "studies/executors", "studies/reading.py",
+    "optimal/problem_files.py", "paper", "parsing", "show", "studies/executor.py", "studies/dask_cluster.py",
+    "studies/reading.py",
     "studies/tuning/tune.py", "dynamics", "cli", "studies/rows.py",
 }  # fmt: skip
 """Their messages are about values that only Python makes, or about keys of files; the command line's own are checked

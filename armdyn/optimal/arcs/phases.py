@@ -22,8 +22,8 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Nlp, build_nlp
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpResult, Solver
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.policy.refinement import ArcsPolicy
-from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.tableau import RADAU_5, differentiation, lagrange
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import brief

@@ -17,7 +17,7 @@ from armdyn.optimal.flat.convex_step import with_values
 from armdyn.optimal.flat.curve import Curve, CurveLeg
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.constraint import RequiredDistances
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.equations import POINTS, CurveInterval, end_torque_rows, end_torque_values
 from armdyn.optimal.flat.program import CurveLayout
 from armdyn.optimal.path_constraints.goal_region import GoalRegion
-from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
 from armdyn.optimal.path_constraints.rows import RowValues, StageRows, intervals_of, spread
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.path_constraints.torque_limits import TorqueSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.task.task import Task

@@ -12,7 +12,7 @@ from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
 from armdyn.optimal.flat.solve import Solved, solve_curve
 from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

@@ -18,7 +18,7 @@ from armdyn.optimal.flat.linear_rows import Linearised, Sides, TorqueParts
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.solve.solver import NlpResult
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 
 Tighten = Callable[[Array, Array], tuple[Array, Array] | None]
 """Maps unknowns and their curve's torques, as parts of half the range, shape (points, joints), to lower and upper

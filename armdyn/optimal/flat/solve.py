@@ -17,8 +17,8 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpResult, Solver
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
-from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
+from armdyn.optimal.task.options import Acceptable, SolverSettings
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task
 
 _WARM = 1e-9

@@ -20,7 +20,7 @@ from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.trajectory import Trajectory
 
 Guess = tuple[Array, float, TorqueMargin]

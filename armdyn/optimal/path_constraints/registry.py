@@ -1,18 +1,14 @@
-"""Registry of path constraints. To add one: write its file, and its line here."""
+"""Registry of path constraints. To add one: write its class, and its line here."""
 
 from difflib import get_close_matches
 
 from armdyn.errors import ProblemError
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.constraint import PathConstraint
-from armdyn.optimal.path_constraints.limits.derivatives import AccelerationLimit, JerkLimit
-from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
-from armdyn.optimal.path_constraints.limits.frame_speed import FrameSpeedLimit
-from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
-from armdyn.optimal.path_constraints.limits.torque_rate import TorqueRateLimit
-from armdyn.optimal.path_constraints.limits.torque_speed import TorqueSpeedLimit
-from armdyn.optimal.path_constraints.limits.velocity_taper import VelocityTaperLimit
-from armdyn.optimal.path_constraints.via import ViaPoints
+from armdyn.optimal.path_constraints.frame_limits import FrameRegion, FrameSpeedLimit
+from armdyn.optimal.path_constraints.goal_region import ViaPoints
+from armdyn.optimal.path_constraints.rate_limits import AccelerationLimit, JerkLimit, VelocityTaperLimit
+from armdyn.optimal.path_constraints.torque_limits import RmsTorque, TorqueRateLimit, TorqueSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.parsing.numbers import numbers
 

@@ -26,9 +26,9 @@ from armdyn.optimal.flat.refinement import (
 from armdyn.optimal.flat.solve import prepare_curve
 from armdyn.optimal.landing.limit_violations import worst_violation
 from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
-from armdyn.optimal.path_constraints.limits.rms_torque import RmsTorque
 from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
+from armdyn.optimal.path_constraints.torque_limits import RmsTorque
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, LIMIT_TOLERANCE, ON_CURVE, certify
 from armdyn.optimal.proof.sensitivity import RATE_LIMITS, Share

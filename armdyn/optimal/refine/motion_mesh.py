@@ -25,9 +25,9 @@ from armdyn.optimal.refine.switch_mesh import on_finer_meshes
 from armdyn.optimal.search.distinct import distinct
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
+from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.policy.search import SamePolicy
-from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import percent
 from armdyn.trajectory import Trajectory

@@ -22,7 +22,7 @@ from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.flat.sequential import SequenceSettings
 from armdyn.optimal.flat.solve import solve_in_steps
 from armdyn.optimal.landing.pace import least_factor
-from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
+from armdyn.optimal.path_constraints.frame_limits import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.stop import Stop

@@ -23,7 +23,7 @@ from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.distinct import grouped, within
 from armdyn.optimal.search.multistart import SearchSettings, search
 from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

@@ -15,7 +15,7 @@ from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, prepare_quickly, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task
 

@@ -19,8 +19,8 @@ from armdyn.optimal.search.distinct import distinct, grouped, within
 from armdyn.optimal.search.starts import SAMPLES, splines, via_guesses
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import guess_jobs, prepare_quickly
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.policy.search import SearchPolicy
-from armdyn.optimal.task.solver_settings import SolverSettings
 from armdyn.optimal.task.task import Task
 
 Job = Callable[[Task], Attempt]

@@ -17,7 +17,7 @@ from armdyn.optimal.solve.direct import prepare, solve_on_mesh
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpData, Solver
 from armdyn.optimal.solve.stagewise.solver import Stagewise
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory

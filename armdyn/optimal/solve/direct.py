@@ -16,7 +16,7 @@ from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory,
 from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpData, Solver
-from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
+from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

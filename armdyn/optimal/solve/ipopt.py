@@ -13,7 +13,7 @@ from armdyn.optimal.problem.status import Status
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.solver import NlpData, NlpResult
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 
 
 class Monitor(ca.Callback):

@@ -10,7 +10,7 @@ from armdyn.locks import built_once
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt
 from armdyn.optimal.solve.solver import Solver
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 

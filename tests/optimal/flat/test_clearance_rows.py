@@ -13,7 +13,7 @@ from armdyn.optimal.flat.linear_rows import clearance_rows
 from armdyn.optimal.flat.nlp_data import curve_layout
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
+from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task
 from oracles import robot_named
 

@@ -9,7 +9,7 @@ from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import condensable, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from problems import luus_problem, paper_problem

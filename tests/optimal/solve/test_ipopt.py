@@ -13,7 +13,7 @@ from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, _options
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpData
-from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
+from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.task import Task
 from problems import paper_problem
 

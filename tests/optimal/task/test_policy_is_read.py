@@ -18,7 +18,7 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.live import resolver as live
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.path_constraints.limits.frame_region import FrameRegion
+from armdyn.optimal.path_constraints.frame_limits import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.stop import Stop
 from armdyn.optimal.refine.curves import _guesses, curves

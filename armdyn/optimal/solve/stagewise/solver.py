@@ -15,7 +15,7 @@ from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.solve.stagewise.library import MONITOR, Settings, stagewise_library
-from armdyn.optimal.task.solver_settings import SolverSettings
+from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 
 _POLL = 10

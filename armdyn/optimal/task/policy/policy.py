@@ -10,7 +10,7 @@ import pinocchio as pin
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
-from armdyn.optimal.task.policy.curves import TRAINED, CurvePolicy
+from armdyn.optimal.task.policy.curves import TRAINED, CurvePolicy, SequentialPolicy
 from armdyn.optimal.task.policy.landing import LandingPolicy, PathConstraintPolicy, ShootingPolicy
 from armdyn.optimal.task.policy.live import LivePolicy
 from armdyn.optimal.task.policy.refinement import (
@@ -22,7 +22,6 @@ from armdyn.optimal.task.policy.refinement import (
     SwitchMeshPolicy,
 )
 from armdyn.optimal.task.policy.search import GoalPolicy, ProgramPolicy, SamePolicy, SearchPolicy
-from armdyn.optimal.task.policy.sequential import SequentialPolicy
 from armdyn.optimal.task.policy.switching import (
     ContactPolicy,
     DescentPolicy,

@@ -14,7 +14,7 @@ from armdyn.optimal.solve.condensed import _within, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh
 from armdyn.optimal.solve.solver import NlpData
 from armdyn.optimal.solve.stagewise.solver import Stagewise
-from armdyn.optimal.task.solver_settings import Acceptable, SolverSettings
+from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.tableau import Scheme
 from armdyn.optimal.task.task import Task
 from problems import paper_problem

@@ -1,1 +1,0 @@
-"""Limits along the path: of accelerations, jerks, torque rates and frame speeds."""
