@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Stop, stopping
 from armdyn.paper.parallel import as_completed
 from armdyn.parallel import in_processes, shared_pool
 

@@ -22,8 +22,7 @@ from armdyn.optimal.bound.chain import chain_bound
 from armdyn.optimal.bound.effort import Effort
 from armdyn.optimal.bound.lower_bound import least_duration
 from armdyn.optimal.minimum_time import solve_task
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
 from armdyn.optimal.task.policy.cycle import CyclePolicy

@@ -8,7 +8,7 @@ from armdyn.optimal.gap import time_optimality as time_optimality
 from armdyn.optimal.gap import trajectory_from_path as trajectory_from_path
 from armdyn.optimal.landing.rollout import replay_torques as replay_torques
 from armdyn.optimal.live.resolver import Resolver as Resolver
-from armdyn.optimal.many import solve_many as solve_many
+from armdyn.optimal.minimum_time import solve_many as solve_many
 from armdyn.optimal.minimum_time import solve_minimum_time as solve_minimum_time
 from armdyn.optimal.path_constraints.frame_limits import FrameRegion as FrameRegion
 from armdyn.optimal.path_constraints.frame_limits import FrameSpeedLimit as FrameSpeedLimit

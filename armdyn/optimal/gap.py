@@ -19,8 +19,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import runs_of
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.landing.rollout import expect_motion_of, replay_torques
-from armdyn.optimal.landing.segments import Segments
+from armdyn.optimal.landing.rollout import Segments, expect_motion_of, replay_torques
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Violation

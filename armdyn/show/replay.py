@@ -74,7 +74,7 @@ def _move(one: Trajectory | Solution | ShownMotion, k: int) -> ShownMotion:
         return one
     if isinstance(one, Trajectory):
         return ShownMotion(one.name or f"trajectory {k + 1}", one, Facts())
-    from armdyn.optimal.answer.summary import minimum_time_summary  # slow to import: the optimiser
+    from armdyn.optimal.answer.solution import minimum_time_summary  # slow to import: the optimiser
 
     return ShownMotion(one.trajectory.name or f"trajectory {k + 1}", one.trajectory, Facts(minimum_time_summary(one)))
 

@@ -17,8 +17,7 @@ from armdyn.arrays import Array
 from armdyn.control.tracking.run import Run
 from armdyn.models import Robot
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import Solution, minimum_time_summary
 from armdyn.optimal.answer.words import verdict
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.reprs import percent

@@ -19,7 +19,7 @@ from armdyn.control.tracking.run import Envelope, Run
 from armdyn.errors import ProblemError, ResultError
 from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.problem.status import stopping
 from armdyn.reprs import brief
 from armdyn.studies.executors.executor import in_process
 from armdyn.studies.plant_study import MonteCarloOptions, PlantRow, PlantStudy

@@ -133,9 +133,8 @@ def test_a_job_in_the_background_hears_nothing():
 
 @pytest.mark.slow
 def test_a_line_names_the_step_being_finished():
-    then = (
-        "from armdyn.cli.console import working\n    from armdyn.optimal.problem.stop import stopping\n    import time"
-    )
+    then = "from armdyn.cli.console import working\n    from armdyn.optimal.problem.status import stopping"
+    then += "\n    import time"
     then += "\n    with working('the motion'), stopping(60):\n        press_again()\n        time.sleep(1.5)"
     press = "press_again = lambda: os.kill(os.getpid(), signal.SIGINT)\nmodels.Robot.from_source"
     code = AT_CALL.replace("    os.kill(os.getpid(), signal.SIGINT)\n", "").replace("models.Robot.from_source", press)
@@ -145,7 +144,7 @@ def test_a_line_names_the_step_being_finished():
 
 
 def test_a_second_one_ends_code_without_signals():
-    then = "import ctypes, subprocess\n    from armdyn.optimal.problem.stop import stopping\n    with stopping(60):"
+    then = "import ctypes, subprocess\n    from armdyn.optimal.problem.status import stopping\n    with stopping(60):"
     then += "\n        signal.pthread_sigmask(signal.SIG_BLOCK, {{signal.SIGINT}})  # of the main thread alone"
     then += "\n        again = f'for k in 1 2; do sleep 0.5; kill -INT {os.getpid()}; done'"
     then += "\n        subprocess.Popen(['sh', '-c', again])\n        ctypes.CDLL(None).sleep(100)"

@@ -22,7 +22,7 @@ from armdyn.codegen.deadline import NoTimeError, left, until
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ArmdynWarning
 from armdyn.files import write_sealed
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.program.assembly import build_nlp
 from armdyn.optimal.task.tableau import Scheme
 from damaged_cache import DAMAGES, fuzz_cache, planted

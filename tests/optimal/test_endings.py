@@ -11,9 +11,9 @@ import pytest
 import armdyn as ad
 from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.optimal.answer.assembly import assembled
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.arcs.phases import Unresolved
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.refine.smooth import time_energy
 from armdyn.optimal.task.task import Task
 from problems import paper_problem, solved

@@ -20,7 +20,7 @@ def bound(task: ProblemOptions) -> Answer:
     [dim]armdyn bound panda --q-start ready --q-goal 1,0.2,0.5,-1.5,0.3,2,-0.5
     armdyn bound r --velocity-limit 5 --payload 0.1006[/]
     """
-    from armdyn.optimal.answer.summary import reserve_summary
+    from armdyn.optimal.answer.solution import reserve_summary
 
     problem = task.problem()
     task.path_constraints.expect_bodies()

@@ -205,7 +205,7 @@ def mintime(
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
     required = requirements_of(require or ())
-    from armdyn.optimal.answer.summary import minimum_time_summary
+    from armdyn.optimal.answer.solution import minimum_time_summary
     from armdyn.optimal.answer.words import standing
 
     problem = _problem(task, results)

@@ -14,8 +14,8 @@ from armdyn.cli.invocation import in_options
 from armdyn.cli.motion.requirements import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
 from armdyn.cli.sweeps.study import SweepResults
-from armdyn.optimal.answer.summary import reserve_summary
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.answer.solution import reserve_summary
+from armdyn.optimal.problem.status import stopping
 from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
 from armdyn.studies.continuation import chain
 from armdyn.studies.executors.executor import in_process

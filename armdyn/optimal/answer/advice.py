@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armdyn.optimal.landing.pace import can_be_slowed
+from armdyn.optimal.landing.limit_violations import can_be_slowed
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GAP_TOLERANCE, ON_CURVE, Certificate

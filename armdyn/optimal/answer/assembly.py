@@ -17,7 +17,7 @@ from armdyn.optimal.proof.sensitivity import deciding
 from armdyn.optimal.refine.land import with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.search.distinct import grouped, within
+from armdyn.optimal.search.multistart import grouped, within
 from armdyn.optimal.task.task import Task
 from armdyn.reprs import joint_unit
 from armdyn.trajectory import Trajectory

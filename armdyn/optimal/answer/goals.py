@@ -12,8 +12,7 @@ from armdyn.models.scene.reaching import GoalPose, slid
 from armdyn.optimal.answer.assembly import ended_in_time, with_certificate
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.bound.lower_bound import least_duration
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.proof.certificate import TRANSVERSALITY_TOLERANCE
 from armdyn.optimal.proof.sensitivity import end_gradient, transversality
 from armdyn.optimal.search.goals import GoalResult, screened

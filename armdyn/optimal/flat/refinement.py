@@ -10,7 +10,7 @@ from armdyn.optimal.flat.excess import Tightening, excesses_of, larger_margin, r
 from armdyn.optimal.flat.follow import follow, sample_counts
 from armdyn.optimal.flat.nlp_data import CurveSpec, TorqueMargin
 from armdyn.optimal.flat.solve import Solved, solve_curve
-from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
+from armdyn.optimal.landing.limit_violations import can_be_slowed, constraints_mended, least_factor
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.task.policy.curves import SequentialPolicy
 from armdyn.optimal.task.task import Task

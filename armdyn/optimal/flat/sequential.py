@@ -15,8 +15,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.flat.convex_step import ConvexStep, QpSolution, SoftRows, solve_step
 from armdyn.optimal.flat.curve_program import CurveProgram
 from armdyn.optimal.flat.linear_rows import Linearised, Sides, TorqueParts
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.solve.solver import NlpResult
 from armdyn.optimal.task.policy.curves import SequentialPolicy
 

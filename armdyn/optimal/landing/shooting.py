@@ -14,10 +14,9 @@ from scipy.linalg import LinAlgError, solveh_banded
 from armdyn.arrays import Array, Flags
 from armdyn.dynamics.numeric import forward_dynamics
 from armdyn.models.robots.robot import Robot
-from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.landing.segments import gauss_steps
+from armdyn.optimal.landing.rollout import gauss_steps, replay_of
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.policy.landing import ShootingPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory

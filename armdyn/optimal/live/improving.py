@@ -13,7 +13,7 @@ from armdyn.models.robots.robot import Robot
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.linear_rows import ClearanceRows, TorqueRows, clearance_rows
 from armdyn.optimal.flat.nlp_data import TorqueMargin
-from armdyn.optimal.landing.pace import least_factor
+from armdyn.optimal.landing.limit_violations import least_factor
 from armdyn.optimal.live.checking import SampledCurve, between_samples, check
 from armdyn.optimal.live.program import Ends, Iterate, Pace, ProgramStep, StepProgram
 from armdyn.optimal.path_constraints.clearance import ClearanceConstraint

@@ -9,8 +9,7 @@ from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.live.checking import acceleration_excess
 from armdyn.optimal.live.improving import Distances, LimitedArm
-from armdyn.optimal.live.mesh import Places
-from armdyn.optimal.live.program import Ends
+from armdyn.optimal.live.program import Ends, Places
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.task.policy.live import LivePolicy

@@ -1,9 +1,19 @@
-"""Status of a solve and its worst violation."""
+"""Status of a solve, its worst violation, and conditions that stop it."""
 
+import mmap
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from types import FrameType
+
+import numpy as np
 
 from armdyn.arguments import shown
+from armdyn.codegen.background import abandon
 from armdyn.errors import ProblemError
 
 
@@ -56,3 +66,117 @@ class Violation:
 
     def __str__(self) -> str:
         return f"{self.constraint} of joint {self.joint!r} at t = {self.time:.4g} s by {self.value:.3g} (scaled)"
+
+
+class Stop:
+    """Stopping condition of a solve: a deadline or Ctrl-C.
+
+    Processes forked after construction share the interruption, and whether the deadline cut work short.
+
+    Attributes:
+        deadline: by `time.perf_counter` [s], a clock that all processes share.
+        out_of_time: whether there was no time to compile a program; then no other is compiled either.
+        within: stop of the enclosing work: an interruption of one interrupts both; None: no enclosing work.
+    """
+
+    def __init__(self, deadline: float = np.inf, interrupted: bool = False, within: "Stop | None" = None):
+        self.deadline, self.out_of_time, self.within = deadline, False, within
+        self._flags = mmap.mmap(-1, 2)
+        self._flags[0] = interrupted
+
+    def interrupt(self) -> None:
+        """Record that Ctrl-C was pressed."""
+        self._flags[0] = True
+        if self.within is not None:
+            self.within.interrupt()
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C was pressed."""
+        return bool(self._flags[0]) or (self.within is not None and self.within.interrupted)
+
+    @property
+    def late(self) -> bool:
+        """Whether the deadline has passed."""
+        return time.perf_counter() > self.deadline
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether work was left undone because of the deadline, rather than finished just before it."""
+        return bool(self._flags[1])
+
+    def cut(self) -> None:
+        """Record that the deadline cut work short."""
+        self._flags[1] = True
+
+    @property
+    def status(self) -> Status:
+        """Status of a solve that was stopped."""
+        return Status.INTERRUPTED if self.interrupted else Status.TIME_LIMIT
+
+    @property
+    def word(self) -> str:
+        """The status in words."""
+        return "interrupted" if self.interrupted else "time limit reached"
+
+    def __bool__(self) -> bool:
+        if self.late:
+            self.cut()
+        return self.interrupted or self.late
+
+
+class Budget(Stop):
+    """A `Stop` that also holds once a number of integrator steps is spent.
+
+    Steps, not seconds, are counted, so that the same seed gives the same answer on every machine.
+
+    Attributes:
+        left: integrator steps that may still be taken.
+    """
+
+    def __init__(self, stop: Stop, steps: float = np.inf):
+        super().__init__(stop.deadline, within=stop.within)
+        self._flags, self.left = stop._flags, steps
+
+    def spend(self, steps: float) -> None:
+        """Subtract steps from the budget."""
+        self.left -= steps
+
+    @property
+    def word(self) -> str:
+        """Reason of the stop, for messages."""
+        return super().word if super().__bool__() else "the budget of integrator steps is spent"
+
+    def __bool__(self) -> bool:
+        return super().__bool__() or self.left <= 0
+
+
+@contextmanager
+def stopping(seconds: float, within: Stop | None = None) -> Iterator[Stop]:
+    """Context in which Ctrl-C and the clock set a `Stop` instead of raising; a second Ctrl-C raises.
+
+    Where SIGINT is ignored (`nohup`, a job in the background of a script), it stays ignored.
+
+    Args:
+        seconds: time limit [s].
+        within: see `Stop`; through it a forked process learns that its parent was interrupted.
+    """
+    stop, pressed = Stop(time.perf_counter() + seconds, within=within), False
+    in_main_thread = threading.current_thread() is threading.main_thread()  # the only thread that receives signals
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        yield stop
+        return
+
+    def on_interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal pressed
+        if pressed:
+            raise KeyboardInterrupt
+        pressed = True
+        stop.interrupt()
+        abandon()
+
+    before = signal.signal(signal.SIGINT, on_interrupt)
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -26,7 +26,7 @@ from armdyn.arrays import Array, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
-from armdyn.optimal.landing.segments import transitions
+from armdyn.optimal.landing.rollout import transitions
 from armdyn.optimal.landing.shooting import Shooting
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.policy import Policy

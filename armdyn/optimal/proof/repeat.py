@@ -15,7 +15,7 @@ from armdyn.errors import TrajectoryError
 from armdyn.models.robots.robot import Robot
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.landing.segments import Segments, ticked
+from armdyn.optimal.landing.rollout import Segments, ticked
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, Certificate
 from armdyn.trajectory import Trajectory

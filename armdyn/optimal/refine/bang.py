@@ -6,16 +6,15 @@ from functools import partial
 import numpy as np
 
 from armdyn.optimal.landing.rollout import replay_of
-from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget, Violation
 from armdyn.optimal.program.unknowns import doubled
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.resolve import rank, resolve
 from armdyn.optimal.search.candidates import SearchResult, find
-from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import solve_quickly
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.switching.refinement import prepare_switching
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes

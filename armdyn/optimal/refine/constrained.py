@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended
+from armdyn.optimal.landing.limit_violations import can_be_slowed, constraints_mended
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.program.unknowns import doubled
@@ -17,8 +17,7 @@ from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
 from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult, find
-from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory
 

@@ -24,8 +24,7 @@ from armdyn.optimal.flat.refinement import (
     slowed_to_limits,
 )
 from armdyn.optimal.flat.solve import prepare_curve
-from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.landing.pace import can_be_slowed, constraints_mended, least_factor
+from armdyn.optimal.landing.limit_violations import can_be_slowed, constraints_mended, least_factor, worst_violation
 from armdyn.optimal.path_constraints.rows import intervals_of
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.path_constraints.torque_limits import RmsTorque
@@ -36,9 +35,9 @@ from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.refine.planned_paths import NO_PATH, paths_through, refined_paths
 from armdyn.optimal.refine.slowing import within_constraints
 from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.search.distinct import grouped, within
+from armdyn.optimal.search.multistart import grouped, within
 from armdyn.optimal.search.starts import spline, straight_curve, via_guesses
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 from armdyn.reprs import percent

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from armdyn.optimal.arcs.phases import Phases, Unresolved, solve_phases
-from armdyn.optimal.landing.rollout import dense, replay_of
-from armdyn.optimal.landing.segments import Segments
+from armdyn.optimal.landing.rollout import Segments, dense, replay_of
 from armdyn.optimal.path_constraints.tightened import Aim
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.proof.adjoint import adjoint_error
 from armdyn.optimal.proof.certificate import SEGMENT_TOLERANCE
-from armdyn.optimal.proof.pontryagin import pontryagin
+from armdyn.optimal.proof.pontryagin import adjoint_error, pontryagin
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal, finer, in_one_piece

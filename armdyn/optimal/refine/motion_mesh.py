@@ -22,9 +22,9 @@ from armdyn.optimal.proof.repeat import repeated
 from armdyn.optimal.refine.mesh_margins import MeshMargins, excess
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.switch_mesh import on_finer_meshes
-from armdyn.optimal.search.distinct import distinct
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.search.multistart import distinct
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import Acceptable, SolverSettings
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy
 from armdyn.optimal.task.policy.search import SamePolicy

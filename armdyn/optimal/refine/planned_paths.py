@@ -21,11 +21,11 @@ from armdyn.optimal.flat.nlp_data import CurveSpec
 from armdyn.optimal.flat.refinement import RefinedCurve, refine_among_obstacles
 from armdyn.optimal.flat.sequential import SequenceSettings
 from armdyn.optimal.flat.solve import solve_in_steps
-from armdyn.optimal.landing.pace import least_factor
+from armdyn.optimal.landing.limit_violations import least_factor
 from armdyn.optimal.path_constraints.frame_limits import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.task.policy.policy import Policy
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task

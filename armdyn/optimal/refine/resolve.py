@@ -9,7 +9,7 @@ import numpy as np
 from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.landing.shooting import replay_on_goal
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land_extremal
@@ -17,7 +17,7 @@ from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
 from armdyn.optimal.refine.switch_mesh import at_switches
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem

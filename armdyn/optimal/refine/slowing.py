@@ -7,8 +7,7 @@ import numpy as np
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.refinement import sampled
-from armdyn.optimal.landing.limit_violations import excesses
-from armdyn.optimal.landing.pace import can_be_slowed, least_factor, paced, paced_torques
+from armdyn.optimal.landing.limit_violations import can_be_slowed, excesses, least_factor, paced, paced_torques
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.path_constraints.tightened import ConstraintReports, TightenedConstraints
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, LIMIT_TOLERANCE, certify

@@ -20,9 +20,8 @@ from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land, with_adjoint_check
 from armdyn.optimal.refine.optimum import Optimum, trajectory_cost
 from armdyn.optimal.search.candidates import SearchResult
-from armdyn.optimal.search.distinct import grouped, within
-from armdyn.optimal.search.multistart import SearchSettings, search
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.search.multistart import SearchSettings, grouped, search, within
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory

@@ -14,8 +14,8 @@ import numpy as np
 from armdyn.arrays import Array, Index
 from armdyn.optimal.arcs.arc import runs_of
 from armdyn.optimal.program.unknowns import mesh
-from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, solve_on_knots
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.policy.refinement import MotionMeshPolicy, SwitchMeshPolicy
 from armdyn.optimal.task.task import Task
 from armdyn.trajectory import Trajectory

@@ -9,12 +9,10 @@ import numpy as np
 
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.search.distinct import distinct, ranked
-from armdyn.optimal.search.multistart import Job, SearchSettings, crossover_guesses, search
+from armdyn.optimal.search.multistart import Job, SearchSettings, crossover_guesses, distinct, ranked, search
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import has_stagewise, prepare_quickly, solve_quickly
-from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import DynamicsForm
 from armdyn.optimal.task.task import Task

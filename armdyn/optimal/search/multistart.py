@@ -1,4 +1,4 @@
-"""Global search: many guesses solved coarsely, on all cores, and crossover and mutation of the optima that they reach.
+"""Many solves from guesses, and the distinct optima among them.
 
 Good optima lie near each other: those that random poses reach once in hundreds of guesses are reached by one crossover
 of the best optima in ten. A child has a small bend added to all joints, a detour of one joint, or the motions of some
@@ -7,21 +7,78 @@ and Locatelli, 2011.)
 """
 
 from bisect import insort
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.program.guesses import Guesses
-from armdyn.optimal.search.distinct import distinct, grouped, within
 from armdyn.optimal.search.starts import SAMPLES, splines, via_guesses
-from armdyn.optimal.solve.attempt import Attempt
 from armdyn.optimal.solve.condensed import guess_jobs, prepare_quickly
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.policy.search import SearchPolicy
 from armdyn.optimal.task.task import Task
+
+Item = TypeVar("Item")
+
+
+def grouped(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
+    """Group items: each joins the first group whose first member is alike, or starts a group.
+
+    Args:
+        items: best first.
+        alike: whether a later item equals a group's first.
+    """
+    groups: list[list[Item]] = []
+    for item in items:
+        group = next((group for group in groups if alike(group[0], item)), None)
+        if group is None:
+            groups.append([item])
+        else:
+            group.append(item)
+    return groups
+
+
+def within(same: float) -> Callable[[float, float], bool]:
+    """Predicate: a number exceeds a smaller one by at most a part of the smaller one."""
+    return lambda first, item: item <= first * (1 + same)
+
+
+def ranked(attempts: Sequence[Attempt]) -> list[Attempt]:
+    """Usable attempts by duration, then the rest."""
+    return sorted(attempts, key=lambda a: (not a.usable, a.trajectory.duration))
+
+
+def distinct(attempts: Sequence[Attempt], same: float, apart: float = np.inf) -> list[Attempt]:
+    """Usable attempts, best first, one per optimum: the one on the finest mesh.
+
+    Args:
+        attempts: in any order.
+        same: largest relative difference of durations within one optimum.
+        apart: largest distance of motions within one optimum, at the same part of their durations [rad or m].
+    """
+    groups, first = list[list[Attempt]](), 0
+    for attempt in ranked(attempts):
+        if not attempt.usable:
+            break
+        duration = attempt.trajectory.duration
+        while first < len(groups) and duration > groups[first][0].trajectory.duration * (1 + same):
+            first += 1  # later attempts are slower still
+        own = next((group for group in groups[first:] if _near(group[0], attempt, apart)), None)
+        if own is None:
+            groups.append([attempt])
+        else:
+            own.append(attempt)
+    return [max(group, key=lambda attempt: attempt.intervals) for group in groups]
+
+
+def _near(one: Attempt, other: Attempt, apart: float) -> bool:
+    return apart == np.inf or float(np.abs(one.quarters - other.quarters).max()) <= apart
+
 
 Job = Callable[[Task], Attempt]
 """A solve as a function of the task; it is pickled."""

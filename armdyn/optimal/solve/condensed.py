@@ -12,8 +12,7 @@ from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_
 from armdyn.optimal.program.guesses import CondensedStarts, Guesses
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect
-from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.direct import prepare, solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, prepare, solve_on_mesh
 from armdyn.optimal.solve.registry import in_time, solver_for
 from armdyn.optimal.solve.solver import NlpData, Solver
 from armdyn.optimal.solve.stagewise.solver import Stagewise

@@ -9,8 +9,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.locks import one_at_a_time
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.solver import NlpData, NlpResult
 from armdyn.optimal.task.options import SolverSettings

@@ -9,8 +9,7 @@ from typing import Protocol, Self, TypeVar
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.assembly import Program
 
 P_co = TypeVar("P_co", bound=Program, covariant=True)

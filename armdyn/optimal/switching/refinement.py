@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.solve.registry import in_time
 from armdyn.optimal.switching.contacts import with_carried_touches, with_contacts
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest

@@ -10,7 +10,7 @@ import numpy as np
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.errors import ProblemError
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.task.options import LEAST_TOLERANCE, RELATIVE_GOAL_TOLERANCE, MinimumTimeOptions, SolverSettings
 from armdyn.optimal.task.policy import Policy
 from armdyn.optimal.task.tableau import Scheme

@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 from armdyn.arrays import Array
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 
 RTOL = 1e-12

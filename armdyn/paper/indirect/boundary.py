@@ -14,8 +14,7 @@ from scipy.sparse.linalg import splu
 
 from armdyn.arrays import Array
 from armdyn.locks import cached_property
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.paper.indirect.canonical import CanonicalSystem, columns
 from armdyn.paper.indirect.newton import Point, Root, SingularError, newton
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 
 _DESCENT = 0.1
 """Least actual decrease of a step, as a part of that predicted by the linearised equations."""

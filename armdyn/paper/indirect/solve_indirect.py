@@ -20,8 +20,7 @@ from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.arcs.arc import HELD
 from armdyn.optimal.arcs.phases import Phases
 from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.refine.smooth import resolved_near, smooth_optima
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.options import MinimumTimeOptions

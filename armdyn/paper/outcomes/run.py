@@ -8,7 +8,7 @@ import numpy as np
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.pid import pid_summary
 from armdyn.optimal import MinimumTimeOptions, Solution, solve_minimum_time
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.task.policy import Policy
 from armdyn.paper.continuous_pid import simulate

@@ -18,8 +18,7 @@ from armdyn.files import read_json, write_whole
 from armdyn.models.presets.preset import ControllerPreset
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.scene.reaching import GoalPose, approached, frame_placement
-from armdyn.optimal.answer.solution import Solution
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import Solution, minimum_time_summary
 from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions

@@ -14,7 +14,7 @@ from armdyn.control.loop.loop import Controller, Loop, expect_loop
 from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Stop, stopping
 from armdyn.reprs import brief
 from armdyn.studies.executors.executor import Executor, in_process
 from armdyn.studies.plant_study import digest, identity, named

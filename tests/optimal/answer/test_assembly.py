@@ -7,17 +7,16 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.answer.assembly import assembled, failed
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.path_constraints.tightened import ConstraintReports
-from armdyn.optimal.problem.status import Violation
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop, Violation
 from armdyn.optimal.proof.certificate import Certificate
 from armdyn.optimal.proof.sensitivity import Share
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.search.candidates import SearchResult
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.attempt import Attempt
+from armdyn.optimal.solve.direct import Attempt
 from armdyn.optimal.task.task import Task
 from problems import paper_problem, solved
 

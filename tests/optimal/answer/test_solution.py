@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.answer.summary import minimum_time_summary
+from armdyn.optimal.answer.solution import minimum_time_summary
 from armdyn.optimal.path_constraints.constraint import ConstraintReport
 from armdyn.optimal.proof.repeat import ACCURACY
 from problems import solved

@@ -7,7 +7,7 @@ import pytest
 
 from armdyn.optimal.arcs.arc import Mode
 from armdyn.optimal.arcs.phases import Phases, Unresolved, solve_phases
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.task.task import Task
 from problems import solved
 

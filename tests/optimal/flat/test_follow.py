@@ -10,8 +10,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.curve import Curve
 from armdyn.optimal.flat.follow import follow
 from armdyn.optimal.flat.refinement import sampled
-from armdyn.optimal.landing.rollout import replay_torques
-from armdyn.optimal.landing.segments import ticked
+from armdyn.optimal.landing.rollout import replay_torques, ticked
 from armdyn.optimal.task.task import Task
 from optimal.flat.bends import problem
 from problems import cart

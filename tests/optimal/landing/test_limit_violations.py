@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import armdyn as ad
-from armdyn.optimal.landing.limit_violations import excesses, limit_violation, worst_violation
-from problems import paper_problem
+from armdyn.optimal.landing.limit_violations import excesses, limit_violation, paced, paced_torques, worst_violation
+from oracles import PinDynamics, assert_close, random_states
+from problems import paper_arm, paper_problem
 
 
 def test_limit_violation_looks_between_samples():
@@ -33,3 +36,53 @@ def test_a_motion_within_its_limits_exceeds_none():
     still = ad.Trajectory([0, 1], np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2)))
     assert limit_violation(problem.limits, still) == 0.0
     assert worst_violation(problem.limits, still, problem.robot.joint_names) is None
+
+
+FACTORS = st.floats(0.5, 2.0)
+
+
+def at_random(nv, count=4):
+    """Positions, velocities and accelerations, each of shape (count, nv)."""
+    return (np.array(part) for part in zip(*random_states(nv, count), strict=True))
+
+
+@pytest.mark.parametrize("arm", ["r", "rr", "rrr"])
+@settings(max_examples=20)
+@given(factor=FACTORS)
+def test_torques_are_those_of_velocities_over_s_and_accelerations_over_s_squared(arm, factor):
+    robot = paper_arm(arm)
+    pin = PinDynamics(robot)
+    q, v, a = at_random(robot.nv)
+    zero = np.zeros_like(v)
+    tau = np.array([pin.rnea(*row) for row in zip(q, v, a, strict=True)])
+    found = paced_torques(robot, ad.trajectory.Sample(q, v, zero), tau, factor)
+    assert_close(found, [pin.rnea(*x) for x in zip(q, v / factor, a / factor**2, strict=True)], 1e-10)
+    # Hollerbach's law: all of a torque but gravity's goes with 1/s².
+    gravity = np.array([pin.gravity(row) for row in q])
+    assert_close(found - gravity, (tau - gravity) / factor**2, 1e-10)
+
+
+def test_at_its_own_pace_friction_is_paid_all_the_same():
+    robot = paper_arm("rr").with_friction(0.1, 0.2, 0.05)
+    q, v, a = at_random(2)
+    pin = PinDynamics(robot)
+    bare = np.array([pin.rnea(*row) for row in zip(q, v, a, strict=True)])
+    tau = bare + robot.friction.torque(v)
+    at = ad.trajectory.Sample(q, v, tau)
+    assert_close(paced_torques(robot, at, tau, 1.0), tau, 1e-10)
+    slow = [pin.rnea(*x) for x in zip(q, v / 2, a / 4, strict=True)] + robot.friction.torque(v / 2)
+    assert_close(paced_torques(robot, at, tau, 2.0), slow, 1e-10)
+
+
+@given(FACTORS)
+def test_a_paced_motion_has_the_same_path(factor):
+    t = np.array([0.0, 0.3, np.nextafter(0.3, 1), 0.7, 1.0])
+    q = np.array([[0.0], [0.2], [0.2], [0.5], [1.0]])
+    motion = ad.Trajectory(t, q, np.ones((5, 1)), np.array([[1.0], [1], [-1], [-1], [0]]))
+    slow = paced(motion, factor)
+    assert slow.duration == pytest.approx(factor, rel=1e-15)
+    assert np.array_equal(slow.q, q) and np.array_equal(slow.tau, motion.tau)
+    at = np.linspace(0, 1, 23)
+    # Positions are a cubic of time over duration, for any duration.
+    np.testing.assert_allclose(slow(factor * at).q, motion(at).q, atol=1e-12)
+    np.testing.assert_allclose(factor * slow(factor * at).v, motion(at).v, atol=1e-11)

@@ -10,8 +10,7 @@ from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.landing.shooting import Shooting, gaps, landed, replay_on_goal
 from armdyn.optimal.search.candidates import find
 from armdyn.optimal.search.starts import spline
-from armdyn.optimal.solve.attempt import Attempt
-from armdyn.optimal.solve.direct import solve_on_mesh
+from armdyn.optimal.solve.direct import Attempt, solve_on_mesh
 from armdyn.optimal.task.task import Task
 from problems import both_sides, cart, miss, paper_problem
 

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.answer.summary import minimum_time_summary, reserve_summary
+from armdyn.optimal.answer.solution import minimum_time_summary, reserve_summary
 from armdyn.optimal.bound.lower_bound import lower_bound
 from armdyn.optimal.gap import time_optimality
 from armdyn.paper.indirect.solve_indirect import IndirectOptions, solve_indirect

@@ -11,9 +11,9 @@ import armdyn as ad
 from armdyn.cli.motion.words import solution_words
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.friction import JointFriction
-from armdyn.optimal.answer.advice import advice
-from armdyn.optimal.answer.summary import minimum_time_summary
-from armdyn.optimal.landing.segments import Segments, ticked
+from armdyn.optimal.answer.solution import minimum_time_summary
+from armdyn.optimal.answer.words import advice
+from armdyn.optimal.landing.rollout import Segments, ticked
 from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.proof.repeat import FEEDBACK_BANDWIDTH, FEEDBACK_TICK, OPEN_LOOP_GROWTH, repeated
 from problems import paper_arm, solved

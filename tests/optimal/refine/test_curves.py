@@ -12,8 +12,7 @@ from armdyn.models.scene.collision import CollisionModel
 from armdyn.optimal.flat.excess import excesses_of, worst_excess
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.landing.rollout import replay_torques
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.refine import curves as curves_module
 from armdyn.optimal.refine.curves import curves, optima_met
 from armdyn.optimal.refine.slowing import slowed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.landing.pace import paced
+from armdyn.optimal.landing.limit_violations import paced
 from armdyn.optimal.proof.repeat import repeated, under_feedback
 from armdyn.optimal.refine import motion_mesh
 from armdyn.optimal.refine.mesh_margins import MeshMargins

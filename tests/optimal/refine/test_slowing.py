@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armdyn as ad
-from armdyn.optimal.landing.limit_violations import limit_violation
-from armdyn.optimal.landing.pace import can_be_slowed, least_factor
+from armdyn.optimal.landing.limit_violations import can_be_slowed, least_factor, limit_violation
 from armdyn.optimal.landing.rollout import dense, replay_of
 from armdyn.optimal.landing.shooting import landed
 from armdyn.optimal.minimum_time import solve_task

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ProblemError
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, time_energy
 from armdyn.optimal.search.starts import spline

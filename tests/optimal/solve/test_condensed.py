@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.solve.condensed import condensable, solve_quickly
 from armdyn.optimal.solve.direct import solve_on_mesh

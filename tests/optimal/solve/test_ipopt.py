@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from armdyn.codegen.deadline import NoTimeError
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.assembly import Program
 from armdyn.optimal.solve.ipopt import Ipopt, _options
 from armdyn.optimal.solve.registry import in_time, solver_for

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Mode
-from armdyn.optimal.problem.stop import Budget, Stop
+from armdyn.optimal.problem.status import Budget, Stop
 from armdyn.optimal.switching.costates import phases_of
 from armdyn.optimal.switching.extremal.change import Segment
 from armdyn.optimal.switching.extremal.descent import in_one_piece

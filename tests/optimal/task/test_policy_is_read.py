@@ -20,7 +20,7 @@ from armdyn.optimal.live import resolver as live
 from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.path_constraints.frame_limits import FrameRegion
 from armdyn.optimal.path_constraints.tightened import TightenedConstraints
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.refine.curves import _guesses, curves
 from armdyn.optimal.search.goals import screened
 from armdyn.optimal.search.multistart import in_batches

@@ -3,7 +3,7 @@
 import numpy as np
 
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.paper.indirect.bang_bang import BangBangExtremal, BangBangProblem
 from armdyn.paper.indirect.canonical import canonical_system
 from problems import cart

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem, solve_lobatto, solve_trapezoidal
 from armdyn.paper.indirect.canonical import canonical_system, columns
 from problems import cart, paper_problem

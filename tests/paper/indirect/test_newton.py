@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.paper.indirect.newton import Point, SingularError, newton
 
 HOW = {"tolerance": 1e-12, "steps": 60, "shortest": 2.0**-10}

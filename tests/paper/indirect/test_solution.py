@@ -8,7 +8,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import ProblemError
 from armdyn.optimal import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.paper import IndirectOptions, compare_with_direct, solve_indirect
 from armdyn.paper.indirect.bang_bang import with_samples
 from armdyn.paper.indirect.boundary import BoundaryExtremal, BoundaryProblem

@@ -5,7 +5,7 @@ import os
 import signal
 import time
 
-from armdyn.optimal.problem.stop import stopping
+from armdyn.optimal.problem.status import stopping
 from armdyn.show.studio.solving import NewestFirst
 
 

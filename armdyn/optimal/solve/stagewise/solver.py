@@ -1,22 +1,109 @@
-"""Stagewise solver: the condensed program of an arm on a mesh, solved by the C library."""
+"""Stagewise interior-point method of the search, in C: compiled for an arm, and called."""
 
 import ctypes
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Self
 
 import numpy as np
 
 from armdyn.arrays import Array
+from armdyn.codegen.compiled import compiled_library
+from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
-from armdyn.optimal.problem.status import Status
-from armdyn.optimal.problem.stop import Stop
+from armdyn.locks import built_once
+from armdyn.optimal.problem.status import Status, Stop
 from armdyn.optimal.program.condensed import has_condensed
-from armdyn.optimal.program.layout import CondensedLayout, Layout
+from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
+from armdyn.optimal.program.stages import StageFunctions
 from armdyn.optimal.solve.ipopt import STATUS
 from armdyn.optimal.solve.solver import NlpData, NlpResult
-from armdyn.optimal.solve.stagewise.library import MONITOR, Settings, stagewise_library
 from armdyn.optimal.task.options import SolverSettings
 from armdyn.optimal.task.tableau import Scheme
+
+_PARTS = ("interval.c", "dense.c", "riccati.c", "line_search.c", "interior_point.c")
+"""The .c files, in the order of their dependence."""
+_OWN = 1500
+"""Equivalent size of the .c files in instructions of the arm's functions, for the estimate of the compile time."""
+_HELD = 1e4
+"""Weight of the held end in inertia correction: from 1e2 to 1e6 the same share of guesses converges (20 pairs, RRR)."""
+
+_Numbers = ctypes.c_void_p
+"""Address of doubles as an integer: a ctypes pointer takes 20 µs to make."""
+MONITOR = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, *[ctypes.c_double] * 4)
+"""Callback: (iteration, cost, sum of constraint violations, error, barrier) to whether to stop."""
+
+
+class Settings(ctypes.Structure):
+    """Mirror of `Settings` in `interior_point.c`."""
+
+    _fields_ = (
+        *((name, ctypes.c_double) for name in ("tolerance", "barrier", "push", "close", "still", "convex")),
+        *((name, ctypes.c_int) for name in ("iterations", "after")),
+    )
+
+
+@built_once(maxsize=16)
+def stagewise_library(dynamics: Dynamics, compile_mode: bool | None) -> ctypes.CDLL | None:
+    """Compiled library of an arm, with `solve` and `values_at` of `interior_point.c`.
+
+    Args:
+        dynamics: dynamics with a symbolic last body.
+        compile_mode: mode for `compiled_library`.
+
+    Returns:
+        None without a compiler, without time, or for dynamics with an operation that has no C form.
+    """
+    if compile_mode is False:
+        return None
+    one = StageFunctions.of(dynamics)
+    try:
+        source = _source(dynamics.nv, one)
+    except UnwrittenError:
+        return None
+    library = compiled_library(source, sum(f.n_instructions() for f in one.functions) + _OWN, compile_mode)
+    if library is not None:
+        library.solve.argtypes = [
+            ctypes.c_int, ctypes.c_int, _Numbers, _Numbers, _Numbers, ctypes.POINTER(Settings),
+            ctypes.c_int, MONITOR, _Numbers, _Numbers, _Numbers, ctypes.POINTER(ctypes.c_int),
+        ]  # fmt: skip
+        library.values_at.argtypes = [ctypes.c_int, *[_Numbers] * 4]
+    return library
+
+
+def _source(joints: int, one: StageFunctions) -> str:
+    width = 5 * joints + 1
+    sizes = {
+        "JOINTS": joints,
+        "PARAMETERS": Parameters.size(joints),
+        "POINT_JACOBIAN": one.second_order.numel_out(1),
+        "POINT_HESSIAN": one.second_order.numel_out(2),
+        "JACOBIAN": one.jacobian.nnz(),
+        "GRADIENT": one.gradient.nnz(),
+        "HESSIAN": one.hessian.nnz(),
+        "MIDDLE": one.middle_jacobian.nnz(),
+    }
+    (down, across), (upper, lower) = one.jacobian.get_triplet(), one.hessian.get_triplet()
+    tables = {
+        "jacobian_place": [width * i + j for i, j in zip(down, across, strict=True)],
+        "middle_place": [width * i + j for i, j in zip(*one.middle_jacobian.get_triplet(), strict=True)],
+        "gradient_place": one.gradient.get_triplet()[0],
+        "hessian_place": [width * i + j for i, j in zip(upper, lower, strict=True)],
+        "hessian_mirror": [width * j + i for i, j in zip(upper, lower, strict=True)],
+    }
+    return "".join(
+        (
+            prelude(),
+            "#include <stdlib.h>\n#include <string.h>\n",
+            f"enum {{ {', '.join(f'{name} = {size}' for name, size in sizes.items())} }};\n",
+            f"static const double HELD = {_HELD!r};\n",
+            *(table(name, numbers) for name, numbers in tables.items()),
+            *(in_lanes(function) for function in one.functions),
+            '#pragma GCC optimize("O3")\n',  # loops of known length: a tenth of the run time
+            *(files(__package__).joinpath(part).read_text() for part in _PARTS),
+        )
+    )
+
 
 _POLL = 10
 """Iterations between polls of the stopping condition: half a millisecond; taking Python's lock may wait for threads."""

@@ -13,7 +13,7 @@ import numpy as np
 from armdyn.arrays import Array
 from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import VELOCITY
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.switching.extremal.landing import landed, moved_by
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model, lengths_of
 from armdyn.optimal.switching.extremal.rollout import Rollout, ShootingProblem

@@ -11,7 +11,7 @@ from armdyn.locks import cached_property
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
 from armdyn.optimal.arcs.grid import Density, layered
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.problem.stop import Budget
+from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.switching.extremal.flow import STEPS, Flow
 from armdyn.optimal.switching.extremal.step_torques import Torques
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure

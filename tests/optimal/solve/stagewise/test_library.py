@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from armdyn.codegen.compiled import compiled_library
 from armdyn.dynamics import Dynamics
 from armdyn.optimal.program.stages import StageFunctions
-from armdyn.optimal.solve.stagewise.library import _source, stagewise_library
+from armdyn.optimal.solve.stagewise.solver import _source, stagewise_library
 from problems import paper_arm
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.optimal.problem.stop import Stop
+from armdyn.optimal.problem.status import Stop
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_unknowns
 from armdyn.optimal.search.starts import spline, via_guesses
 from armdyn.optimal.solve.condensed import _within, solve_quickly

@@ -7,7 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.problem.stop import Budget, Stop
+from armdyn.optimal.problem.status import Budget, Stop
 from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
 from armdyn.optimal.switching.extremal.landing import landed
 from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model

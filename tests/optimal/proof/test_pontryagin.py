@@ -8,10 +8,9 @@ from scipy.integrate import solve_ivp
 
 import armdyn as ad
 from armdyn.dynamics.numeric import forward_dynamics, forward_dynamics_derivatives
-from armdyn.optimal.landing.rollout import dense
-from armdyn.optimal.landing.segments import transitions
-from armdyn.optimal.proof.adjoint import adjoint_error
+from armdyn.optimal.landing.rollout import dense, transitions
 from armdyn.optimal.proof.certificate import ADJOINT_TOLERANCE
+from armdyn.optimal.proof.pontryagin import adjoint_error
 from armdyn.optimal.task.policy.refinement import AdjointPolicy
 from problems import cart, luus_problem, paper_problem, solve, solved
 

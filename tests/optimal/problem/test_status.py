@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from armdyn.optimal.problem.stop import Stop, stopping
+from armdyn.optimal.problem.status import Stop, stopping
 
 
 def test_nothing_stops_it_unless_requested():
