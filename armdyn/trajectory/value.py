@@ -15,9 +15,9 @@ from armdyn.arrays import Array, Flags
 from armdyn.errors import TrajectoryError
 from armdyn.rendering import renderer
 from armdyn.reprs import brief, called
-from armdyn.trajectory import joining, npz
+from armdyn.trajectory import npz
 from armdyn.trajectory.interpolation import cubic
-from armdyn.trajectory.pieces import Load, Piece, check_pieces, to_text
+from armdyn.trajectory.pieces import JOIN_TOLERANCE, Load, Piece, check_pieces, cut, joined, split, to_text
 from armdyn.trajectory.samples import LEAST_STEP, Samples, check_shapes, finite, names_of, samples_of
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ class Trajectory(Checked):
         called = self.name if name is None else name
         return replace(self, pieces=(Piece(float(self.t[0]), called, self.model_hash, load, event),))
 
-    def join(self, other: Trajectory, tolerance: float = joining.JOIN_TOLERANCE) -> Trajectory:
+    def join(self, other: Trajectory, tolerance: float = JOIN_TOLERANCE) -> Trajectory:
         """This motion and then another one, which starts where this one ends; also `self + other`.
 
         The other's times are shifted. Its first sample is one ulp of time after this motion's last one, so that torques
@@ -155,7 +155,7 @@ class Trajectory(Checked):
         Raises:
             TrajectoryError: the other motion starts elsewhere; the message names the joint. Or joints or `hold` differ.
         """
-        return joining.joined(self, expect(other, Trajectory, "other", error=TrajectoryError), tolerance)
+        return joined(self, expect(other, Trajectory, "other", error=TrajectoryError), tolerance)
 
     def __add__(self, other: object) -> Trajectory:
         """`join` with its default tolerance."""
@@ -174,11 +174,11 @@ class Trajectory(Checked):
         Raises:
             TrajectoryError: they do not increase, or are not within the motion.
         """
-        return joining.cut(self, begin, end)
+        return cut(self, begin, end)
 
     def split(self) -> tuple[Trajectory, ...]:
         """Each piece as a motion in the times of the whole, with its own name and model; their sum is the motion."""
-        return joining.split(self)
+        return split(self)
 
     def _repr_parts(self) -> list[str]:
         joints = self.v.shape[1]

@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from armdyn.errors import UnsupportedJointError, UrdfError
-from armdyn.models.mjcf.classes import ROTATIONS, Classes, Values
-from armdyn.models.mjcf.compiler import Compiler, place
+from armdyn.models.mjcf.attributes import ROTATIONS, Classes, Compiler, Values, place
 from armdyn.models.reading.urdf_check import MAX_LINKS, MAX_MOVING
 from armdyn.models.reading.urdf_xml import clipped
 

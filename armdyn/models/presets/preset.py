@@ -15,8 +15,20 @@ from armdyn.arrays import Array
 from armdyn.errors import ProblemError, TrajectoryError, did_you_mean
 from armdyn.files import file_inside
 from armdyn.models.presets.check import ControllerCheck, check_points, controller_check
-from armdyn.models.presets.interface import LIMITS, UNITS, ControllerLimits, Interface, VelocityTaper
-from armdyn.models.presets.tables import KINDS, interfaces_of, joints_of, limits_of, line_of, taper_of, texts_of
+from armdyn.models.presets.interface import (
+    KINDS,
+    LIMITS,
+    UNITS,
+    ControllerLimits,
+    Interface,
+    VelocityTaper,
+    interfaces_of,
+    joints_of,
+    limits_of,
+    line_of,
+    taper_of,
+    texts_of,
+)
 from armdyn.parsing.toml import Table, read_toml
 from armdyn.reprs import brief
 from armdyn.trajectory import Trajectory

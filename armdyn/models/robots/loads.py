@@ -13,7 +13,7 @@ from armdyn.models.robots.arm import payload_inertia
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.spec import Payload
 from armdyn.trajectory import Load, Trajectory
-from armdyn.trajectory.joining import backwards
+from armdyn.trajectory.pieces import backwards
 
 _FLANGE = re.compile(r"(?:.*_)?(?:tool0|link8)")
 """Names of the flange in the descriptions of Universal Robots' and Franka's arms: its axes are their controllers'."""

@@ -170,8 +170,7 @@ def _of_file(path: Path, robot: Arm) -> dict[str, Array]:
 
 def _of_keyframes(robot: Arm) -> dict[str, Array]:
     """The poses that a robot's own MJCF names."""
-    from armdyn.models.mjcf.document import is_mjcf, read_mjcf
-    from armdyn.models.mjcf.reading import read_keyframes
+    from armdyn.models.mjcf.reading import is_mjcf, read_keyframes, read_mjcf
 
     if robot.urdf or not os.path.isfile(robot.source) or not is_mjcf(robot.source):  # noqa: PTH113  # as in `_files`
         return {}

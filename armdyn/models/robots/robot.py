@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import each, expect, text
 from armdyn.errors import SpecError
-from armdyn.models.mjcf.document import parse_mjcf, read_mjcf
-from armdyn.models.mjcf.reading import read_mjcf_arm
+from armdyn.models.mjcf.reading import parse_mjcf, read_mjcf, read_mjcf_arm
 from armdyn.models.reading.from_pinocchio import Reading, read_model
 from armdyn.models.reading.meshes import mesh_folders
 from armdyn.models.reading.urdf_arm import check_inertia, read_arm

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from armdyn.arguments import Checked, checked, each, expect, path, several, shown
 from armdyn.errors import FileError, SpecError, UnknownRobotError, UrdfError
 from armdyn.files import place_inside
-from armdyn.models.mjcf.document import is_mjcf
+from armdyn.models.mjcf.reading import is_mjcf
 from armdyn.models.robots.library import described, is_description, library_names
 from armdyn.models.values.friction import FrictionValue
 from armdyn.models.values.joint_limits import JointLimits

@@ -11,7 +11,7 @@ import numpy as np
 
 from armdyn.arguments import shown
 from armdyn.errors import SpecError
-from armdyn.models.mjcf.document import read_mjcf
+from armdyn.models.mjcf.reading import read_mjcf
 from armdyn.models.reading.urdf_xml import read_urdf
 from armdyn.models.robots.poses import position_of
 from armdyn.models.robots.robot import Robot

@@ -9,10 +9,10 @@ from armdyn.trajectory.formats.mujoco import Mujoco as Mujoco
 from armdyn.trajectory.formats.output_format import FORMATS as FORMATS
 from armdyn.trajectory.formats.output_format import OutputFormat as OutputFormat
 from armdyn.trajectory.formats.output_format import register as register
-from armdyn.trajectory.formats.panda_py import PandaPython as PandaPython
+from armdyn.trajectory.formats.programs import PandaPython as PandaPython
+from armdyn.trajectory.formats.programs import UrRtde as UrRtde
+from armdyn.trajectory.formats.programs import UrScript as UrScript
 from armdyn.trajectory.formats.ros2 import Ros2 as Ros2
-from armdyn.trajectory.formats.urscript import UrRtde as UrRtde
-from armdyn.trajectory.formats.urscript import UrScript as UrScript
 
 for _kind in (CsvTable, Ros2, Mujoco, UrScript, UrRtde, PandaPython):
     register(_kind)

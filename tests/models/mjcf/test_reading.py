@@ -2,7 +2,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import UrdfError
-from armdyn.models.mjcf.document import MAX_FILES, is_mjcf, parse_mjcf, read_mjcf
+from armdyn.models.mjcf.reading import MAX_FILES, is_mjcf, parse_mjcf, read_mjcf
 from armdyn.models.reading.urdf_xml import MAX_BYTES, MAX_ELEMENTS
 from models.mjcf.arms import RR, mjcf, one
 
