@@ -95,7 +95,7 @@ from armdyn.optimal import solve_many as solve_many
 from armdyn.optimal import solve_minimum_time as solve_minimum_time
 from armdyn.optimal import time_optimality as time_optimality
 from armdyn.optimal import trajectory_from_path as trajectory_from_path
-from armdyn.studies.executors.dask_cluster import dask_executor as dask_executor
+from armdyn.studies.dask_cluster import dask_executor as dask_executor
 from armdyn.studies.monte_carlo import MonteCarlo as MonteCarlo
 from armdyn.studies.monte_carlo import monte_carlo as monte_carlo
 from armdyn.studies.plant_study import MonteCarloOptions as MonteCarloOptions

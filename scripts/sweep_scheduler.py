@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 
 import armdyn as ad
-from armdyn.studies.executors.executor import local_executor
+from armdyn.studies.executor import local_executor
 from armdyn.studies.study import Axis, Study
 from armdyn.studies.tasks.task import CaseResult
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 import armdyn as ad
 from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.linear import Rest
-from armdyn.studies.executors.executor import local_executor
+from armdyn.studies.executor import local_executor
 from oracles import two_links
 from simulated_logs import simulated_log
 from toys import squares

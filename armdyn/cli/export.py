@@ -12,7 +12,7 @@ from armdyn.cli.console import NOT_USABLE, Answer, done, escape
 from armdyn.cli.invocation import flag_of
 from armdyn.cli.motion.check import check_shown
 from armdyn.cli.options.groups import Numbers, argument, flag, given, group, option
-from armdyn.cli.options.preset import PresetOptions
+from armdyn.cli.options.path_constraints import PresetOptions
 from armdyn.cli.options.robot import PartOptions
 from armdyn.errors import ArmdynWarning, ProblemError, TrajectoryError
 from armdyn.files import probe_folder, write_whole

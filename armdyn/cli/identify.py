@@ -14,8 +14,7 @@ from armdyn.arguments import whole
 from armdyn.cli.console import DONE, Answer, Shown, done, escape, facts_table, judged, table, working
 from armdyn.cli.invocation import flag_of, invocation, is_given
 from armdyn.cli.options.groups import argument, flag, given, group, option
-from armdyn.cli.options.path_constraints import SceneOptions
-from armdyn.cli.options.preset import PresetOptions
+from armdyn.cli.options.path_constraints import PresetOptions, SceneOptions
 from armdyn.cli.options.results import OutputOptions
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument
 from armdyn.errors import ProblemError

@@ -5,7 +5,7 @@ from __future__ import annotations
 import armdyn as ad
 from armdyn.cli.console import Answer, Shown, done, facts_table, table
 from armdyn.cli.options.groups import argument
-from armdyn.cli.options.preset import known_presets, preset_named
+from armdyn.cli.options.path_constraints import known_presets, preset_named
 from armdyn.files import as_json
 
 

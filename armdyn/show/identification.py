@@ -11,8 +11,7 @@ from armdyn.arrays import Array
 from armdyn.files import write_whole
 from armdyn.identification.estimate import Estimate, Estimated, Judged
 from armdyn.reprs import joint_unit
-from armdyn.show.markup import Html, element, fill, join
-from armdyn.show.page.assets import asset
+from armdyn.show.markup import Html, asset, element, fill, join
 from armdyn.show.page.facts import Facts
 from armdyn.show.page.report import Report, page_fields
 from armdyn.show.page.sections import Section, listed, making_section, stacked, td

@@ -1,4 +1,4 @@
-"""HTML from text: everything but `Html` is escaped."""
+"""HTML of pages: elements, and the scripts and styles that they carry."""
 
 import base64
 import gzip
@@ -6,6 +6,8 @@ import html
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 
@@ -83,3 +85,40 @@ def script_json(data: Mapping[str, Any]) -> str:
 def packed_text(text: str) -> str:
     """Text compressed by gzip, as base64: at level 6 meshes are as small as at level 9, in a third of the time."""
     return base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode("ascii")
+
+
+_CLOSING = re.compile(r"</script|<!--", re.IGNORECASE)
+
+
+def asset(name: str) -> str:
+    """Read a file of `show/assets` without the external links in its comments."""
+    text = files("armdyn.show").joinpath("assets", *name.split("/")).read_text("utf-8")
+    return re.sub(r"https?://", "", text)
+
+
+def script(name: str) -> str:
+    """Read a script of `show/assets`, escaped for a script element.
+
+    Raises:
+        RuntimeError: it contains a closing script tag.
+    """
+    return _fit(asset(name), name)
+
+
+def viewer_script() -> str:
+    """Meshcat's script bundle, escaped for a script element, without external links.
+
+    Raises:
+        RuntimeError: it contains a closing script tag.
+    """
+    import meshcat
+
+    bundle = Path(str(meshcat.__file__)).with_name("viewer") / "dist" / "main.min.js"
+    # XML namespaces are no links, but a search of the page for links should find none.
+    return _fit(re.sub(r'"http(s?)://', r'"http\1:"+"//', bundle.read_text("utf-8")), "meshcat's bundle")
+
+
+def _fit(text: str, name: str) -> str:
+    if _CLOSING.search(text):
+        raise RuntimeError(f"{name} cannot stand in a page: it contains a closing script tag")
+    return text

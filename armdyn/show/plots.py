@@ -15,8 +15,7 @@ from matplotlib.lines import Line2D
 from armdyn.errors import TrajectoryError
 from armdyn.files import write_whole
 from armdyn.models import JointLimits
-from armdyn.show.figures.limit_lines import Panel, draw_limits, draw_ranges, scales
-from armdyn.show.figures.style import INK, LOOK, Style, color, literal, styles
+from armdyn.show.figures.style import INK, LOOK, Panel, Style, color, draw_limits, draw_ranges, literal, scales, styles
 from armdyn.trajectory import Trajectory
 
 _DENSE = 1200

@@ -10,7 +10,7 @@ from armdyn.arguments import expect, listener
 from armdyn.errors import ArmdynError, ProblemError
 from armdyn.optimal import MinimumTimeOptions, MinimumTimeProblem, Solution
 from armdyn.optimal.problem.status import stopping
-from armdyn.studies.executors.executor import in_process
+from armdyn.studies.executor import in_process
 from armdyn.studies.rows import StudyRow, Value, row_store
 from armdyn.studies.run import CaseRun
 from armdyn.studies.study import Axis, Study

@@ -21,7 +21,7 @@ from armdyn.files import as_json, attributes
 from armdyn.models.robots.robot import Robot
 from armdyn.optimal.problem.status import stopping
 from armdyn.reprs import brief
-from armdyn.studies.executors.executor import in_process
+from armdyn.studies.executor import in_process
 from armdyn.studies.plant_study import MonteCarloOptions, PlantRow, PlantStudy
 from armdyn.studies.plants import Plants
 from armdyn.studies.rows import row_store

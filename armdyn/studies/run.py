@@ -17,7 +17,7 @@ from armdyn.arguments import expect, flag, function, listener, one_of
 from armdyn.arguments import path as path_of
 from armdyn.errors import ResultError
 from armdyn.optimal.problem.status import Stop, stopping
-from armdyn.studies.executors.executor import HERE, Ended, Executor, ExecutorOf, StudyCase, local_executor
+from armdyn.studies.executor import HERE, Ended, Executor, ExecutorOf, StudyCase, local_executor
 from armdyn.studies.rows import SYNCS, RowStore, StudyRow, Sync, row_store
 from armdyn.studies.study import Cases, Study
 from armdyn.studies.tasks.task import ERROR, INTERRUPTED, CaseResult, StudyTask

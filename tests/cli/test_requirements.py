@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from armdyn.cli.motion.requirements import missing_of, requirements_of
+from armdyn.cli.motion.words import missing_of, requirements_of
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.words import standing
 from problems import solved

@@ -10,7 +10,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ArmdynError, FileError, ProblemError
-from armdyn.studies.executors.executor import in_process
+from armdyn.studies.executor import in_process
 from armdyn.studies.reading import read_study
 from armdyn.studies.tuning.tune import GainSearch
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from armdyn.errors import FileError, ResultError
-from armdyn.studies.executors.executor import Ended, local_executor
+from armdyn.studies.executor import Ended, local_executor
 from armdyn.studies.problems import ARM
 from armdyn.studies.rows import read_rows, row_store
 from armdyn.studies.run import TimeLeft, run_study
@@ -83,7 +83,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from functools import partial
 from toys import squares
-from armdyn.studies.executors.executor import Ended, local_executor
+from armdyn.studies.executor import Ended, local_executor
 from armdyn.studies.run import run_study
 run_study(squares(60, seconds=0.02), {file!r}, partial(local_executor, workers=2))
 """

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import armdyn as ad
-from armdyn.studies.executors.executor import local_executor
+from armdyn.studies.executor import local_executor
 from armdyn.studies.rows import read_rows
 from armdyn.studies.tables import study_table, write_csv, write_parquet
 from toys import squares

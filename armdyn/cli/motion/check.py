@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import armdyn as ad
 from armdyn.cli.console import DONE, NOT_USABLE, Answer, Shown, escape, table
 from armdyn.cli.options.groups import argument, given, option
-from armdyn.cli.options.preset import known_presets, preset_named
+from armdyn.cli.options.path_constraints import known_presets, preset_named
 from armdyn.cli.options.robot import PartOptions, PayloadOptions, known_names
 from armdyn.errors import ProblemError
 

@@ -14,8 +14,7 @@ from armdyn.cli.console import Answer, cut_short, done, escape, facts_table, jud
 from armdyn.cli.export import KINDS, sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
-from armdyn.cli.motion.requirements import requirements_of
-from armdyn.cli.motion.words import missing_words
+from armdyn.cli.motion.words import missing_words, requirements_of
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, group, option
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.errors import FileError, ProblemError

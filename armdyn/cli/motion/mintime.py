@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
-from armdyn.cli.motion.requirements import REQUIRE, missing_of, requirements_of
-from armdyn.cli.motion.words import missing_words, solution_words, title_words
+from armdyn.cli.motion.words import REQUIRE, missing_of, missing_words, requirements_of, solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, group, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions

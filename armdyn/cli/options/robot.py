@@ -10,7 +10,7 @@ from armdyn import models
 from armdyn.cli.invocation import flag_of
 from armdyn.cli.options.groups import ROBOT, Numbers, argument, group, option
 from armdyn.cli.options.path_constraints import obstacles_of
-from armdyn.cli.options.positions import position, sliding_locks
+from armdyn.cli.options.poses import position, sliding_locks
 from armdyn.errors import ProblemError, SpecError
 
 TAKE_FILES = "mintime, bound, sweep, track, monte-carlo, tune and pid"

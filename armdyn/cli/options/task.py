@@ -8,10 +8,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import armdyn as ad
 from armdyn.cli.options.groups import given, group
 from armdyn.cli.options.joints import FastJointOptions, JointOptions
-from armdyn.cli.options.path_constraints import PathConstraintOptions
-from armdyn.cli.options.poses import GoalOptions, PoseOptions
-from armdyn.cli.options.positions import degrees_are_on
-from armdyn.cli.options.preset import PresetOptions
+from armdyn.cli.options.path_constraints import PathConstraintOptions, PresetOptions
+from armdyn.cli.options.poses import GoalOptions, PoseOptions, degrees_are_on
 from armdyn.cli.options.robot import PayloadOptions, RobotArgument, kind_of_file, only_in_the_file
 from armdyn.errors import ProblemError
 from armdyn.locks import cached_property

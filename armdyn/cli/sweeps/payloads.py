@@ -11,14 +11,14 @@ from typing import Any
 import armdyn as ad
 from armdyn.cli.console import Answer, Shown, escape, interrupted, judged, table, working
 from armdyn.cli.invocation import in_options
-from armdyn.cli.motion.requirements import Requirement, missing_of
+from armdyn.cli.motion.words import Requirement, missing_of
 from armdyn.cli.options.joints import reserve_words
 from armdyn.cli.sweeps.study import SweepResults
 from armdyn.optimal.answer.solution import reserve_summary
 from armdyn.optimal.problem.status import stopping
 from armdyn.show.figures.payload_sweep import motion_name, table_names, write_sweep
 from armdyn.studies.continuation import chain
-from armdyn.studies.executors.executor import in_process
+from armdyn.studies.executor import in_process
 from armdyn.studies.rows import StudyRow, row_store
 from armdyn.studies.run import CaseRun
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, motion_from

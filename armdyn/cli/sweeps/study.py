@@ -13,7 +13,7 @@ from armdyn.cli.options.results import NO_FIGURE, OutputOptions
 from armdyn.errors import ProblemError
 
 if TYPE_CHECKING:
-    from armdyn.studies.executors.executor import ExecutorOf
+    from armdyn.studies.executor import ExecutorOf
     from armdyn.studies.run import Progress, StudyRun
     from armdyn.studies.study import Study
 
@@ -43,13 +43,13 @@ class StudyOptions:
         Raises:
             ProblemError: the scheduler's address is malformed, or workers are given, too.
         """
-        from armdyn.studies.executors.executor import local_executor
+        from armdyn.studies.executor import local_executor
 
         if self.scheduler is None:
             return partial(local_executor, workers=self.workers)
         if self.workers is not None:
             raise ProblemError("--workers are processes of this machine; a --scheduler has its own")
-        from armdyn.studies.executors.dask_cluster import dask_executor
+        from armdyn.studies.dask_cluster import dask_executor
 
         return dask_executor(self.scheduler)
 

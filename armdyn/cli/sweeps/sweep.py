@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer
-from armdyn.cli.motion.requirements import REQUIRE, requirements_of
+from armdyn.cli.motion.words import REQUIRE, requirements_of
 from armdyn.cli.options.groups import ROBOT, SOLVER, Numbers, argument, given, group, option
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import FastArmOptions, refuse_with_a_file

@@ -30,8 +30,7 @@ from armdyn.paper.tables.grids import feasibility_grid, first_approach_grid
 from armdyn.paper.tables.rows import ARRIVAL_TOLERANCE, CLOSE, Row
 from armdyn.paper.tables.standing import VERDICTS
 from armdyn.show.figures.style import INK, SOFT
-from armdyn.show.markup import Html, element, fill, inline_svg, join, packed_text, script_json
-from armdyn.show.page.assets import viewer_script
+from armdyn.show.markup import Html, element, fill, inline_svg, join, packed_text, script_json, viewer_script
 from armdyn.show.page.report import page_fields, page_template
 from armdyn.show.replay import replay_of
 

@@ -21,9 +21,8 @@ from armdyn.files import write_whole
 from armdyn.models.robots.robot import Robot
 from armdyn.models.scene.obstacles import Obstacle
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.show.markup import Html, element, fill, join, packed_text, script_json
+from armdyn.show.markup import Html, asset, element, fill, join, packed_text, script, script_json, viewer_script
 from armdyn.show.page import joints, sections
-from armdyn.show.page.assets import asset, script, viewer_script
 from armdyn.show.page.cycle import costs_section, parts_in, step_data, steps_section
 from armdyn.show.page.joints import motor_section
 from armdyn.show.page.motions import ShownMotion, motions_data, until

@@ -16,7 +16,7 @@ from armdyn.errors import ProblemError, ResultError
 from armdyn.models.robots.robot import Robot, expect_robot, expect_robots
 from armdyn.optimal.problem.status import Stop, stopping
 from armdyn.reprs import brief
-from armdyn.studies.executors.executor import Executor, in_process
+from armdyn.studies.executor import Executor, in_process
 from armdyn.studies.plant_study import digest, identity, named
 from armdyn.studies.rows import RowStore, StudyRow, Value, row_store
 from armdyn.studies.run import CaseRun

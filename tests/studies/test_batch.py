@@ -1,6 +1,6 @@
 """How many cases a batch has."""
 
-from armdyn.studies.executors.dask_cluster import MOST, TARGET, BatchSize, target
+from armdyn.studies.dask_cluster import MOST, TARGET, BatchSize, target
 
 MANY = 10**6
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armdyn.studies.executors.executor import StudyCase, run_in_turn
+from armdyn.studies.executor import StudyCase, run_in_turn
 from toys import Square
 
 

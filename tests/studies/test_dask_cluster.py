@@ -8,8 +8,8 @@ import pytest
 
 import armdyn as ad
 from armdyn.errors import ClusterError, ProblemError
-from armdyn.studies.executors import dask_cluster as module
-from armdyn.studies.executors.dask_cluster import dask_executor
+from armdyn.studies import dask_cluster as module
+from armdyn.studies.dask_cluster import dask_executor
 from armdyn.studies.rows import read_rows
 from armdyn.studies.study import Axis, Study
 from toys import Square, squares

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from armdyn.arguments import text
 from armdyn.errors import ClusterError, MissingPackageError, ProblemError
-from armdyn.studies.executors.executor import Ended, Executor, ExecutorOf, StudyCase, run_in_turn
+from armdyn.studies.executor import Ended, Executor, ExecutorOf, StudyCase, run_in_turn
 from armdyn.studies.tasks.task import INTERRUPTED, CaseResult, StudyTask
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import armdyn as ad
 from armdyn.cli.invocation import running
-from armdyn.cli.options.positions import position, positions, sliding_locks
+from armdyn.cli.options.poses import position, positions, sliding_locks
 from armdyn.errors import ProblemError
 
 

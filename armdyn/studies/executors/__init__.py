@@ -1,1 +1,0 @@
-"""Executors of cases: this process, processes of this machine, a Dask cluster."""
