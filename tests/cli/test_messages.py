@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,13 @@ PYTHON_ONLY = {
 by its tests."""
 
 
+@cache
 def messages():
     """Texts of errors and warnings, as (file, line, text); formatted values are ¤."""
+    return tuple(_messages())
+
+
+def _messages():
     for file in sorted(SOURCE.rglob("*.py")):
         name = file.relative_to(SOURCE).as_posix()
         if any(name.startswith(one) for one in PYTHON_ONLY):

@@ -136,7 +136,7 @@ def test_effort_weight_is_smooth_and_matches_the_reference():
 @pytest.mark.slow
 def test_effort_weight_is_judged_by_cost_not_by_duration():
     """RR, 100.6 g: the optimum that a straight guess finds is faster, J = 0.5704; the best has 0.5577."""
-    solution = solve(paper_problem("rr", effort_weight=1.0, effort_limit=50.0))
+    solution = solve(paper_problem("rr", effort_weight=1.0, effort_limit=50.0), workers=1)
     assert trajectory_cost(solution.trajectory, 1.0) == pytest.approx(0.55773201, rel=1e-6)  # the reference's
     plain = solve(paper_problem("rr", effort_weight=1.0, effort_limit=50.0), starts=1)
     assert plain.duration < solution.duration

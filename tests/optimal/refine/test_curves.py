@@ -237,7 +237,7 @@ def test_light_wrists_with_coulomb_friction():
     robot, rng = xarm6(), np.random.default_rng(0)
     lower, upper = np.maximum(robot.limits.position_lower, -2), np.minimum(robot.limits.position_upper, 2)
     problem = ad.MinimumTimeProblem(robot, q_start=rng.uniform(lower, upper), q_goal=rng.uniform(lower, upper))
-    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=0.0))
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(calm=0.0, workers=1))
     assert solution.certified and solution.gap < 5e-4
     assert solution.duration == pytest.approx(1.17062, rel=1e-4)
     assert solution.iterations < 400  # one guess

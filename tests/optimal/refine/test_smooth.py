@@ -12,7 +12,7 @@ from armdyn.optimal.refine.optimum import trajectory_cost
 from armdyn.optimal.refine.smooth import cost, resolved_near, smooth_optima, time_energy
 from armdyn.optimal.search.starts import spline
 from armdyn.optimal.task.task import Task
-from problems import cart, paper_problem
+from problems import cart, paper_problem, solve
 
 
 def search(problem, count, stop=None):
@@ -58,7 +58,7 @@ def test_a_limit_that_is_touched_is_named_though_the_mesh_nearly_has_it():
 @pytest.mark.slow
 def test_a_guess_is_looked_at_first_and_leads_where_one_start_does_not():
     problem = paper_problem("rr", 0.1219, effort_weight=1.0)
-    near = ad.solve_minimum_time(paper_problem("rr", 0.1006, effort_weight=1.0)).trajectory
+    near = solve(paper_problem("rr", 0.1006, effort_weight=1.0), workers=1).trajectory
     options = ad.MinimumTimeOptions(starts=1, guesses=(near,))
     (optimum,), found = time_energy(Task.of(problem, options))
     assert optimum.cost == pytest.approx(0.5781908970767553, rel=1e-7)  # the reference's J
