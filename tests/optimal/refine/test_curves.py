@@ -96,7 +96,7 @@ LIMITED = {
     "acceleration and jerk": {"acceleration_limit": 15.0, "jerk_limit": 200.0},
     "torque rate": {"path_constraints": [ad.TorqueRateLimit(2000.0)]},
     "frame speed": {"path_constraints": [ad.FrameSpeedLimit(1.0)]},
-    "torque rate and frame speed": {"path_constraints": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.0)]},
+    "torque rate and frame speed": {"path_constraints": [ad.TorqueRateLimit(2000.0), ad.FrameSpeedLimit(1.5)]},
     "via and acceleration": {"via": [VIA[:3]], "acceleration_limit": 15.0},
     "via and torque rate": {"via": [VIA[:3]], "path_constraints": [ad.TorqueRateLimit(2000.0)]},
 }
@@ -143,26 +143,25 @@ def test_a_torque_jumps_at_a_via_point_where_it_may():
     assert np.count_nonzero(optimum.trajectory.jumps) == 1
 
 
+def passing(**options):
+    """Past a via point with limited jerks: from a guess without ramps IPOPT ends at 8 s."""
+    return held([0.46, 0.07, -0.31], [-0.66, -0.17, -0.53], via=[[0.52, -0.35, -0.08]], jerk_limit=500.0, **options)
+
+
 @pytest.mark.slow
 def test_a_via_point_is_passed_with_limited_jerks():
-    """From a guess without ramps IPOPT ended at 45 s."""
-    ends = [0.02, 0.32, 0.0, -0.39, 0.56, -0.65], [0.3, -0.6, -0.08, 0.04, -0.35, -0.65]
-    optimum = solved(ur5(*ends, via=[[0.11, 0.03, 0.12, -0.27, 0.37, -0.38]], jerk_limit=2000.0), bound=False)
-    assert optimum.trajectory.duration == pytest.approx(0.4093, rel=1e-3)
+    optimum = solved(passing(), bound=False)
+    assert optimum.trajectory.duration == pytest.approx(0.6775, rel=1e-3)
 
 
 @pytest.mark.slow
 def test_a_slower_guess_is_tried_if_the_first_fails():
     """The first has no ramps, and leads nowhere."""
-    start = [0.187, 0.157, -0.082, -1.356, 0.661, 0.928, -0.483]
-    via = [-0.198, 0.489, 0.302, -1.514, 0.206, 1.22, -0.014]
-    goal = [-0.55, 0.283, 0.428, -1.199, -0.493, 0.921, 0.29]
-    problem = ur5(start, goal, ad.Robot.from_library("panda"), via=[via], jerk_limit=1500.0)
-    task = Task.of(problem, ad.MinimumTimeOptions(calm=0.0, bound=False))
+    task = Task.of(passing(), ad.MinimumTimeOptions(calm=0.0, bound=False))
     task = replace(task, policy=task.policy.changed("curves", gentle=0.0, patience=80))
     optima, _ = curves(task)
     optimum = slowed(task, optima[0])
-    assert optimum.usable(task.options.replay_tolerance) and optimum.trajectory.duration < 0.54
+    assert optimum.usable(task.options.replay_tolerance) and optimum.trajectory.duration < 0.69
 
 
 @pytest.mark.slow
