@@ -75,7 +75,7 @@ def ends_in_a_line(done):
         ("pinocchio", ["doctor", "rr"]),
         ("casadi", ["doctor", "rr"]),
         ("armdyn.optimal", ["mintime", "rr"]),
-        ("yourdfpy", ["urdf", "rr"]),
+        ("lxml", ["urdf", "rr"]),
     ],
 )
 def test_within_an_import(module, arguments):
@@ -156,7 +156,7 @@ def test_a_second_one_ends_code_without_signals():
 
 @pytest.mark.slow
 def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
-    own = f"{__file__}::test_within_a_command[pass]"
+    own = f"{__file__}::test_within_an_import_for_a_machine"
     command = ["sh", "-c", 'trap "" INT; exec "$@"', "sh", sys.executable, "-m", "pytest", "-q", "-n", "0", own]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stdout
@@ -164,8 +164,8 @@ def test_the_suite_hears_ctrl_c_also_where_it_is_ignored_by_inheritance():
 
 @pytest.mark.slow
 def test_between_two_lines_of_code():
-    ends_in_a_line(python(BESIDE_A_CALL, "doctor", "rr"))
-    done = python(BESIDE_A_CALL, "doctor", "rr", "--json")
+    ends_in_a_line(python(BESIDE_A_CALL, "presets"))
+    done = python(BESIDE_A_CALL, "presets", "--json")
     assert done.returncode == 130 and json.loads(done.stdout)["status"] == "interrupted"
 
 

@@ -17,7 +17,6 @@ HEAVY = (
     "pinocchio",
     "matplotlib",
     "meshcat",
-    "yourdfpy",
     "trimesh",
     "lxml",
     "platformdirs",
