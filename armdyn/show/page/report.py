@@ -236,9 +236,18 @@ def page_fields(report: Report) -> dict[str, str]:
         "headline": join([report.headline]),
         "said": join([report.verdict.said]),
         "tiles": join(tile_html(tile) for tile in report.tiles),
-        "sections": join(section_html(section) for section in report.sections),
+        "sections": join(section_html(section) for section in _filled(report.sections)),
         "data": script_json(report.data),
     }
+
+
+def _filled(sections: Sequence[Section]) -> list[Section]:
+    """Sections without half a row: a narrow one that is alone between wide ones is wide, too."""
+    wide = [True, *(one.wide for one in sections), True]
+    return [
+        replace(one, wide=one.wide or (before and after))
+        for one, before, after in zip(sections, wide, wide[2:], strict=False)
+    ]
 
 
 def page_template(*, evaluates: bool) -> str:

@@ -103,6 +103,15 @@ def test_a_number_has_the_same_digits_everywhere():
     assert ("keeps position and speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
 
 
+def test_a_section_alone_between_wide_ones_takes_the_whole_width():
+    robot, move = judged()
+    loop = replace(move, facts=Facts({"peak_error": 0.1, "settled_time": 0.3}))
+    report = report_of(Subject.of(robot), [loop, replace(move, name="reference", facts=Facts({}))])
+    page = report_html(report)
+    kinds = dict(re.findall(r'<section id="([\w-]+)" class="([\w ]+)"', page))
+    assert kinds["comparison"] == kinds["verdict"] == kinds["joints"] == "card wide"
+
+
 def test_iterations_that_were_not_counted_are_not_said():
     robot, move = judged(solve_time=9.7)
     assert "iterations" not in text_of(page_of(move, robot=robot))
