@@ -17,7 +17,7 @@ from armdyn.cycle.stops import candidates, limits_of, redundant, with_slid
 from armdyn.errors import CycleError
 from armdyn.optimal.answer.solution import Solution
 from armdyn.optimal.problem.problem import MinimumTimeProblem
-from armdyn.optimal.task.policy.cycle import CyclePolicy
+from armdyn.optimal.task.policy.search import CyclePolicy
 
 Arc = tuple[int, int]
 """A move from a stop: the numbers of the stop and of the move, from 0 on."""

@@ -18,7 +18,7 @@ from armdyn.models.scene.reaching import REACHED, GoalPose, deviations_of, frame
 from armdyn.optimal.path_constraints.frame_limits import FrameRegion, FrameSpeedLimit
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.via_regions import check_via_regions, via_positions
-from armdyn.optimal.task.policy.cycle import CyclePolicy
+from armdyn.optimal.task.policy.search import CyclePolicy
 
 
 def problem_of(cycle: Cycle, leg: Leg, q_start: Array, q_goal: Array) -> MinimumTimeProblem:

@@ -25,7 +25,7 @@ from armdyn.optimal.minimum_time import solve_task
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.optimal.task.policy.bound import BoundPolicy
-from armdyn.optimal.task.policy.cycle import CyclePolicy
+from armdyn.optimal.task.policy.search import CyclePolicy
 from armdyn.optimal.task.task import Task
 from armdyn.parallel import in_processes
 

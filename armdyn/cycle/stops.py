@@ -14,8 +14,7 @@ from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.problem.checks import holding_deficits
 from armdyn.optimal.problem.planning_limits import Reserve, limits_under, resolved_limits
 from armdyn.optimal.search.goals import slid_chain
-from armdyn.optimal.task.policy.cycle import CyclePolicy
-from armdyn.optimal.task.policy.search import GoalPolicy
+from armdyn.optimal.task.policy.search import CyclePolicy, GoalPolicy
 
 
 def limits_of(cycle: Cycle) -> JointLimits:

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.arrays import Array
 from armdyn.optimal.problem.status import Status
-from armdyn.optimal.program.condensed import CondensedNlp, build_condensed, has_condensed
+from armdyn.optimal.program.assembly import CondensedNlp, build_condensed, has_condensed
 from armdyn.optimal.program.guesses import CondensedStarts, Guesses
 from armdyn.optimal.program.layout import CondensedLayout, Layout
 from armdyn.optimal.program.unknowns import Scales, bounds, mesh, to_trajectory, to_unknowns, worst_defect

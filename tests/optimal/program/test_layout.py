@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.program.condensed import build_condensed, has_condensed
+from armdyn.optimal.program.assembly import build_condensed, has_condensed
 from armdyn.optimal.program.interval import interval_functions
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.task.tableau import TABLEAUS, Scheme

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from armdyn.dynamics import Dynamics
-from armdyn.optimal.program.condensed import build_condensed
+from armdyn.optimal.program.assembly import build_condensed
 from armdyn.optimal.program.stages import StageFunctions
 from armdyn.optimal.task.tableau import Scheme
 from problems import paper_arm

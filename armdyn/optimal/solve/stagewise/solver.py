@@ -13,7 +13,7 @@ from armdyn.codegen.lanes import UnwrittenError, in_lanes, prelude, table
 from armdyn.dynamics.symbolic import Dynamics
 from armdyn.locks import built_once
 from armdyn.optimal.problem.status import Status, Stop
-from armdyn.optimal.program.condensed import has_condensed
+from armdyn.optimal.program.assembly import has_condensed
 from armdyn.optimal.program.layout import CondensedLayout, Layout, Parameters
 from armdyn.optimal.program.stages import StageFunctions
 from armdyn.optimal.solve.ipopt import STATUS
