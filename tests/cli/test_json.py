@@ -63,7 +63,7 @@ def check(command, facts):
 
 def test_every_command_has_a_section():
     assert set(SECTIONS) == {"Every command", *COMMANDS}
-    assert SCHEMA in DOCS and json.loads(_ANSWER)["schema"] == SCHEMA
+    assert SCHEMA in DOCS and json.loads(_ANSWER.replace("MESSAGE", '""'))["schema"] == SCHEMA
 
 
 @pytest.fixture
