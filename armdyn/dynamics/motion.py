@@ -4,7 +4,7 @@ Explicit steps by Dormand-Prince 8(5,3), with the coefficients of `scipy.integra
 collocation method. Both let go of the interpreter's lock.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -22,6 +22,8 @@ from armdyn.trajectory import Trajectory
 
 STAGES = int(DOP853.n_stages)
 """Accelerations that an explicit step takes."""
+_POLLED = 32
+"""Samples between two looks at the clock: at most some seconds."""
 _WORTH_A_THREAD = 100
 """Implicit steps that take ten times as long as a thread's start."""
 
@@ -73,7 +75,14 @@ class Feedback:
 
 
 def tracked(
-    robot: Robot, target: Trajectory, tau: Array, x: Array, feedback: Feedback, limits: ActuatorLimits, **steps: float
+    robot: Robot,
+    target: Trajectory,
+    tau: Array,
+    x: Array,
+    feedback: Feedback,
+    limits: ActuatorLimits,
+    late: Callable[[], bool] = lambda: False,
+    **steps: float,
 ) -> tuple[Array, Array]:
     """States and torques of an arm under feedback along a motion.
 
@@ -84,6 +93,7 @@ def tracked(
         x: state at the first sample, shape (2 nv,).
         feedback: at every sample, from the state at the one before.
         limits: to which torques are clipped.
+        late: whether to end before the last sample; polled every few samples.
         steps: rtol and spare, as of `replayed`; spare is for every sample.
 
     Returns:
@@ -92,11 +102,17 @@ def tracked(
     states = np.concatenate([target.q, target.v], axis=1)
     slopes, rests = limits.lines
     torque_range = [np.ascontiguousarray(each, dtype=float) for each in (limits.lower, limits.upper, slopes, rests)]
-    found: tuple[Array, Array] = bridge_arm(robot).track(
-        _explicit(), target.t, tau, target.jumps, states, feedback.fade, feedback.bandwidth, feedback.clips,
-        torque_range, x, **steps,
-    )  # fmt: skip
-    return found
+    arm, found, torques, last = bridge_arm(robot), [x[None]], tau.copy(), target.t.size - 1
+    for k in range(0, last, _POLLED):
+        upto, part = min(k + _POLLED, last), slice(k, min(k + _POLLED, last) + 1)
+        more, torques[part] = arm.track(
+            _explicit(), target.t[part], torques[part], target.jumps[k:upto], states[part], feedback.fade[k:upto],
+            feedback.bandwidth, feedback.clips, torque_range, found[-1][-1], **steps,
+        )  # fmt: skip
+        found.append(more[1:])
+        if len(more) <= upto - k or late():
+            break
+    return np.concatenate(found), torques
 
 
 class Collocation:

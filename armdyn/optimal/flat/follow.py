@@ -5,6 +5,7 @@ grow. The samples are chosen for impulses equal to the curve's to fourth order, 
 sample by sample, by the same integration as the replay.
 """
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,10 @@ _CHECKS = 5
 """Places of an interval, including its ends, at which a torque's second derivatives are estimated."""
 _CLIPS = 2
 """Rounds of clipping a torque to its range at the resulting state: each leaves 1e-3 of the excess."""
+_LONGER = 1.0, 0.1
+"""Time for the replay after the deadline [s], and part of the time limit: minutes of unstable motion may take more."""
+_REST = 33
+"""Most samples of a replay that the clock has cut short: it misses the goal, and checking it takes time, too."""
 _SPARE = 30_000
 """Largest number of accelerations in halved steps between two samples: smooth torques need none."""
 
@@ -46,9 +51,15 @@ def follow(task: Task, target: Trajectory) -> Trajectory:
         fade = np.minimum((count - 2 - np.arange(count - 1)) / numbers.samples, 1.0)
     feedback = Feedback(numbers.bandwidth / target.duration, fade, 0 if limits.constant else _CLIPS)
     start = np.concatenate([problem.q_start, problem.v_start])
+    until = task.stop.deadline + _LONGER[0] + _LONGER[1] * task.options.time_limit
+    within = limits.clip(tau, target.q, target.v)
     x, tau = tracked(
-        problem.robot, target, limits.clip(tau, target.q, target.v), start, feedback, limits, rtol=RTOL, spare=_SPARE
-    )
+        problem.robot, target, within, start, feedback, limits,
+        late=lambda: time.perf_counter() > until, rtol=RTOL, spare=_SPARE,
+    )  # fmt: skip
+    if len(x) < count and time.perf_counter() > until:
+        task.stop.cut()
+        x = x[:_REST]
     x = x if len(x) > 1 else np.vstack([x, x])
     m = len(x)
     return replace(target, t=target.t[:m], q=x[:, :n], v=x[:, n:], tau=tau[:m])

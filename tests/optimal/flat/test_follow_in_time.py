@@ -1,0 +1,20 @@
+"""The replay of a curve counts in the time limit."""
+
+import time
+
+import pytest
+
+import armdyn as ad
+
+
+@pytest.mark.slow
+def test_minutes_of_motion_are_not_replayed_for_minutes():
+    """A Panda at a five hundredth of its speed: 200 s, whose replay takes minutes."""
+    robot = ad.Robot.from_library("panda")
+    problem = ad.MinimumTimeProblem(
+        robot, q_start="ready", q_goal=[1.0, 0.3, 0.4, -1.2, 0.5, 2.0, 0.0], velocity_limit=0.005
+    )
+    begun = time.perf_counter()
+    solution = ad.solve_minimum_time(problem, ad.MinimumTimeOptions(time_limit=5.0, bound=False))
+    assert solution.status is ad.Status.TIME_LIMIT and not solution.usable
+    assert time.perf_counter() - begun < 15.0
