@@ -6,8 +6,9 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
-from armdyn.arrays import Index
+from armdyn.arrays import Array, Index
 from armdyn.reprs import brief
 
 
@@ -49,6 +50,11 @@ def runs_of(places: Index) -> list[Index]:
 def outward(mode: Mode) -> float:
     """Sign of the limit of a mode: 1 for an upper, -1 for a lower one."""
     return 1.0 if mode in (Mode.VELOCITY_UPPER, Mode.POSITION_UPPER) else -1.0
+
+
+def bang_signs(modes: NDArray[np.str_]) -> Array:
+    """1 for the upper torque limit, -1 for the lower one, else 0, of the shape of the modes."""
+    return np.asarray(1.0 * (modes == Mode.UPPER) - (modes == Mode.LOWER))
 
 
 @brief

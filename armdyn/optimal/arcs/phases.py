@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from armdyn.arrays import Array, Index
-from armdyn.optimal.arcs.arc import HELD, Arc, Mode
+from armdyn.optimal.arcs.arc import HELD, Arc, bang_signs
 from armdyn.optimal.arcs.grid import Density, density_of, layered
 from armdyn.optimal.arcs.nlp_data import ArcNlpData, assemble_arcs
 from armdyn.optimal.problem.problem import MinimumTimeProblem
@@ -121,20 +121,17 @@ def motion_of(
         numbers: number of samples of an interval of constant torques, and of all other intervals together, 4 to 16 on
             each.
     """
-    limits = problem.limits
-    varying = sum(any(mode not in HELD for mode in arcs[a].modes) for a in arc_of)
-    samples = int(np.clip(numbers.samples // max(varying, 1), 4, 16))
+    limits, modes = problem.limits.actuators, np.array([arc.modes for arc in arcs])
+    held, bang = np.isin(modes, HELD), limits.extreme(bang_signs(modes))
+    constant = np.all(held, axis=1)
+    samples = int(np.clip(numbers.samples // max(int(np.sum(~constant[arc_of])), 1), 4, 16))
     rows_t, rows_x, rows_tau = [], [], []
     for k, a in enumerate(arc_of):
-        constant = all(mode in HELD for mode in arcs[a].modes)
-        s, at_stages, at_nodes, curvature = _weights(numbers.on_interval if constant else samples)
+        s, at_stages, at_nodes, curvature = _weights(numbers.on_interval if constant[a] else samples)
         values = at_stages @ tau[k]
-        if not constant:  # linear interpolation must have the polynomial's impulse, too
+        if not constant[a]:  # linear interpolation must have the polynomial's impulse, too
             values -= curvature @ tau[k] / (12 * samples**2)
-        values = np.clip(values, limits.actuators.lower, limits.actuators.upper)
-        for i, mode in enumerate(arcs[a].modes):
-            if mode in HELD:
-                values[:, i] = (limits.actuators.upper if mode is Mode.UPPER else limits.actuators.lower)[i]
+        values = np.where(held[a], bang[a], np.clip(values, limits.lower, limits.upper))
         times = t[k] + s * (t[k + 1] - t[k])
         times[-1] = np.nextafter(t[k + 1], 0) if k < arc_of.size - 1 else t[k + 1]
         rows_t.append(times)

@@ -56,7 +56,7 @@ class SequenceSettings:
         trust: initial radius of the trust region [rad or m].
         enough: relative change of the merit at convergence.
         best_duration: duration to beat [s]: a sequence that is not near it after a few steps ends.
-        eager: number of first steps that are accepted without a test; None: the policy's.
+        eager: whether the policy's number of first steps are accepted without a test.
         tighten: new torque bounds, called after a well-predicted step, or without a better one.
         most: limit of steps, which the policy may extend; None: the policy's.
     """
@@ -64,7 +64,7 @@ class SequenceSettings:
     trust: float
     enough: float
     best_duration: float = np.inf
-    eager: int | None = None
+    eager: bool = True
     tighten: Tighten | None = None
     most: int | None = None
 
@@ -79,7 +79,7 @@ class Sequential:
     def solve(self, settings: SequenceSettings) -> NlpResult:
         """Iterate from the program's unknowns."""
         policy, iterations, trust = self.policy, 0, settings.trust
-        eager = policy.eager if settings.eager is None else settings.eager
+        eager = policy.eager if settings.eager else 0
         at = self._point(self.problem.numbers.x)
         merit, step = self._merit(at), None
         k, last = -1, policy.patience - 1

@@ -74,16 +74,16 @@ def solve_curve(
     shape = curve_layout(task.problem, guess, spec.constraints)
     if task.problem.regional or spec.constraints.required_distances(task.problem) is not None:
         numbers = task.policy.sequential
-        trust, eager = (numbers.fine_trust, None) if near is None else (numbers.warm_trust, 0)
+        trust, eager = numbers.fine_trust if near is None else numbers.warm_trust, near is None and not spec.least
         if spec.least:
-            numbers, eager = replace(numbers.without_obstacles, trust=numbers.calm_trust), 0
+            numbers = replace(numbers.without_obstacles, trust=numbers.calm_trust)
         return solve_in_steps(task, guess, spec, SequenceSettings(trust, numbers.enough, eager=eager), numbers)
     rows = rows_of(task.problem, spec.constraints)
     if solved_by_steps(task, shape, rows) and (near is None or near.in_steps):
         numbers = task.policy.sequential.without_obstacles
         numbers = replace(numbers, trust=numbers.calm_trust) if spec.least else numbers
-        trust, eager = (numbers.trust, None) if near is None else (numbers.warm_trust, 0)
-        steps = SequenceSettings(trust, numbers.enough, eager=eager, tighten=tighten, most=task.options.max_iterations)
+        trust, most = numbers.trust if near is None else numbers.warm_trust, task.options.max_iterations
+        steps = SequenceSettings(trust, numbers.enough, eager=near is None, tighten=tighten, most=most)
         found = solve_in_steps(task, guess, spec, steps, numbers)
         if found.converged or task.stop or rough:
             return found

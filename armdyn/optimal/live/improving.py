@@ -70,6 +70,7 @@ class LimitedArm:
         torque: inverse dynamics.
         inertia: inertia as a function of positions; see `joint_inertia`.
         torques: linearised torques at the places of a curve.
+        distances: required distances; None: no distances.
     """
 
     robot: Robot
@@ -77,6 +78,7 @@ class LimitedArm:
     torque: StateFunction
     inertia: Callable[[Array], Array]
     torques: TorqueRows
+    distances: Distances | None = None
 
     def sampled(self, points: Array, duration: float) -> SampledCurve:
         """A curve at its samples."""
@@ -87,11 +89,15 @@ class LimitedArm:
         names, model = self.robot.joint_names, self.robot.model_hash
         return Trajectory(sampled.t, sampled.q, sampled.v, sampled.tau, names, self.robot.marked(name), model)
 
-    def within_limits(self, sampled: SampledCurve, distances: Distances | None) -> bool:
+    def clear(self, motion: Trajectory) -> bool:
+        """Whether a motion provably satisfies all distances."""
+        return self.distances is None or self.distances.kept(motion)
+
+    def within_limits(self, sampled: SampledCurve) -> bool:
         """Whether a curve satisfies all limits and distances."""
         kept = sampled.kept(self.program.policy.least_reserve, LIMIT_TOLERANCE)
         kept = kept and between_samples(sampled, self.program.limits, self.inertia) <= LIMIT_TOLERANCE
-        return kept and (distances is None or distances.kept(self.motion(sampled, "checked")))
+        return kept and self.clear(self.motion(sampled, "checked"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,31 +118,8 @@ class Improved:
     settled: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Draft:
-    """The last curve of some steps, within its limits or not.
-
-    Attributes:
-        points: control points [rad or m], shape (basis.size, nv).
-        duration: duration of the curve [s].
-        margins: torque margins for the next step.
-        steps: number of steps so far.
-    """
-
-    points: Array
-    duration: float
-    margins: TorqueMargin
-    steps: int
-
-
-def improve(
-    arm: LimitedArm,
-    ends: Ends,
-    guesses: Sequence[Guess],
-    distances: Distances | None,
-    until: float,
-) -> tuple[Improved | None, Draft]:
-    """Improve guesses; return the fastest motion found within its limits, and the last curve.
+def improve(arm: LimitedArm, ends: Ends, guesses: Sequence[Guess], until: float) -> tuple[Improved | None, Guess, int]:
+    """Improve guesses; return the fastest motion found within its limits, the last curve, and the number of steps.
 
     Every step is a quadratic program. Then the limits are checked at fine samples, and the excess of a torque around a
     place becomes a margin of its limit there: curve and margins converge together. If steps prefer an excess of torque
@@ -146,14 +129,13 @@ def improve(
         arm: the arm with its limits.
         ends: start state and goal.
         guesses: initial curves, of which the one of least merit is used.
-        distances: required distances; None: no distances.
         until: deadline of the last step's end, by `time.perf_counter` [s].
     """
     program, policy = arm.program, arm.program.policy
     best, k, over, began = None, 0, 0, time.perf_counter()
     # By the longest guess: the price would be zero for the rest of a motion that ends here.
     pace = Pace(1.0, policy.torque * max(duration for _, duration, _ in guesses))
-    starts = [(_at(arm, ends, points, T, distances), margins) for points, T, margins in guesses]
+    starts = [(_at(arm, ends, points, T), margins) for points, T, margins in guesses]
     here, margins = min(starts, key=lambda one: program.merit(one[0], one[1], pace.price))
     step_time = time.perf_counter() - began
     while k < policy.steps and (began := time.perf_counter()) + step_time < until - policy.hand_over:
@@ -161,38 +143,33 @@ def improve(
         step = program.step(here, margins, ends, pace)
         longer = np.inf if step is None else step.longer
         unmet = step is not None and step.promised - here.duration - longer > policy.unmet * pace.price
-        here, reach = _step_taken(arm, ends, here, step, (margins, pace, k <= policy.eager), distances)
+        here, reach = _step_taken(arm, ends, here, step, (margins, pace, k <= policy.eager))
         sampled = arm.sampled(here.points, here.duration)
         over += sampled.torque > -policy.least_reserve and not unmet
         price = policy.price_growth * pace.price if unmet else pace.price
         pace = Pace(min(reach, policy.step_factor ** max(over - policy.excess_steps, 0)), price)
         settled = abs(longer) <= policy.enough * here.duration
-        if (best is None or here.duration < best.duration or settled) and arm.within_limits(sampled, distances):
+        if (best is None or here.duration < best.duration or settled) and arm.within_limits(sampled):
             best = Improved(here.duration, sampled, margins, settled and pace.reach >= policy.stuck)
             if settled:
                 break
         if best is None and not np.any(ends.v) and k > policy.eager:
-            best = _slowed(arm, here, sampled, margins, distances)
+            best = _slowed(arm, here, sampled, margins)
         margins = _tightened(program, margins, here, sampled, settled or over > policy.decrease_steps)
         step_time = max(step_time, time.perf_counter() - began)
-    return best, Draft(here.points, here.duration, margins, k)
+    return best, (here.points, here.duration, margins), k
 
 
-def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float, distances: Distances | None) -> Iterate:
+def _at(arm: LimitedArm, ends: Ends, points: Array, duration: float) -> Iterate:
     """Linearise a curve from the start state to the goal."""
     program = arm.program
     points = program.with_ends(points, duration, ends)
-    rows = None if distances is None else distances.rows(program.curve(points, duration))
+    rows = None if arm.distances is None else arm.distances.rows(program.curve(points, duration))
     return program.linearise(points, duration, ends, arm.torques, rows)
 
 
 def _step_taken(
-    arm: LimitedArm,
-    ends: Ends,
-    here: Iterate,
-    step: ProgramStep | None,
-    how: tuple[TorqueMargin, Pace, bool],
-    distances: Distances | None,
+    arm: LimitedArm, ends: Ends, here: Iterate, step: ProgramStep | None, how: tuple[TorqueMargin, Pace, bool]
 ) -> tuple[Iterate, float]:
     """The next curve, or the same one if the step increases the merit; and the next step's size.
 
@@ -202,7 +179,7 @@ def _step_taken(
     policy, reach = program.policy, pace.reach
     if step is None:
         return here, max(reach / policy.shrink, policy.least_reach)
-    there = _at(arm, ends, here.points + step.points, here.duration + step.longer, distances)
+    there = _at(arm, ends, here.points + step.points, here.duration + step.longer)
     before, after = program.merit(here, margins, pace.price), program.merit(there, margins, pace.price)
     little = policy.enough * here.duration
     if after > before + little and not eager:
@@ -214,9 +191,7 @@ def _step_taken(
     return there, float(np.clip(reach, policy.least_reach, 1.0))
 
 
-def _slowed(
-    arm: LimitedArm, here: Iterate, sampled: SampledCurve, margins: TorqueMargin, distances: Distances | None
-) -> Improved | None:
+def _slowed(arm: LimitedArm, here: Iterate, sampled: SampledCurve, margins: TorqueMargin) -> Improved | None:
     """Slow a motion from rest down along its path until it is within its limits; None if no pace is."""
     program = arm.program
     factor = least_factor(arm.robot, program.limits, arm.motion(sampled, "too fast"))
@@ -224,7 +199,7 @@ def _slowed(
     if not factor < program.policy.too_slow:
         return None
     slower = arm.sampled(here.points, factor * here.duration)
-    return Improved(factor * here.duration, slower, margins, False) if arm.within_limits(slower, distances) else None
+    return Improved(factor * here.duration, slower, margins, False) if arm.within_limits(slower) else None
 
 
 def _tightened(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from armdyn.optimal.flat.basis import Basis, graded
 from armdyn.optimal.flat.linear_rows import TorqueRows
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import worst_violation
-from armdyn.optimal.live.improving import Distances, Draft, Improved, LimitedArm, improve
+from armdyn.optimal.live.improving import Distances, Guess, Improved, LimitedArm, improve
 from armdyn.optimal.live.program import Ends, Places, StepProgram
 from armdyn.optimal.live.stopping import LastMotion, at_rest, fallback, rest_of_last
 from armdyn.optimal.problem.checks import check_every_joint_has_motor
@@ -142,7 +142,7 @@ class Resolver:
     allowed_contacts: Sequence[tuple[str, str]] = ()
     _last: LastMotion | None = field(default=None, init=False, repr=False)
     _arm: LimitedArm | None = field(default=None, init=False, repr=False)
-    _draft: Draft | None = field(default=None, init=False, repr=False)
+    _draft: Guess | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         expect_robot(self.robot)
@@ -192,26 +192,25 @@ class Resolver:
         began = time.perf_counter()
         until = np.inf if deadline is None else began + number(deadline, "deadline", unit="s", sign="positive")
         problem = self._problem(q, v, goal)
-        arm, policy = self._prepared(problem), Policy.of(problem)
+        arm = replace(self._prepared(problem), distances=Distances.of(problem, Policy.of(problem).sequential))
         ends = Ends(np.asarray(problem.q_start), np.asarray(problem.v_start), np.asarray(problem.q_goal))
         inertia = np.diag(arm.inertia(ends.q))
-        distances = Distances.of(problem, policy.sequential)
-        if (rest := self._rest_of_last(arm, ends, distances)) is not None:
-            return _solution(problem, (Status.SOLVED, rest), distances, 0, time.perf_counter() - began)
-        found, draft = self._improved(arm, ends, inertia, distances, until)
+        if (rest := self._rest_of_last(arm, ends)) is not None:
+            return _solution(problem, (Status.SOLVED, rest), arm.distances, 0, time.perf_counter() - began)
+        found, draft, steps = self._improved(arm, ends, inertia, until)
         self._draft = draft if found is None else None  # the next call continues from it
         if found is not None:
             late = Status.ITERATION_LIMIT if deadline is None else Status.TIME_LIMIT
             status, motion = Status.SOLVED if found.settled else late, arm.motion(found.sampled, "live")
             self._last = LastMotion(motion, found.margins, arm.program.mesh.places, found.settled)
         else:
-            left = fallback(arm, ends, inertia, self._last, distances)
+            left = fallback(arm, ends, inertia, self._last)
             if left is None:
                 self._last = None
                 return without_motion(problem, Status.FAILED, _NOTHING)
             status, motion = left
             self._last = LastMotion(motion)
-        return _solution(problem, (status, motion), distances, draft.steps, time.perf_counter() - began)
+        return _solution(problem, (status, motion), arm.distances, steps, time.perf_counter() - began)
 
     def _problem(self, q: ArrayLike, v: ArrayLike, goal: ArrayLike | str | GoalPose) -> MinimumTimeProblem:
         """The checked problem."""
@@ -240,19 +239,19 @@ class Resolver:
             known = self._arm = LimitedArm(self.robot, program, *functions, torques)
         return known
 
-    def _rest_of_last(self, arm: LimitedArm, ends: Ends, distances: Distances | None) -> Trajectory | None:
+    def _rest_of_last(self, arm: LimitedArm, ends: Ends) -> Trajectory | None:
         """Rest of the last motion if it leads to the goal, or a rest if the arm is at the goal; else None."""
         if max(np.max(np.abs(ends.q - ends.goal)), np.max(np.abs(ends.v))) <= _THERE:
-            return at_rest(arm, ends.goal, distances)
+            return at_rest(arm, ends.goal)
         last = self._last
         if last is None or not last.settled or np.max(np.abs(last.motion.q[-1] - ends.goal)) > _THERE:
             return None
-        return rest_of_last(arm, ends, last, distances)
+        return rest_of_last(arm, ends, last)
 
     def _improved(
-        self, arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | None, until: float
-    ) -> tuple[Improved | None, Draft]:
-        """The best motion to the goal, and the last curve."""
+        self, arm: LimitedArm, ends: Ends, inertia: Array, until: float
+    ) -> tuple[Improved | None, Guess, int]:
+        """The best motion to the goal, the last curve, and the number of steps."""
         mesh, limits = arm.program.mesh, arm.program.limits
         none = TorqueMargin(*np.zeros((2, mesh.places.size, ends.q.size)))
         guesses = [(*direct(mesh, ends, limits, inertia), none)]
@@ -261,9 +260,10 @@ class Resolver:
             positions = self._last.motion(passed + (end - passed) * mesh.basis.places).q
             margins = self._last.margins_from(passed, mesh) or none
             guesses.append((*rest_of(mesh, positions, ends, end - passed), margins))
-        if (draft := self._draft) is not None:
-            guesses.append((*rest_of(mesh, draft.points, ends, draft.duration), draft.margins))
-        return improve(arm, ends, guesses, distances, until)
+        if self._draft is not None:
+            points, duration, margins = self._draft
+            guesses.append((*rest_of(mesh, points, ends, duration), margins))
+        return improve(arm, ends, guesses, until)
 
 
 def _alike(program: StepProgram, limits: JointLimits, acceleration: Array) -> bool:

@@ -8,7 +8,7 @@ from armdyn.arrays import Array
 from armdyn.optimal.flat.nlp_data import TorqueMargin
 from armdyn.optimal.landing.limit_violations import limit_violation
 from armdyn.optimal.live.checking import acceleration_excess
-from armdyn.optimal.live.improving import Distances, LimitedArm
+from armdyn.optimal.live.improving import LimitedArm
 from armdyn.optimal.live.program import Ends, Places
 from armdyn.optimal.problem.status import Status
 from armdyn.optimal.proof.certificate import LIMIT_TOLERANCE
@@ -85,9 +85,7 @@ class LastMotion:
         return TorqueMargin(upper, lower)
 
 
-def fallback(
-    arm: LimitedArm, ends: Ends, inertia: Array, last: LastMotion | None, distances: Distances | None
-) -> tuple[Status, Trajectory] | None:
+def fallback(arm: LimitedArm, ends: Ends, inertia: Array, last: LastMotion | None) -> tuple[Status, Trajectory] | None:
     """A motion to rest within all limits, and its status; None if none of those tried is within them.
 
     Args:
@@ -95,30 +93,29 @@ def fallback(
         ends: start state and goal.
         inertia: inertia of each joint at the start [kg m² or kg], shape (nv,).
         last: last returned motion.
-        distances: required distances; None: no distances.
     """
-    rest = None if last is None else rest_of_last(arm, ends, last, distances)
+    rest = None if last is None else rest_of_last(arm, ends, last)
     if rest is not None:
         return Status.FOLLOWED if np.any(rest.v) else Status.STOPPED, rest
-    stop = _brake(arm, ends, inertia, distances) if np.any(ends.v) else at_rest(arm, ends.q, distances)
+    stop = _brake(arm, ends, inertia) if np.any(ends.v) else at_rest(arm, ends.q)
     return None if stop is None else (Status.STOPPED, stop)
 
 
-def rest_of_last(arm: LimitedArm, ends: Ends, last: LastMotion, distances: Distances | None) -> Trajectory | None:
+def rest_of_last(arm: LimitedArm, ends: Ends, last: LastMotion) -> Trajectory | None:
     """The rest of the last motion from the start state on; None: the state is not on it, or a limit is violated now."""
     rest = last.rest(ends.q, ends.v, arm.program.policy)
-    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _within_limits(arm, rest, distances)
+    fits = rest is not None and rest.model_hash == arm.robot.model_hash and _within_limits(arm, rest)
     return rest if fits else None
 
 
-def at_rest(arm: LimitedArm, q: Array, distances: Distances | None) -> Trajectory | None:
+def at_rest(arm: LimitedArm, q: Array) -> Trajectory | None:
     """Rest at joint positions, shape (nv,); None: the motors cannot hold the arm there."""
     hold, names = arm.robot.holding_torque(q), arm.robot.joint_names
     stay = Trajectory.at_rest(q, hold, _REST, names, name="stays", model_hash=arm.robot.model_hash)
-    return stay if _within_limits(arm, stay, distances) else None
+    return stay if _within_limits(arm, stay) else None
 
 
-def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | None) -> Trajectory | None:
+def _brake(arm: LimitedArm, ends: Ends, inertia: Array) -> Trajectory | None:
     """The shortest of the tried stops within all limits, along the straight line of the velocity.
 
     Its accelerations are constant: after the time T the arm rests at q + v T / 2. T grows by a factor, from half of
@@ -130,7 +127,7 @@ def _brake(arm: LimitedArm, ends: Ends, inertia: Array, distances: Distances | N
     shape = (first - second / 2)[:, None]
     for _ in range(policy.brakes):
         sampled = arm.sampled(ends.q + shape * ends.v * duration, duration)
-        if arm.within_limits(sampled, distances) and _holds(arm, sampled.q[-1]):
+        if arm.within_limits(sampled) and _holds(arm, sampled.q[-1]):
             return arm.motion(sampled, "stop")
         duration *= policy.longer
     return None
@@ -141,8 +138,8 @@ def _holds(arm: LimitedArm, q: Array) -> bool:
     return bool(np.all(arm.program.limits.actuators.allows(arm.robot.holding_torque(q), q, np.zeros_like(q))))
 
 
-def _within_limits(arm: LimitedArm, motion: Trajectory, distances: Distances | None) -> bool:
+def _within_limits(arm: LimitedArm, motion: Trajectory) -> bool:
     """Whether a motion satisfies limits of torque, velocity, position and acceleration, and distances."""
     faster = acceleration_excess(motion.t, motion.q, motion.v, arm.program.acceleration)
     kept = max(limit_violation(arm.program.limits, motion), faster) <= LIMIT_TOLERANCE
-    return kept and (distances is None or distances.kept(motion))
+    return kept and arm.clear(motion)

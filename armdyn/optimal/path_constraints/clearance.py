@@ -44,9 +44,8 @@ class ClearanceConstraint(PathConstraint):
     def required_distances(self, problem: MinimumTimeProblem) -> RequiredDistances:
         """The clearance and a margin; for a pair nearer at a given pose, (part of) its distance there."""
         model, ends = _model_and_ends(problem)
-        places = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         most = np.minimum(ends, problem.clearance + _LEFT * (ends - problem.clearance))
-        return RequiredDistances(model, problem.clearance, most, places)
+        return RequiredDistances(model, problem.clearance, most, self._places(problem))
 
     def check(self, problem: MinimumTimeProblem, motion: Trajectory, passing: Array) -> ConstraintReport:
         """Check clearances by coal on the real geometry, proven between the samples."""
@@ -71,9 +70,12 @@ class ClearanceConstraint(PathConstraint):
         """Require distances also at the times at which they were violated."""
         if not report.missed.size:
             return self
-        own = self.places or tuple(np.empty(0) for _ in problem.poses[1:])
         leg, part = report.missed.T
-        return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in enumerate(own)))
+        own = enumerate(self._places(problem))
+        return replace(self, places=tuple(np.append(places, part[leg == k]) for k, places in own))
+
+    def _places(self, problem: MinimumTimeProblem) -> tuple[Array, ...]:
+        return self.places or tuple(np.empty(0) for _ in problem.poses[1:])
 
 
 def _model_and_ends(problem: MinimumTimeProblem) -> tuple[CollisionModel, Array]:

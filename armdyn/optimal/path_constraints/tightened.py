@@ -82,8 +82,8 @@ class Aim:
 
     def at_goal(self, joints: int) -> Array:
         """Offset from the goal's state (q, v), shape (2 nv,)."""
-        offset = np.broadcast_to(self.offsets, (1, joints)) if np.ndim(self.offsets) == 0 else np.asarray(self.offsets)
-        return np.concatenate([offset[-1], np.broadcast_to(self.end_velocity, joints)])
+        last = np.atleast_2d(self.offsets)[-1]
+        return np.concatenate([np.broadcast_to(each, joints) for each in (last, self.end_velocity)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,15 +63,11 @@ class TorqueRateLimit(PathConstraint):
 
     def option_text(self) -> str:
         """Text of the constraint for its option, with all digits."""
-        return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}"
+        return f"{self.option}={_text(self.limit)}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """Expand the limit to one positive number per joint."""
-        what, unit = "TorqueRateLimit", "N m/s"
-        limit = per_joint(
-            self.limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive"
-        )
-        return type(self)(limit)
+        return type(self)(_per_joint(self.limit, robot, "TorqueRateLimit", "N m/s"))
 
     def torque_rate_limit(self, problem: MinimumTimeProblem) -> Array:
         return np.asarray(self.limit)
@@ -223,19 +219,11 @@ class RmsTorque(PartialLimit):
     def option_text(self) -> str:
         """Text of the constraint for its option, with all digits."""
         dwell = f"@{float(self.dwell)!r}" if self.dwell else ""
-        return f"{self.option}={','.join(map(repr, np.ravel(self.limit).tolist()))}{dwell}"
+        return f"{self.option}={_text(self.limit)}{dwell}"
 
     def on(self, robot: Robot, start: Array, goal: Array) -> Self:
         """Expand the limit to one number per joint, and check that the goal of a dwell is at rest."""
-        limit = per_joint(
-            self.limit,
-            robot.joint_names,
-            "RmsTorque limit",
-            unit="N m",
-            error=ProblemError,
-            finite=False,
-            sign="positive",
-        )
+        limit = _per_joint(self.limit, robot, "RmsTorque limit", "N m")
         if self.dwell and np.any(goal[robot.nv :]):
             raise ProblemError(f"RmsTorque has a dwell of {self.dwell:g} s at the goal, where the arm is in flight")
         return replace(self, limit=limit)
@@ -272,3 +260,12 @@ def _surplus(stages: Stages, numbers: ca.SX) -> ca.SX:
     last = first + slope
     surplus: ca.SX = stages.h * ((first**2 + first * last + last**2) / 3 * numbers[:-1] - numbers[-1])
     return surplus
+
+
+def _per_joint(limit: ArrayLike, robot: Robot, what: str, unit: str) -> Array:
+    """A limit of one positive number, or one per joint, expanded to shape (nv,); inf: none."""
+    return per_joint(limit, robot.joint_names, what, unit=unit, error=ProblemError, finite=False, sign="positive")
+
+
+def _text(limit: ArrayLike) -> str:
+    return ",".join(map(repr, np.ravel(limit).tolist()))

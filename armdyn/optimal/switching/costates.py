@@ -7,7 +7,6 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import inverse_dynamics, joint_inertia
-from armdyn.models.robots.robot import Robot
 from armdyn.optimal.arcs.arc import POSITION, VELOCITY
 from armdyn.optimal.arcs.phases import TABLEAU, Phases, motion_of
 from armdyn.optimal.switching.extremal.descent import Extremal
@@ -88,11 +87,31 @@ class SampledExtremal:
     @classmethod
     def of(cls, extremal: Extremal) -> Self:
         """Sample an extremal."""
-        (t, step, part), robot = _grid(extremal.rollout), extremal.shooting.problem.robot
-        at = _At.of(extremal, step, part)
-        costate, state_multipliers = _adjoined(at, np.diff(t), robot.nv)
-        switching = np.asarray(np.linalg.solve(at.inertia, costate[..., robot.nv :, None])[..., 0], float)
-        return cls(t, at.x, _torques(at, robot), costate, switching, state_multipliers, at.position, at.velocity)
+        rollout, robot, carriers = extremal.rollout, extremal.shooting.problem.robot, extremal.structure.carriers()
+        (t, step, part), n = _grid(rollout), robot.nv
+        x, state_transition, rate = _carried(rollout, step, part)
+        at_steps = extremal.costates[0][step][..., None]
+        costate = np.asarray(np.linalg.solve(np.swapaxes(state_transition, -1, -2), at_steps)[..., 0], float)
+        first, last = (tau[step] for tau in rollout.torques.tau)
+        tau, inertia = first + part[..., None] * (last - first), joint_inertia(robot)(x[..., :n])
+        arcs = rollout.arc[step[:, 0]]
+        modes, state_multipliers = np.array(extremal.structure.modes())[arcs], np.zeros_like(costate)
+        position, velocity = np.isin(modes, POSITION), np.isin(modes, VELOCITY)
+        for k in np.flatnonzero(np.any(position | velocity, axis=1)):
+            held, own = np.flatnonzero(position[k] | velocity[k]), carriers[arcs[k]]
+            holder = np.array([own[i].joint if i in own else i for i in held.tolist()])
+            tau[k][:, holder] = inverse_dynamics(robot)(x[k, :, :n], x[k, :, n:], rate[k, :, n:])[:, holder]
+            inverse = np.linalg.inv(inertia[k])
+            pushed = inverse[:, holder] @ costate[k, :, n:, None]
+            eta = -np.linalg.solve(inverse[:, holder[:, None], held], pushed)[..., 0]
+            length, on_position = t[k + 1] - t[k], position[k, held]
+            derivative = _DIFFERENTIATION @ eta / length
+            costate[k][:, n + held] += eta
+            costate[k][:, held] -= np.where(on_position, derivative, 0.0)
+            state_multipliers[k][:, held] = np.where(on_position, -_DIFFERENTIATION @ derivative / length, 0.0)
+            state_multipliers[k][:, n + held] = np.where(on_position, 0.0, derivative)
+        switching = np.asarray(np.linalg.solve(inertia, costate[..., n:, None])[..., 0], float)
+        return cls(t, x, tau, costate, switching, state_multipliers, position, velocity)
 
 
 def _grid(rollout: Rollout) -> tuple[Array, Index, Array]:
@@ -119,94 +138,17 @@ def _grid(rollout: Rollout) -> tuple[Array, Index, Array]:
     return t, np.array(first)[:, None] + inside, along - inside
 
 
-@dataclass(frozen=True, eq=False)
-class _At:
-    """The motion at the start and the stages of intervals, shape (K, stages + 1, ...).
-
-    Attributes:
-        x: (q, v), shape (..., 2 nv).
-        rate: ẋ, likewise.
-        p: costates of the rollout, likewise.
-        tau: torques, 0 for held joints, shape (..., nv).
-        inertia: M(q), shape (..., nv, nv).
-        position: whether a joint is held on a position limit, shape (K, nv).
-        velocity: whether a joint is held on a velocity limit, likewise.
-        holder: index of the joint whose torque holds each joint; its own index if not held, likewise.
-    """
-
-    x: Array
-    rate: Array
-    p: Array
-    tau: Array
-    inertia: Array
-    position: Flags
-    velocity: Flags
-    holder: Index
-
-    @classmethod
-    def of(cls, extremal: Extremal, steps: Index, parts: Array) -> Self:
-        """Sample an extremal at places within its steps, both of shape (K, stages + 1)."""
-        rollout, robot = extremal.rollout, extremal.shooting.problem.robot
-        step, part, n = steps.ravel(), parts.ravel(), robot.nv
-        x, state_transition, rate = _carried(rollout, step, part)
-        p = np.linalg.solve(state_transition.transpose(0, 2, 1), extremal.costates[0][step][:, :, None])[..., 0]
-        first, last = (tau[step] for tau in rollout.torques.tau)
-        tau = first + part[:, None] * (last - first)
-        inertia = joint_inertia(robot)(x[:, :n])
-        modes = extremal.structure.modes()
-        own = [modes[a] for a in rollout.arc[steps[:, 0]]]
-        shape, carriers = steps.shape, extremal.structure.carriers()
-        holder = np.tile(np.arange(n), (shape[0], 1))
-        for k, a in enumerate(rollout.arc[steps[:, 0]]):
-            for joint, carrier in carriers[a].items():
-                holder[k, joint] = carrier.joint
-        return cls(
-            x.reshape(*shape, 2 * n),
-            rate.reshape(*shape, 2 * n),
-            np.asarray(p, float).reshape(*shape, 2 * n),
-            tau.reshape(*shape, n),
-            inertia.reshape(*shape, n, n),
-            np.array([[mode in POSITION for mode in each] for each in own]),
-            np.array([[mode in VELOCITY for mode in each] for each in own]),
-            holder,
-        )
-
-
-def _carried(rollout: Rollout, step: Index, part: Array) -> tuple[Array, Array, Array]:
-    """States within steps, their sensitivities to the steps' starts, and ẋ there."""
+def _carried(rollout: Rollout, steps: Index, parts: Array) -> tuple[Array, Array, Array]:
+    """States within steps, their sensitivities to the steps' starts, and ẋ there; steps and parts of one shape."""
     first, last = rollout.torques.tau
-    some = np.pad(step, (0, -step.size % STEPS), mode="edge")
-    s = np.pad(part, (0, -step.size % STEPS))
+    some, s = (np.pad(each.ravel(), (0, -steps.size % STEPS), mode="edge") for each in (steps, parts))
     there = first[some] + s[:, None] * (last[some] - first[some])
     rows = rollout.start[some], np.ones(some.size), s * rollout.h[some], first[some], there
     body = np.tile(rollout.shooting.body, (some.size, 1))
     x, state_transition, _, rate = rollout.shooting.flow.rolled_out(
         *rows, rollout.torques.free_mask[some], rollout.torques.kept[some], body
     )
-    return x[: step.size], state_transition[: step.size], rate[: step.size]
-
-
-def _adjoined(at: _At, lengths: Array, n: int) -> tuple[Array, Array]:
-    """Costates of the whole arm, and the limits' multipliers per second, both of `_At.x`'s shape."""
-    costate, state_multipliers = at.p.copy(), np.zeros_like(at.p)
-    for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = np.flatnonzero(at.position[k] | at.velocity[k])
-        inverse, holder = np.linalg.inv(at.inertia[k]), at.holder[k, held]
-        pushed = inverse[:, holder] @ at.p[k, :, n:, None]
-        eta = -np.linalg.solve(inverse[:, holder[:, None], held], pushed)[..., 0]
-        derivative = _DIFFERENTIATION @ eta / lengths[k]
-        costate[k][:, n + held] += eta
-        on_position = at.position[k, held]
-        costate[k][:, held] -= np.where(on_position, derivative, 0.0)
-        state_multipliers[k][:, held] = np.where(on_position, -_DIFFERENTIATION @ derivative / lengths[k], 0.0)
-        state_multipliers[k][:, n + held] = np.where(on_position, 0.0, derivative)
-    return costate, state_multipliers
-
-
-def _torques(at: _At, robot: Robot) -> Array:
-    """Torques, including those that hold a joint on its limit."""
-    n, tau, needed = robot.nv, at.tau.copy(), inverse_dynamics(robot)
-    for k in np.flatnonzero(np.any(at.position | at.velocity, axis=1)):
-        held = at.holder[k, at.position[k] | at.velocity[k]]
-        tau[k][:, held] = needed(at.x[k][:, :n], at.x[k][:, n:], at.rate[k][:, n:])[:, held]
-    return tau
+    x, state_transition, rate = (
+        each[: steps.size].reshape(*steps.shape, *each.shape[1:]) for each in (x, state_transition, rate)
+    )
+    return x, state_transition, rate

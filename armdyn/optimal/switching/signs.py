@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armdyn.arrays import Array
-from armdyn.optimal.arcs.arc import BANG, OPPOSITE, POSITION, VELOCITY, Mode, outward, runs_of
+from armdyn.optimal.arcs.arc import OPPOSITE, VELOCITY, Mode, bang_signs, outward, runs_of
 from armdyn.optimal.switching.extremal.change import Change, Segment, SingularControl
 from armdyn.optimal.switching.extremal.descent import Extremal
 from armdyn.optimal.switching.extremal.rollout import ShootingProblem
@@ -47,23 +47,20 @@ def wrong_signs(extremal: Extremal, least: float) -> list[WrongSign]:
         extremal: extremal with costates and switching functions.
         least: least decrease of H.
     """
-    rollout, limits = extremal.rollout, extremal.shooting.problem.limits
-    modes, t = _torque_modes(extremal.structure), np.repeat(rollout.times, 2)[1:-1]
+    rollout, width = extremal.rollout, extremal.shooting.problem.limits.actuators.width
+    modes, t = np.array(_torque_modes(extremal.structure))[rollout.arc], np.repeat(rollout.times, 2)[1:-1]
     found, carriers = list[WrongSign](), extremal.structure.carriers()
     shortest = extremal.shooting.policy.descent.vanished * extremal.structure.duration
     lasting = np.bincount(rollout.arc, weights=rollout.h)[rollout.arc] > shortest  # not between simultaneous changes
-    for i in range(len(extremal.structure.first)):
-        own = [modes[a][i] for a in rollout.arc]
-        sign = np.array([0.0 if mode not in BANG else 1.0 if mode is Mode.UPPER else -1.0 for mode in own])
-        range_ = limits.actuators.width[i]
-        fall = np.column_stack(np.split(extremal.switching[:, i], 2)) * sign[:, None] * range_
-        fall = (fall * lasting[:, None]).ravel()
+    reversals = bang_signs(modes) * width * lasting[:, None]
+    falls = (np.stack(np.split(extremal.switching, 2), axis=1) * reversals[:, None]).reshape(t.size, -1)
+    for i, fall in enumerate(falls.T):
         for run in runs_of(np.flatnonzero(fall > 0.05 * least)):
             if np.max(fall[run]) > least:
                 worst = int(run[np.argmax(fall[run])])
                 begin, end = t[max(run[0] - 1, 0)], t[min(run[-1] + 1, t.size - 1)]
                 carried = i in carriers[rollout.arc[worst // 2]]
-                mode = own[worst // 2]
+                mode = Mode(modes[worst // 2, i])
                 found.append(WrongSign(float(fall[worst]), i, mode, float(begin), float(end), float(t[worst]), carried))
     return sorted(found, key=lambda wrong: -wrong.value)
 
@@ -114,32 +111,20 @@ def without_wrong_touches(extremal: Extremal) -> SwitchingStructure | None:
 
     A velocity limit that is active for zero time counts as a touch.
     """
-    if (slow := _without_idle_speeds(extremal)) is not None:
-        return slow
-    size = extremal.rollout.start.shape[1]
-    gone: set[int] = set()
-    for (k, j, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False):
-        change = extremal.structure.changes[k]
-        if change.touch and change.mode in POSITION and j < size // 2 and outward(change.mode) * multiplier < 0:
-            gone.add(k)
-    return extremal.structure.without_changes(gone) if gone else None
-
-
-def _without_idle_speeds(extremal: Extremal) -> SwitchingStructure | None:
-    """Structure without empty segments on velocity limits whose multiplier is wrong; None if none are."""
     structure, size = extremal.structure, extremal.rollout.start.shape[1]
-    state_multipliers = {
-        k: outward(structure.changes[k].mode) * multiplier
-        for (k, _, _), multiplier in zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
-        if structure.changes[k].mode in VELOCITY
-    }
-    short = extremal.shooting.policy.rollout.touch * structure.duration
-    gone = []
+    changes, short = structure.changes, extremal.shooting.policy.rollout.touch * structure.duration
+    held = zip(extremal.rollout.held_states, extremal.multipliers[size:], strict=False)
+    outwards = {(k, j < size // 2): outward(changes[k].mode) * multiplier for (k, j, _), multiplier in held}
+    idle = []
     for segment in structure.segments():
         begin, end = structure.span(segment)
-        if segment.begin in state_multipliers and end - begin <= short and state_multipliers[segment.begin] <= 0:
-            gone.append(segment)
-    return structure.without(gone) if gone else None
+        of_speed = segment.begin >= 0 and changes[segment.begin].mode in VELOCITY
+        if of_speed and end - begin <= short and outwards[segment.begin, False] <= 0:
+            idle.append(segment)
+    if idle:
+        return structure.without(idle)
+    gone = {k for (k, on_position), sign in outwards.items() if on_position and changes[k].touch and sign < 0}
+    return structure.without_changes(gone) if gone else None
 
 
 def with_singular(extremal: Extremal, wrong: list[WrongSign]) -> SwitchingStructure | None:
@@ -206,14 +191,10 @@ def _on_limits(extremal: Extremal, k: int, least: float) -> list[tuple[float, fl
         k: index of the change that starts it.
         least: tolerated increase of H off the limit.
     """
-    rollout, joint, numbers = extremal.rollout, extremal.structure.changes[k].joint, extremal.shooting.policy.singular
-    own = np.flatnonzero((rollout.arc > k) & (rollout.arc <= extremal.structure.end_of(k)))
+    joint, numbers = extremal.structure.changes[k].joint, extremal.shooting.policy.singular
     limits = extremal.shooting.problem.limits.actuators
     low, high = limits.lower[joint], limits.upper[joint]
-    # At the starts and ends of the steps in turn.
-    switching = np.column_stack([each[own, joint] for each in np.split(extremal.switching, 2)]).ravel()
-    tau = np.column_stack([each[own, joint] for each in rollout.torques.tau]).ravel()
-    t = np.column_stack([rollout.times[own], rollout.times[own + 1]]).ravel()
+    t, switching, tau = _free_torque(extremal, k)
     out: list[tuple[float, float, Mode]] = []
     for mode, sign, slack in ((Mode.UPPER, -1, high - tau), (Mode.LOWER, 1, tau - low)):
         rise = sign * switching * (high - low)
@@ -241,19 +222,26 @@ def _pieces(extremal: Extremal, k: int, bang_arcs: list[tuple[float, float, Mode
     return out
 
 
+def _free_torque(extremal: Extremal, k: int) -> tuple[Array, Array, Array]:
+    """Times [s], switching functions and torques of the free torque that starts at a change.
+
+    At the starts and ends of its steps in turn, each of shape (2 steps,).
+    """
+    structure, rollout = extremal.structure, extremal.rollout
+    own, joint = (rollout.arc > k) & (rollout.arc <= structure.end_of(k)), structure.changes[k].joint
+    times = rollout.times[:-1], rollout.times[1:]
+    switching = (each[:, joint] for each in np.split(extremal.switching, 2))
+    tau = (each[:, joint] for each in rollout.torques.tau)
+    t, s, u = (np.column_stack([each[own] for each in pair]).ravel() for pair in (times, switching, tau))
+    return t, s, u
+
+
 def idle_fall(extremal: Extremal, k: int) -> float:
     """Largest decrease of H if the free torque that starts at a change moved to a limit."""
-    structure, rollout = extremal.structure, extremal.rollout
-    joint, limits = structure.changes[k].joint, rollout.shooting.problem.limits
-    own = (rollout.arc > k) & (rollout.arc <= structure.end_of(k))
-    falls = [0.0]
-    for switching, tau in zip(np.split(extremal.switching, 2), rollout.torques.tau, strict=True):
-        s, u = switching[own, joint], tau[own, joint]
-        falls += [
-            *(np.maximum(s, 0) * (u - limits.actuators.lower[joint])),
-            *(np.maximum(-s, 0) * (limits.actuators.upper[joint] - u)),
-        ]
-    return float(max(falls))
+    joint, limits = extremal.structure.changes[k].joint, extremal.shooting.problem.limits.actuators
+    _, switching, tau = _free_torque(extremal, k)
+    falls = np.maximum(switching * (tau - limits.lower[joint]), -switching * (limits.upper[joint] - tau))
+    return float(np.max(falls, initial=0.0))
 
 
 def jumping_within(structure: SwitchingStructure, joint: int, begin: float, end: float) -> frozenset[int]:

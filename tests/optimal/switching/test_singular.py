@@ -7,8 +7,7 @@ import pytest
 
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
-from armdyn.optimal.switching.extremal.descent import Extremal, fastest
-from armdyn.optimal.switching.extremal.landing import landed
+from armdyn.optimal.switching.extremal.descent import Extremal, fastest, landed
 from armdyn.optimal.switching.from_arcs import structures_of
 from armdyn.optimal.switching.refinement import refine_extremal, shooting_problem
 from armdyn.optimal.switching.signs import control_near, idle_fall, with_bang_arcs, with_longer_control

@@ -116,34 +116,25 @@ def flow_of(dynamics: Dynamics, compile_mode: bool | None) -> Flow:
     """
     rate, switching = _functions(dynamics)
     n = dynamics.nv
-    previous, own, begins, h = (
-        ca.MX.sym("previous", 2 * n),
-        ca.MX.sym("own", 2 * n),
-        ca.MX.sym("begins"),
-        ca.MX.sym("h"),
-    )
+    previous, own = ca.MX.sym("previous", 2 * n), ca.MX.sym("own", 2 * n)
+    begins, h = ca.MX.sym("begins"), ca.MX.sym("h")
     first, last, free_mask = ca.MX.sym("first", n), ca.MX.sym("last", n), ca.MX.sym("free_mask", n)
     rest = [free_mask, ca.MX.sym("held", 3 * n), ca.MX.sym("body", dynamics.last_body.size)]
-    start, identity = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n))
-    rates: list[ca.MX] = []
-    jacobians: list[ca.MX] = []
-    torque_sensitivities: list[ca.MX] = []
+    # The state, its transition from the start, and its sensitivity to the torques at both ends.
+    start = begins * own + (1 - begins) * previous, ca.densify(ca.MX.eye(2 * n)), ca.MX.zeros(2 * n, 2)
+    stages: list[tuple[ca.MX, ...]] = []
     for row, c in zip(A, A.sum(axis=1), strict=True):
-        x, state_transition, torque_sensitivity = start, identity, ca.MX.zeros(2 * n, 2)
-        for a, f, by_x, by_tau in zip(row, rates, jacobians, torque_sensitivities, strict=False):
+        now = start
+        for a, slopes in zip(row, stages, strict=False):
             if a:
-                x, state_transition, torque_sensitivity = (
-                    x + (h * a) * f,
-                    state_transition + (h * a) * by_x,
-                    torque_sensitivity + (h * a) * by_tau,
-                )
+                now = tuple(at + (h * a) * slope for at, slope in zip(now, slopes, strict=True))
+        x, state_transition, torque_sensitivity = now
         f, by_x, by_tau = rate(x, (1 - c) * first + c * last, *rest)
-        rates.append(f)
-        jacobians.append(by_x @ state_transition)
-        torque_sensitivities.append(by_x @ torque_sensitivity + ca.horzcat((1 - c) * by_tau, c * by_tau))
+        by_ends = by_x @ torque_sensitivity + ca.horzcat((1 - c) * by_tau, c * by_tau)
+        stages.append((f, by_x @ state_transition, by_ends))
     end, state_transition, torque_sensitivity = (
         at + h * sum(b * each for b, each in zip(B, every, strict=True) if b)
-        for at, every in ((start, rates), (identity, jacobians), (ca.MX.zeros(2 * n, 2), torque_sensitivities))
+        for at, every in zip(start, zip(*stages, strict=True), strict=True)
     )
     inputs = [previous, own, begins, h, first, last, *rest]
     outputs = [end, state_transition, torque_sensitivity, rate(end, last, *rest)[0]]

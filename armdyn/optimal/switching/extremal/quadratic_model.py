@@ -158,6 +158,20 @@ class LinearizedRollout:
             out[j] = tangents @ by_unknowns + np.einsum("kas,as->k", states, by_state)
         return (out + out.T) / 2
 
+    @cached_property
+    def quadratic(self) -> QuadraticForm:
+        """Second-order model of the duration along the tangents."""
+        return QuadraticForm(self.tangents[:, self.rollout.structure.size], self.hessian(self.tangents))
+
+    def step(self, radius: float) -> "Step":
+        """Best step within a radius [s] that keeps all segments' lengths nonnegative."""
+        planes, rollout = self.planes, self.rollout
+        short = rollout.shooting.policy.descent.short * rollout.structure.duration
+        long = planes.lengths & (planes.now >= short)
+        slack = np.where(long, 0.9 * planes.now, planes.now)
+        y, rim = self.quadratic.within(planes.rows @ self.tangents.T, slack, radius)
+        return Step(y @ self.tangents, -self.quadratic.at(y), rim)
+
 
 def _gradient(rollout: Rollout, costates: tuple[Array, Array]) -> tuple[Array, Array]:
     """Gradient of the Lagrangian in the unknowns, shape (width,), and in the changes' states, shape (m, 2 nv)."""
@@ -207,31 +221,3 @@ class Step:
     by: Array
     promised: float
     bound: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """Second-order model of the duration on the tangent space.
-
-    Attributes:
-        linear: the motion.
-        quadratic: the duration along its tangents.
-    """
-
-    linear: LinearizedRollout
-    quadratic: QuadraticForm
-
-    @classmethod
-    def of(cls, linear: LinearizedRollout) -> Self:
-        """Model at a motion."""
-        gradient = linear.tangents[:, linear.rollout.structure.size]
-        return cls(linear, QuadraticForm(gradient, linear.hessian(linear.tangents)))
-
-    def step(self, radius: float) -> Step:
-        """Best step within a radius [s] that keeps all segments' lengths nonnegative."""
-        planes, tangents, rollout = self.linear.planes, self.linear.tangents, self.linear.rollout
-        short = rollout.shooting.policy.descent.short * rollout.structure.duration
-        long = planes.lengths & (planes.now >= short)
-        slack = np.where(long, 0.9 * planes.now, planes.now)
-        y, rim = self.quadratic.within(planes.rows @ tangents.T, slack, radius)
-        return Step(y @ tangents, -self.quadratic.at(y), rim)

@@ -8,7 +8,7 @@ import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
 from armdyn.locks import cached_property
-from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, outward
+from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, bang_signs, outward
 from armdyn.optimal.arcs.grid import Density, layered
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.problem.status import Budget
@@ -56,18 +56,17 @@ class ShootingProblem:
         """The problem with twice the steps, placed for a nearby motion; None at the largest number of steps."""
         if self.steps >= self.policy.rollout.finest * STEPS:
             return None
-        layers = self.layers if near is None else self._layers_of(near.motion)
+        friction, numbers = self.problem.robot.friction, self.policy.arcs
+        layers = self.layers if near is None else layered(near.motion, friction, numbers)
         return replace(self, steps=2 * self.steps, layers=layers)
-
-    def _layers_of(self, motion: Trajectory) -> Density | None:
-        return layered(motion, self.problem.robot.friction, self.policy.arcs)
 
     @classmethod
     def of(cls, task: Task, flow: Flow, motion: Trajectory) -> Self:
         """Make a task's shooting problem near a motion."""
-        unit = task.problem.limits.actuators.width / (task.policy.rollout.time_scale * motion.duration)
-        own = cls(task.problem, task.policy, flow, task.dynamics.last_body, unit, Budget(task.stop))
-        return replace(own, layers=own._layers_of(motion))
+        problem, policy = task.problem, task.policy
+        unit = problem.limits.actuators.width / (policy.rollout.time_scale * motion.duration)
+        layers = layered(motion, problem.robot.friction, policy.arcs)
+        return cls(problem, policy, flow, task.dynamics.last_body, unit, Budget(task.stop), layers=layers)
 
     @property
     def end(self) -> Array:
@@ -127,12 +126,11 @@ class Rollout:
         h = lengths[arc] * part
         torques = Torques.of(shooting.problem.limits, shooting.torque_unit, structure, arc, part)
         begins = np.concatenate([[True], arc[1:] != arc[:-1]])
+        later = np.flatnonzero(begins)[1:]  # first steps of the arcs after changes
         states = np.vstack([shooting.problem.x_start, structure.states])
         own = np.where(begins[:, None], states[arc], 0.0)
-        if joined is not None and np.any(joined):
-            first = np.flatnonzero(begins)[1:]
-            begins = begins.copy()
-            begins[first[joined]] = False
+        if joined is not None:
+            begins[later[joined]] = False
         body = np.tile(shooting.body, (arc.size, 1))
         columns = own, begins.astype(float), h, *torques.tau
         shooting.budget.spend(arc.size * len(torques.layers))
@@ -142,9 +140,7 @@ class Rollout:
             with np.errstate(invalid="ignore"):  # diverging motions: see `finite`
                 torque_sensitivity += along[:, :, :, None] * free_mask[:, None, None]
         start = np.where(begins[:, None], own, np.vstack([states[:1], end[:-1]]))
-        if joined is not None and np.any(joined):
-            at = np.flatnonzero(np.diff(arc)) + 1
-            structure = replace(structure, states=start[at])
+        structure = replace(structure, states=start[later])
         return cls(shooting, structure, arc, part, h, start, end, state_transition, rate, torque_sensitivity, torques)
 
     @property
@@ -199,11 +195,10 @@ class Rollout:
             if change.tangent is None:
                 continue
             joint, mode = change.tangent
-            held, tau = np.zeros(3 * n), np.zeros(n)
-            for i, (before, after) in enumerate(zip(modes[k], modes[k + 1], strict=True)):
-                own = mode if i == joint else before if after is Mode.FREE else after
-                held[i] = own in POSITION or own in VELOCITY
-                tau[i] = {Mode.UPPER: limits.actuators.upper[i], Mode.LOWER: limits.actuators.lower[i]}.get(own, 0.0)
+            before, after = np.array(modes[k]), np.array(modes[k + 1])
+            own = np.where(np.arange(n) == joint, mode, np.where(after == Mode.FREE, before, after))
+            held = np.append(np.isin(own, (*POSITION, *VELOCITY)), np.zeros(2 * n))
+            tau = limits.actuators.extreme(bang_signs(own))
             rate, slope, _ = self.shooting.flow.rate(
                 self.structure.states[k], tau, np.zeros(n), held, self.shooting.body
             )

@@ -7,10 +7,8 @@ import numpy as np
 
 from armdyn.arrays import Array, Index
 from armdyn.models.values.joint_limits import JointLimits
-from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode
+from armdyn.optimal.arcs.arc import POSITION, VELOCITY, Mode, bang_signs
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
-
-_KINDS = {Mode.UPPER: 1, Mode.LOWER: -1}
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +40,9 @@ class Torques:
             arc: index of each step's arc, shape (steps,).
             part: part of its arc that each step is, likewise.
         """
-        modes = structure.modes()
-        signs = np.array([[_KINDS.get(mode, 0) for mode in each] for each in modes])[arc]
+        modes = np.array(structure.modes())[arc]
+        signs, free, held = bang_signs(modes), modes == Mode.FREE, np.isin(modes, (*POSITION, *VELOCITY))
         bang = limits.actuators.extreme(signs)
-        free = np.array([[mode is Mode.FREE for mode in each] for each in modes])[arc]
-        held = np.array([[mode in POSITION or mode in VELOCITY for mode in each] for each in modes])[arc]
         carried, carrying = np.zeros(bang.shape), np.zeros(bang.shape)
         for k, carriers in enumerate(structure.carriers()):
             for joint, carrier in carriers.items():

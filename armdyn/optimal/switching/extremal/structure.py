@@ -82,12 +82,9 @@ class SwitchingStructure:
     @property
     def places(self) -> dict[int, slice]:
         """Columns of the singular controls in the unknowns, by the index of the change at their beginning."""
-        out: dict[int, slice] = {}
-        first = self.size + 1
-        for k, control in self.controls.items():
-            out[k] = slice(first, first + control.size)
-            first += control.size
-        return out
+        sizes = [control.size for control in self.controls.values()]
+        ends = self.size + 1 + np.cumsum([0, *sizes])
+        return {k: slice(a, b) for k, (a, b) in zip(self.controls, pairwise(ends.tolist()), strict=True)}
 
     def modes(self) -> list[tuple[Mode, ...]]:
         """Modes of all joints on each of the m + 1 arcs."""
@@ -129,14 +126,8 @@ class SwitchingStructure:
         for k, control in self.controls.items():
             changes[k] = replace(changes[k], control=control.with_values(control.values + by[places[k]]))
         order = np.argsort(times, kind="stable") if in_order else np.arange(m)
-        duration = self.duration + float(by[m])
-        return replace(
-            self,
-            changes=tuple(changes[k] for k in order),
-            times=times[order],
-            states=states[order],
-            duration=duration,
-        )
+        moved = tuple(changes[k] for k in order)
+        return type(self)(self.first, moved, times[order], states[order], self.duration + float(by[m]))
 
     def segments(self) -> Iterator[Segment]:
         """Every joint's segments between changes."""

@@ -8,9 +8,8 @@ import pytest
 import armdyn as ad
 from armdyn.optimal.arcs.arc import Arc, Mode
 from armdyn.optimal.problem.status import Budget, Stop
-from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest
-from armdyn.optimal.switching.extremal.landing import landed
-from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout, Model
+from armdyn.optimal.switching.extremal.descent import Extremal, NoExtremal, fastest, landed
+from armdyn.optimal.switching.extremal.quadratic_model import LinearizedRollout
 from armdyn.optimal.switching.extremal.structure import SwitchingStructure
 from armdyn.optimal.switching.refinement import shooting_problem
 from armdyn.optimal.task.options import MinimumTimeOptions
@@ -64,11 +63,10 @@ def test_the_model_is_that_of_neighbouring_motions():
     own = shooting(solution.problem, solution.trajectory)
     linear = landed(own, beside(solution.phases, 0.005), 16)
     assert isinstance(linear, LinearizedRollout)
-    model = Model.of(linear)
     m = linear.rollout.structure.size
     gradient_norm = linear.tangents[:, m]
     assert len(gradient_norm) >= 1
-    for by, down, hessian in zip(linear.tangents, gradient_norm, np.diag(model.quadratic.hessian), strict=True):
+    for by, down, hessian in zip(linear.tangents, gradient_norm, np.diag(linear.quadratic.hessian), strict=True):
         sizes = np.array([-2e-5, 2e-5])
         durations = []
         for size in sizes:
@@ -80,7 +78,7 @@ def test_the_model_is_that_of_neighbouring_motions():
         assert (durations[1] - durations[0]) / (2 * sizes[1]) == pytest.approx(down, rel=1e-3, abs=1e-5)
         # The second difference of durations that are known to 1e-12 s or so.
         second = (durations[1] - 2 * here + durations[0]) / sizes[1] ** 2
-        assert second == pytest.approx(hessian, rel=0.05, abs=0.05 * np.max(np.abs(model.quadratic.hessian)))
+        assert second == pytest.approx(hessian, rel=0.05, abs=0.05 * np.max(np.abs(linear.quadratic.hessian)))
 
 
 def test_a_schedule_with_too_few_changes_has_no_motion_near():
