@@ -16,13 +16,12 @@ over all intervals.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from armdyn.arrays import Array, Index
+from armdyn.arrays import Array, Flags, Index
 from armdyn.dynamics.numeric import forward_dynamics, joint_inertia
 from armdyn.models.values.joint_limits import JointLimits
 from armdyn.optimal.bound.linear_program import marginals_in_boxes
@@ -72,35 +71,36 @@ def mesh_costates(
 
 
 @dataclass(frozen=True, eq=False)
-class _Limit:
-    """A limit of a state, along a motion.
+class _Limits:
+    """Limits of the states that a motion nearly reaches.
 
     Attributes:
-        state: index of the state, from 0 to 2 nv.
-        side: 1 for the upper limit, -1 for the lower one.
-        size: size of the limit; for a position the joint's way.
-        margin: distance from the limit at the knots, as a part of its size, shape (K + 1,).
+        state: index of the state of each, from 0 to 2 nv, shape (J,).
+        unit: 1 over the limit's size, negative for lower limits, shape (J,). A position's size is the joint's way.
+        margin: distance from the limit at the knots, as a part of its size, shape (J, K + 1).
+        near: intervals along which the limit may be active, shape (J, K).
     """
 
-    state: int
-    side: float
-    size: float
+    state: Index
+    unit: Array
     margin: Array
+    near: Flags
 
     @classmethod
-    def all(cls, limits: JointLimits, motion: Shooting) -> "list[_Limit]":
-        """Finite limits of velocity, then of position."""
-        found, n = [], motion.tau.shape[1]
-        for i, x in enumerate(motion.x.T):
-            for side in (1.0, -1.0):
-                bounds = (
-                    (limits.position_upper, limits.position_lower) if i < n else (limits.velocity, -limits.velocity)
-                )
-                bound = float(bounds[int(side < 0)][i % n])
-                size = abs(bound) if i >= n else float(motion.size[i])
-                if np.isfinite(bound):
-                    found.append(cls(i, side, size, np.maximum(side * (bound - x), 0.0) / size))
-        return found
+    def of(cls, limits: JointLimits, motion: Shooting, nearest: float) -> "_Limits":
+        """Limits whose margin is at most `nearest` somewhere."""
+        n = motion.tau.shape[1]
+        upper = np.concatenate([limits.position_upper, limits.velocity])
+        lower = np.concatenate([limits.position_lower, -limits.velocity])
+        sizes = np.concatenate([motion.size[:n], limits.velocity])
+        bound = np.stack([upper, lower], axis=1).ravel()
+        state = np.repeat(np.arange(2 * n), 2)[np.isfinite(bound)]
+        side = np.tile([1.0, -1.0], 2 * n)[np.isfinite(bound)]
+        size = sizes[state]
+        margin = np.maximum(side[:, None] * (bound[np.isfinite(bound), None] - motion.x.T[state]), 0.0) / size[:, None]
+        kept = np.min(margin, axis=1) <= nearest
+        near = margin[kept] <= nearest
+        return cls(state[kept], (side / size)[kept], margin[kept], near[:, :-1] & near[:, 1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class _StationarityProgram:
     rate: Array
     into: Array
     share: Array
-    limits: list[_Limit]
+    limits: _Limits
     width: Array
     numbers: ShootingPolicy
 
@@ -175,7 +175,7 @@ class _StationarityProgram:
             rate=np.array(rates),
             into=inverse * actuators.width[:, None] / size[n:],
             share=(motion.tau - actuators.lower) / width,
-            limits=[one for one in _Limit.all(problem.limits, motion) if np.min(one.margin) <= numbers.held],
+            limits=_Limits.of(problem.limits, motion, numbers.held),
             width=width,
             numbers=numbers,
         )
@@ -215,31 +215,18 @@ class _StationarityProgram:
             if length >= self.numbers.least_spacing or k == K - 1:
                 ends.append(k + 1)
                 length = 0.0
-        flows, places, sources, distances = [], [], [], []
-        held = [self._held(one) for one in self.limits]
-        for g, (first, last) in enumerate(pairwise(ends)):
-            flow = np.eye(2 * n)
-            near = [j for j, one in enumerate(held) if np.any(one[first:last])]
-            added = np.zeros((len(near), 2 * n))
-            for k in range(last - 1, first - 1, -1):
-                flow = self.carried[k] @ flow
-                added = added @ self.carried[k].T
-                for row, j in enumerate(near):
-                    if held[j][k]:
-                        one = self.limits[j]
-                        added[row] += one.side / one.size * self.added[k, :, one.state]
-            flows.append(flow)
-            for row, j in enumerate(near):
-                margin = self.limits[j].margin
-                places.append((g, j))
-                sources.append(added[row])
-                distances.append(
-                    (h[first:last] * held[j][first:last]) @ (margin[first:last] + margin[first + 1 : last + 1]) / 2
-                )
-        return _Segments(
-            np.array(ends), np.array(flows), np.array(places, int).reshape(-1, 2).T,
-            np.array(sources).reshape(-1, 2 * n), np.array(distances),
-        )  # fmt: skip
+        first, last, limits = np.array(ends[:-1]), np.array(ends[1:]), self.limits
+        stretch, limit = np.nonzero(np.logical_or.reduceat(limits.near, first, axis=1).T)
+        flow, source = np.tile(np.eye(2 * n), (first.size, 1, 1)), np.zeros((stretch.size, 2 * n))
+        for back in range(1, int(np.max(last - first)) + 1):  # an interval of every stretch, from its end
+            own, of = np.flatnonzero(last - first >= back), np.flatnonzero((last - first)[stretch] >= back)
+            at, j = last[stretch[of]] - back, limit[of]
+            flow[own] = self.carried[last[own] - back] @ flow[own]
+            acting = np.where(limits.near[j, at], limits.unit[j], 0.0)[:, None] * self.added[at, :, limits.state[j]]
+            source[of] = np.einsum("eij,ej->ei", self.carried[at], source[of]) + acting
+        middle = (limits.margin[:, :-1] + limits.margin[:, 1:]) / 2
+        distance = np.add.reduceat(h * limits.near * middle, first, axis=1)[limit, stretch]
+        return _Segments(np.array(ends), flow, np.stack([stretch, limit]), source, distance)
 
     def _changes(self, segments: _Segments) -> tuple[sp.csr_matrix, Array, Array]:
         """Rows of H and S, with the costs and bounds of the changes of pace and torques.
@@ -281,16 +268,13 @@ class _StationarityProgram:
     def _measured(self, segments: _Segments, at_ends: Array, multipliers: Array) -> MeshCostates:
         """Costates at all knots from those at the stretches' ends, and the violation at each interval's worse end."""
         (K, n), motion = self.share.shape, self.motion
-        scaled, held = np.empty((K + 1, 2 * n)), np.zeros((K, 2 * n))
+        scaled = np.empty((K + 1, 2 * n))
         of_interval = np.searchsorted(segments.ends, np.arange(K), side="right") - 1
-        size = np.zeros((len(segments.carried), len(self.limits)))
+        size = np.zeros((len(segments.carried), len(self.limits.state)))
         size[tuple(segments.source_of)] = multipliers
-        added = np.zeros((K, 2 * n))
-        for j, one in enumerate(self.limits):
-            near = np.flatnonzero(self._held(one) & (size[of_interval, j] > 0))
-            acting = size[of_interval[near], j, None] * one.side / one.size
-            added[near] += acting * self.added[near, :, one.state]
-            held[near, one.state] += acting[:, 0]
+        acting = np.where(self.limits.near.T, size[of_interval] * self.limits.unit, 0.0)
+        held = acting @ (self.limits.state[:, None] == np.arange(2 * n))
+        added = np.einsum("kij,kj->ki", self.added, held)
         scaled[segments.ends] = at_ends
         for m in np.setdiff1d(np.arange(K), segments.ends)[::-1]:
             scaled[m] = self.carried[m] @ scaled[m + 1] + added[m]
@@ -307,11 +291,6 @@ class _StationarityProgram:
             missed=missed,
             saving=float(np.sum(missed) + multipliers @ segments.distance),
         )
-
-    def _held(self, limit: _Limit) -> Array:
-        """Intervals along which a limit may be active, shape (K,)."""
-        near = limit.margin <= self.numbers.held
-        return np.asarray(near[:-1] & near[1:])
 
 
 def _adjoint(segments: _Segments) -> sp.csr_matrix:
