@@ -23,6 +23,7 @@ def problem(kind):
         "ball": {"obstacles": [BALL]},
         "jerk": {"jerk_limit": 1e5},
         "effort": {"effort_weight": 1.0},
+        "free": {"position_limit": (-np.inf, np.inf)},
         "via": {"via": [np.zeros(len(arm))]},
     }
     return paper_problem(arm, **extra[more])
@@ -82,7 +83,8 @@ def test_optima_are_changed_where_there_are_hundreds(kind, changed):
 
 
 @pytest.mark.parametrize(
-    ("kind", "far"), [("r", 0), ("rr", 4), ("rrr", 8), ("rr ball", 0), ("rr effort", 0), ("ur5", 0)]
+    ("kind", "far"),
+    [("r", 0), ("rr", 4), ("rrr", 4), ("rrr free", 8), ("rr ball", 0), ("rr effort", 0), ("ur5", 0)],
 )
 def test_where_there_are_many_optima_guesses_are_far_and_hasty_and_all_are_solved(kind, far):
     numbers = Policy.of(problem(kind)).search

@@ -163,7 +163,7 @@ class Policy:
                 meshes=(15, 25) if motors else (25, 35),
                 neighbour_starts=_by_joints(joints, *((1, 4, 6, 1) if problem.pays_effort else (1, 8, 12, 1))),
                 spread=0.0 if many else 1.5 if joints == 3 else 1.0,
-                uniform_spread=8.0 if many else 4.0 if some else 0.0,
+                uniform_spread=8.0 if many and not _within_two_turns(problem) else 4.0 if many or some else 0.0,
                 guess_duration=0.4 if many else 0.6 if some else 1.0,
                 mutated=0.4 if many else 0.0,
                 side_by_side=joints > 2 or (joints > 1 and (has_constraints or problem.pays_effort)),
@@ -237,6 +237,11 @@ def _shortest(problem: MinimumTimeProblem, speed_limited: bool) -> float:
 def _has_rows(problem: MinimumTimeProblem) -> bool:
     """Whether the program has rows besides the equations of motion."""
     return bool(set(problem.path_constraint_names) - {"via points"})
+
+
+def _within_two_turns(problem: MinimumTimeProblem) -> bool:
+    """Whether no joint can turn more than twice, from limit to limit."""
+    return bool(np.all(problem.limits.position_upper - problem.limits.position_lower <= 4 * np.pi))
 
 
 def _by_joints(joints: int, *numbers: int) -> int:
