@@ -20,7 +20,7 @@ from armdyn.reprs import joint_unit
 
 Facts = dict[str, object]
 
-_PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "trimesh", "meshcat", "matplotlib")
+_PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "yourdfpy", "meshcat", "matplotlib")
 _AGREE = 1e-10
 """Relative difference of two computations of an acceleration, some hundred operations of 1e-16 apart."""
 

@@ -17,6 +17,7 @@ HEAVY = (
     "pinocchio",
     "matplotlib",
     "meshcat",
+    "yourdfpy",
     "trimesh",
     "lxml",
     "platformdirs",

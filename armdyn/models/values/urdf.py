@@ -1,19 +1,19 @@
-"""From an `ArmSpec` to a URDF."""
+"""From an `ArmSpec` to a URDF, written by yourdfpy."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+import pinocchio as pin
 
 from armdyn.arguments import expect
 from armdyn.errors import SpecError
 from armdyn.models.values.spec import ArmSpec, LinkSpec, Payload
 
 if TYPE_CHECKING:
-    from lxml.etree import _Element
+    import yourdfpy as yp
 
 TIP = "tip"
 POINT_INERTIA = 1e-12
@@ -21,8 +21,6 @@ POINT_INERTIA = 1e-12
 
 _ROD_RADIUS = 0.012
 _JOINT_RADIUS = 0.019
-_NONE = (0.0, 0.0, 0.0)
-"""No translation [m], or no rotation [rad]."""
 _DENSITY = 2700.0  # [kg/m³], aluminium: how large a payload looks
 _COLORS = {
     "base": (0.20, 0.22, 0.25, 1.0),
@@ -38,6 +36,11 @@ def urdf_file_name(spec: ArmSpec, payload: Payload | None = None) -> str:
     """Name of a generated file: rr.urdf, rr_100.6g.urdf."""
     load = f"_{1000 * payload.mass:g}g" if payload is not None and payload.mass > 0 else ""
     return f"{spec.name}{load}.urdf"
+
+
+def _pose(x: float = 0.0, z: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    pose = pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, 0.0), np.array([x, 0.0, z]))
+    return np.asarray(np.round(pose.homogeneous, 12) + 0.0)  # no 6e-17 and no -0.0 in the file
 
 
 def positive_tensor(payload: Payload) -> np.ndarray:
@@ -63,102 +66,91 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
     expect(spec, ArmSpec, "spec", 'such as ArmSpec.paper("rr")', error=SpecError)
     if payload is not None:
         expect(payload, Payload, "payload", "Payload(mass=…)", error=SpecError)
+    import yourdfpy as yp  # slow to import (trimesh), and only for writing a URDF
     from lxml import etree
 
-    robot = etree.Element("robot", name=spec.name)
-    _add_base(robot)
-    for i, link in enumerate(spec.links, start=1):
-        _add_link(robot, link, f"link{i}")
-    links = [f"link{i}" for i in range(1, len(spec.links) + 1)]
-    _add(robot, "link", name=TIP)
-    load = payload if payload is not None and payload.mass > 0 else None
-    if load and (load.frame or TIP) not in (*links, TIP):
-        there = ", ".join((*links, TIP))
-        raise SpecError(f"no moving link {load.frame!r} in ArmSpec {spec.name!r} for the payload: {there}")
-    if load:
-        _add_load(robot, load)
+    robot = yp.Robot(name=spec.name)
+    robot.links, robot.joints = [_base()], []
     parent, reach = "base", 0.0
     for i, link in enumerate(spec.links, start=1):
-        joint = _add_joint(robot, f"joint{i}", "revolute", (parent, f"link{i}"), np.round([reach, 0.0, 0.0], 12))
-        _add(joint, "axis", xyz=(0.0, -1.0, 0.0))  # positive turns up
-        bound = spec.position_limit
-        _add(joint, "limit", effort=spec.effort_limit, velocity=spec.velocity_limit, lower=-bound, upper=bound)
+        robot.links.append(_body(link, f"link{i}"))
+        limit = yp.Limit(
+            effort=spec.effort_limit,
+            velocity=spec.velocity_limit,
+            lower=-spec.position_limit,
+            upper=spec.position_limit,
+        )
+        turns = {"axis": np.array([0.0, -1.0, 0.0]), "limit": limit}  # positive turns up
+        robot.joints.append(_joint(f"joint{i}", "revolute", parent, f"link{i}", _pose(x=reach), **turns))
         parent, reach = f"link{i}", link.length
-    _add_joint(robot, f"{TIP}_joint", "fixed", (parent, TIP), np.round([reach, 0.0, 0.0], 12))
-    if load:
-        _add_joint(robot, "payload_joint", "fixed", (load.frame or TIP, "payload"), load.com)
-    return str(etree.tostring(robot, pretty_print=True, encoding="unicode"))
+    robot.links.append(yp.Link(name=TIP))
+    robot.joints.append(_joint(f"{TIP}_joint", "fixed", parent, TIP, _pose(x=reach)))
+    if payload is not None and payload.mass > 0:
+        links = [link.name for link in robot.links[1:]]
+        if (frame := payload.frame or TIP) not in links:
+            raise SpecError(f"no moving link {frame!r} in ArmSpec {spec.name!r} for the payload: {', '.join(links)}")
+        place = np.eye(4)
+        place[:3, 3] = payload.com
+        robot.links.append(_load(payload))
+        robot.joints.append(_joint("payload_joint", "fixed", frame, "payload", place))
+    tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
+    text = etree.tostring(tree, pretty_print=True, encoding="unicode")
+    return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)
 
 
-def _text(value: ArrayLike) -> str:
-    """An attribute's text: numbers in full, without negative zeros."""
-    if isinstance(value, str):
-        return value
-    return " ".join(str(float(number) + 0.0) for number in np.ravel(value))
+def _visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Visual:
+    import yourdfpy as yp
+
+    own = color if color in _COLORS else "link1"
+    material = yp.Material(name=color, color=yp.Color(rgba=np.array(_COLORS[own])))
+    return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material)
 
 
-def _add(parent: _Element, tag: str, **attributes: ArrayLike) -> _Element:
-    """Add an element with attributes."""
-    from lxml import etree
+def _joint(name: str, kind: str, parent: str, child: str, origin: np.ndarray, **more: object) -> yp.Joint:
+    import yourdfpy as yp
 
-    return etree.SubElement(parent, tag, {name: _text(value) for name, value in attributes.items()})
-
-
-def _add_visual(
-    link: _Element,
-    names: tuple[str, str],
-    shape: tuple[str, Mapping[str, ArrayLike]],
-    xyz: tuple[float, float, float] = _NONE,
-    rpy: tuple[float, float, float] = _NONE,
-) -> None:
-    """Add a visual; names: its own and its colour's."""
-    name, color = names
-    visual = _add(link, "visual", name=name)
-    _add(_add(visual, "geometry"), shape[0], **shape[1])
-    _add(visual, "origin", xyz=np.round(xyz, 12), rpy=rpy)
-    _add(_add(visual, "material", name=color), "color", rgba=_COLORS[color if color in _COLORS else "link1"])
+    return yp.Joint(name=name, type=kind, parent=parent, child=child, origin=origin, **more)
 
 
-def _add_inertial(link: _Element, mass: float, inertia: np.ndarray, com: float = 0.0) -> None:
-    inertial = _add(link, "inertial")
-    _add(inertial, "origin", xyz=np.round([com, 0.0, 0.0], 12), rpy=_NONE)
-    _add(inertial, "mass", value=mass)
-    (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia
-    _add(inertial, "inertia", ixx=xx, ixy=xy, ixz=xz, iyy=yy, iyz=yz, izz=zz)
-
-
-def _add_joint(robot: _Element, name: str, kind: str, links: tuple[str, str], xyz: ArrayLike) -> _Element:
-    """Add a joint; links: parent and child."""
-    joint = _add(robot, "joint", name=name, type=kind)
-    _add(joint, "parent", link=links[0])
-    _add(joint, "child", link=links[1])
-    _add(joint, "origin", xyz=xyz, rpy=_NONE)
-    return joint
-
-
-def _add_base(robot: _Element) -> None:
+def _base() -> yp.Link:
     """The fixed link."""
-    base = _add(robot, "link", name="base")
-    _add_visual(base, ("foot", "base"), ("cylinder", {"radius": 0.045, "length": 0.03}), (0.0, 0.0, -0.035))
-    _add_visual(base, ("post", "base"), ("box", {"size": (0.03, 0.05, 0.04)}), (0.0, 0.0, -0.01))
+    import yourdfpy as yp
+
+    base = yp.Link(name="base")
+    base.visuals = [
+        _visual("foot", _pose(z=-0.035), "base", cylinder=yp.Cylinder(radius=0.045, length=0.03)),
+        _visual("post", _pose(z=-0.01), "base", box=yp.Box(size=np.array([0.03, 0.05, 0.04]))),
+    ]
+    return base
 
 
-def _add_link(robot: _Element, link: LinkSpec, name: str) -> None:
+def _body(link: LinkSpec, name: str) -> yp.Link:
     """A rod and its joint's hub."""
-    body = _add(robot, "link", name=name)
+    import yourdfpy as yp
+
     # A rod about its own axis; across it the given inertia, in both directions.
     axial = min(0.5 * link.mass * _ROD_RADIUS**2, link.inertia)
-    _add_inertial(body, link.mass, np.diag([axial, link.inertia, link.inertia]), link.com)
-    rod = {"radius": _ROD_RADIUS, "length": link.length}
-    _add_visual(body, ("rod", name), ("cylinder", rod), (link.length / 2, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
-    hub = {"radius": _JOINT_RADIUS, "length": 0.042}
-    _add_visual(body, ("hub", "joint"), ("cylinder", hub), rpy=(np.pi / 2, 0.0, 0.0))
+    inertia = np.diag([axial, link.inertia, link.inertia])
+    body = yp.Link(name=name, inertial=yp.Inertial(origin=_pose(x=link.com), mass=link.mass, inertia=inertia))
+    rod = yp.Cylinder(radius=_ROD_RADIUS, length=link.length)
+    hub = yp.Cylinder(radius=_JOINT_RADIUS, length=0.042)
+    body.visuals = [
+        _visual("rod", _pose(x=link.length / 2, pitch=np.pi / 2), name, cylinder=rod),
+        _visual("hub", _pose(roll=np.pi / 2), "joint", cylinder=hub),
+    ]
+    return body
 
 
-def _add_load(robot: _Element, payload: Payload) -> None:
+def _load(payload: Payload) -> yp.Link:
     """The payload as a ball of its mass, unless it has shapes."""
-    load = _add(robot, "link", name="payload")
-    _add_inertial(load, payload.mass, positive_tensor(payload))
-    if not payload.shapes:
-        radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
-        _add_visual(load, ("ball", "payload"), ("sphere", {"radius": round(max(radius, 0.016), 4)}))
+    import yourdfpy as yp
+
+    own = yp.Inertial(origin=np.eye(4), mass=payload.mass, inertia=positive_tensor(payload))
+    load = yp.Link(name="payload", inertial=own)
+    radius = float(np.cbrt(payload.mass / _DENSITY * 3 / (4 * np.pi)))
+    load.visuals = (
+        []
+        if payload.shapes
+        else [_visual("ball", np.eye(4), "payload", sphere=yp.Sphere(radius=round(max(radius, 0.016), 4)))]
+    )
+    return load
