@@ -38,12 +38,12 @@ def test_time_and_energy_as_each_for_itself():
 
 @pytest.mark.slow
 def test_a_neighbour_leads_where_a_search_of_its_own_does_not():
-    """RRR with 121.9 g: six guesses miss the optimum that the neighbour of 100.6 g leads to by half a percent."""
-    few = ad.MinimumTimeOptions(starts=6)
+    """RRR with 121.9 g: five guesses miss the optimum that the neighbour of 100.6 g leads to by 7 percent."""
+    few = ad.MinimumTimeOptions(starts=5)
     problems = [paper_problem("rrr", mass) for mass in (0.1006, 0.1219)]
     solutions = continuation(problems, few)
     assert all(solution.success for solution in solutions)
-    assert solutions[1].duration < 0.995 * ad.solve_minimum_time(problems[1], few).duration
+    assert solutions[1].duration < 0.95 * ad.solve_minimum_time(problems[1], few).duration
     # The slope that the first one's multipliers give is that of the branch: the rest is curvature.
     assert solutions[0].sensitivities().payload_mass * 0.0213 == pytest.approx(
         solutions[1].duration - solutions[0].duration, rel=0.05

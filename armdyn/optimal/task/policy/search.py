@@ -120,7 +120,7 @@ class SearchPolicy:
         "turn and a quarter, a hundred guesses miss one best optimum in three where within 1.5 times the way it is one "
         "in two; within 4 rad where no joint can turn more than twice, as further poses are at its limits; heavy arms, "
         "whose search is repeated, move less",
-        "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383), paper's (seeds 1, 33)",
+        "RRR, random: the twelve hardest of a hundred pairs; random arms (seeds 341, 383), pairs of seeds 1 and 33",
     )
     guess_duration: float = by_kind(
         "-",
