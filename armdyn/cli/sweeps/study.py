@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 ROWS = "study.sqlite"
 FIGURES = ("curve", "map", "pareto")
-_ANSWERS = {"usable", "settled", "limits_exceeded", "not_settled", "diverged", "failed", "done"}
+_ANSWERS = {"usable", "settled", "not_settled", "diverged", "failed", "done"}
 """Statuses of completed cases: an arm that does not settle is a result."""
 _MOST_DRAWN = 100_000
 """Rows of a figure, at most."""

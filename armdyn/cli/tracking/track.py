@@ -75,8 +75,9 @@ def track(
 
     The fastest motion leaves feedback no torque; --reserve 0.1 keeps some for it. The controller's model carries
     --payload; the simulated arm may carry --plant-payload and have friction. Where the payload changes along
-    --reference, both have the loads of its pieces. Exit code 0: it settled at the goal within its position and
-    velocity limits; 3: it did not, and the output says why, also where the loop is unstable for its sampling.
+    --reference, both have the loads of its pieces. Exit code 0: it settled at the goal, and the output names
+    limits that it exceeded on the way; 3: it did not, and the output says why, also where the loop is unstable for its
+    sampling.
 
     [dim]armdyn track rrr --payload 0.1006 --reserve 0.1 --plant-payload 0.12
     armdyn track rr --ramp 0.4 --controller pid --gains 30,50,1
@@ -104,7 +105,7 @@ def track(
         written = results.write(folder, real, motions, summary, title, progress=progress)
     words = friction_words(real) | _words(run, motion) | written.words
     shown = facts_table(f"{arm.name}: tracking with {controller.controller}", words)
-    return judged(summary, shown, usable=run.status == "settled", files=written.files)
+    return judged(summary, shown, usable=run.settled, files=written.files)
 
 
 def no_motion(found: ad.Solution) -> Answer:
@@ -114,10 +115,9 @@ def no_motion(found: ad.Solution) -> Answer:
 
 
 def _outcome(run: ad.Run) -> str:
-    status = str(run.status).replace("_", " ")
     if run.settled_time is None:
-        return status
-    return f"settled at {run.settled_time:.4f} s" + ("" if run.status == "settled" else f", {status}")
+        return str(run.status).replace("_", " ")
+    return f"settled at {run.settled_time:.4f} s" + (", beyond its limits" if run.limits_exceeded else "")
 
 
 def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:

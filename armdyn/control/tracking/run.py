@@ -22,7 +22,7 @@ from armdyn.reprs import brief, called, joint_unit
 from armdyn.trajectory import Trajectory
 from armdyn.trajectory.value import Hold as TorqueHold
 
-Status = Literal["settled", "limits_exceeded", "not_settled", "diverged", "failed"]
+Status = Literal["settled", "not_settled", "diverged", "failed"]
 """See `Run.status`."""
 
 _LOST = 20.0
@@ -43,17 +43,16 @@ class Run:
     Attributes:
         trajectory: of the arm, one sample per tick; a sampled loop's torque is held from its sample to the next.
         status: "settled": all joints came within the tolerance of the goal and stayed until the end of the run, 0.1 s
-            or longer; "limits_exceeded": of `track`, settled, but a joint was more than 1 % faster than its limit, or
-            farther beyond a position limit than the tolerance; "not_settled": the run is whole but they did not;
-            "diverged": stopped 100 rad from the goal or at 1000 rad/s; "failed": no step of the integrator was
-            short enough.
+            or longer; "not_settled": the run is whole but they did not; "diverged": stopped 100 rad from the goal or at
+            1000 rad/s; "failed": no step of the integrator was short enough.
         message: the status in a sentence, with its numbers and the joint.
         settled_time: from when on all joints stay within the tolerance of the goal [s]; None if they do not.
         error_at_end: largest distance of a joint from the goal when the reference ends [rad or m]; inf where the run
             broke off before.
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
-        limits_exceeded: velocity and position limits that were exceeded, in words, with the time of the largest excess.
+        limits_exceeded: velocity limits that were exceeded by more than 1 %, and position limits by more than the
+            tolerance, in words, with the time of the largest excess; a settled arm may have exceeded some on the way.
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
@@ -102,14 +101,13 @@ class Run:
     @property
     def settled(self) -> bool:
         """All joints came within the tolerance of the goal and stayed."""
-        return self.status in ("settled", "limits_exceeded")
+        return self.status == "settled"
 
     def with_limits(self) -> Self:
-        """The run with the limits that it exceeded in status and message."""
+        """The run with the limits that it exceeded in the message."""
         if not self.limits_exceeded:
             return self
-        status: Status = "limits_exceeded" if self.settled else self.status
-        return replace(self, status=status, message=f"{self.message}; but {'; '.join(self.limits_exceeded)}")
+        return replace(self, message=f"{self.message}; but {'; '.join(self.limits_exceeded)}")
 
     def with_stability(self, stability: SampledStability) -> Self:
         """The run with the stability at its goal, in the message too if the loop is unstable."""
@@ -130,10 +128,10 @@ class Run:
         }
 
     def summary(self) -> dict[str, object]:
-        """Summary of the run for JSON: success means that it settled within its limits; units as above."""
+        """Summary of the run for JSON: success means that it settled; units as above."""
         errors = ("error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time", "overshoot")
         own = attributes(self, "message", "settled_time", *errors)
-        facts = {"success": self.status == "settled", "status": str(self.status), **own}
+        facts = {"success": self.settled, "status": str(self.status), **own}
         facts["limits_exceeded"] = list(self.limits_exceeded)
         return facts if self.stability is None else facts | {"stability": as_json(vars(self.stability))}
 

@@ -43,7 +43,7 @@ class TrackTask(ClosedLoopTask):
             "error_at_end": run.error_at_end, "peak_error": run.peak_error, "saturated": run.saturated,
             "overshoot": float(np.max(run.overshoot)),
         }  # fmt: skip
-        return CaseResult(status=str(run.status), good=run.status == "settled", message=run.message, facts=facts)
+        return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
 
 @dataclass(frozen=True, kw_only=True)
