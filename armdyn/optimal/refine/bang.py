@@ -8,10 +8,10 @@ import numpy as np
 from armdyn.optimal.landing.rollout import replay_of
 from armdyn.optimal.problem.status import Budget, Violation
 from armdyn.optimal.program.unknowns import doubled
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, certify
+from armdyn.optimal.proof.certificate import certify
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions
 from armdyn.optimal.refine.optimum import Optimum
-from armdyn.optimal.refine.resolve import rank, resolve
+from armdyn.optimal.refine.resolve import is_resolved, rank, resolve
 from armdyn.optimal.search.candidates import SearchResult, find
 from armdyn.optimal.solve.condensed import solve_quickly
 from armdyn.optimal.solve.direct import Attempt
@@ -150,11 +150,12 @@ def _enough(task: Task, step: _Reached) -> bool:
     if step.best is None or step.resolved.spent:
         return step.best is not None
     certificate, numbers = step.best.certificate, task.policy.refinement
-    extremal = certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
     landed = step.best.landed(task.options.replay_tolerance)
     if landed and step.left <= numbers.coarse_budget:  # hopeless
         return True
-    return certificate.ok or (landed and not task.options.arcs) or (numbers.extremal_is_enough and extremal)
+    if numbers.extremal_is_enough and is_resolved(step.best):
+        return True
+    return certificate.ok or (landed and not task.options.arcs)
 
 
 def _optimum(task: Task, step: _Reached) -> Optimum:

@@ -10,7 +10,7 @@ from armdyn.optimal.arcs.arc import Arc
 from armdyn.optimal.arcs.detection import detect
 from armdyn.optimal.landing.shooting import replay_on_goal
 from armdyn.optimal.problem.status import Budget
-from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, SWITCHING_TOLERANCE
+from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
 from armdyn.optimal.refine.land import land_extremal
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
@@ -73,6 +73,7 @@ def _optima(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     yield extremals
     # Else a finer mesh may still show a structure.
     last = budget.left <= numbers.coarse_budget or 2 * attempt.intervals > task.options.max_intervals
+    last |= numbers.extremal_is_enough and any(map(is_resolved, extremals))
     if fast:
         resolved.spend(begun - budget.left)
     motion = mesh_optimum(task, found.mesh, found.why, resolved) if fast or last or found.idle else None
@@ -111,6 +112,12 @@ def _at_speed(task: Task, motion: Trajectory) -> bool:
     """Whether a motion reaches a velocity limit, which the switching structures do not model."""
     near = (1 - task.policy.arcs.near_speed) * task.problem.limits.velocity
     return bool(np.any(np.abs(motion.v) >= near))
+
+
+def is_resolved(optimum: Optimum) -> bool:
+    """Whether a motion ends on the goal with H = 0 all along: finer meshes have the same arcs, whatever their signs."""
+    certificate = optimum.certificate
+    return certificate.goal_error <= GOAL_TOLERANCE and certificate.hamiltonian_spread <= HAMILTONIAN_TOLERANCE
 
 
 def rank(task: Task, optimum: Optimum) -> tuple[bool, float]:
