@@ -82,6 +82,7 @@ def test_within_an_import(module, arguments):
     ends_in_a_line(python(AT_IMPORT.format(module=module, arguments=arguments)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["armdyn.show.plots", "armdyn.show.page.motions"])
 def test_a_motion_that_is_saved_is_said_to_be_where_drawings_are_not_made(module, tmp_path):
     command = ["pid", "r", "--duration", "5", "--out", str(tmp_path / 'a "b"')]

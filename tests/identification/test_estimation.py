@@ -114,6 +114,7 @@ def test_torques_that_have_nothing_to_do_with_the_motion_are_said_to(what):
     assert re.search(r"errors are [\d.]+ % of the torques after .* do not use this result", found.judged.unfit)
 
 
+@pytest.mark.slow
 def test_confidence_covers_the_truth():
     prior, hits = robot_named("rrr"), []
     for seed in range(25):
