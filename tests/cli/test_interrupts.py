@@ -75,7 +75,7 @@ def ends_in_a_line(done):
         ("pinocchio", ["doctor", "rr"]),
         ("casadi", ["doctor", "rr"]),
         ("armdyn.optimal", ["mintime", "rr"]),
-        ("lxml", ["urdf", "rr"]),
+        ("yourdfpy", ["urdf", "rr"]),
     ],
 )
 def test_within_an_import(module, arguments):

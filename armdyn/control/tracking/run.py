@@ -51,8 +51,8 @@ class Run:
             broke off before.
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
-        limits_exceeded: velocity limits that were exceeded by more than 1 %, and position limits by more than the
-            tolerance, in words, with the time of the largest excess; a settled arm may have exceeded some on the way.
+        limits_exceeded: of `track`, velocity limits that were exceeded by more than 1 %, and position limits by more
+            than the tolerance, in words, with the time of the largest excess; a settled arm may have exceeded some.
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
@@ -103,11 +103,26 @@ class Run:
         """All joints came within the tolerance of the goal and stayed."""
         return self.status == "settled"
 
-    def with_limits(self) -> Self:
-        """The run with the limits that it exceeded in the message."""
-        if not self.limits_exceeded:
+    def with_limits(self, robot: Robot, tolerance: float) -> Self:
+        """The run with the velocity and position limits that the robot exceeded, in the message too.
+
+        Args:
+            robot: the arm that moved.
+            tolerance: distance from a position limit that counts [rad or m].
+        """
+        limits, motion, found = robot.limits, self.trajectory, []
+        speeds = np.abs(motion.v) / limits.velocity
+        beyond = np.maximum(limits.position_lower - motion.q, motion.q - limits.position_upper)
+        for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
+            fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
+            if (part := speeds[fast, i]) > 1 + _FASTER:
+                found.append(f"{name} reaches {100 * part:.4g} % of its velocity limit at t = {motion.t[fast]:.4g} s")
+            if (way := beyond[far, i]) > tolerance:
+                where = f"{way:.4g} {'m' if slides else 'rad'} beyond its position limit"
+                found.append(f"{name} is {where} at t = {motion.t[far]:.4g} s")
+        if not found:
             return self
-        return replace(self, message=f"{self.message}; but {'; '.join(self.limits_exceeded)}")
+        return replace(self, limits_exceeded=tuple(found), message=f"{self.message}; but {'; '.join(found)}")
 
     def with_stability(self, stability: SampledStability) -> Self:
         """The run with the stability at its goal, in the message too if the loop is unstable."""
@@ -170,23 +185,7 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         overshoot=np.maximum(overshoot(driven.q, ticks.goal) - overshoot(ticks.q, ticks.goal), 0.0),
         arrival_time=settled,
         unit=joint_unit(robot.slides),
-        limits_exceeded=_limits_exceeded(robot, driven, t, tolerance),
     )
-
-
-def _limits_exceeded(robot: Robot, driven: Driven, t: Array, tolerance: float) -> tuple[str, ...]:
-    """Velocity and position limits that the motion exceeded, in words."""
-    limits, found = robot.limits, []
-    speeds = np.abs(driven.v) / limits.velocity
-    beyond = np.maximum(limits.position_lower - driven.q, driven.q - limits.position_upper)
-    for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
-        fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
-        if speeds[fast, i] > 1 + _FASTER:
-            found.append(f"{name} reaches {100 * speeds[fast, i]:.4g} % of its velocity limit at t = {t[fast]:.4g} s")
-        if beyond[far, i] > tolerance:
-            where = f"{beyond[far, i]:.4g} {'m' if slides else 'rad'} beyond its position limit"
-            found.append(f"{name} is {where} at t = {t[far]:.4g} s")
-    return tuple(found)
 
 
 def settled_time(t: Array, error: Array, tolerance: float) -> float | None:

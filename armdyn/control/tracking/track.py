@@ -287,7 +287,7 @@ def track(
     """
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plants = _plants(setup.robots, reference, robot, plant)
-    run = setup.run(plants, name=f"tracked by {_called(controller)}").with_limits()
+    run = setup.run(plants, name=f"tracked by {_called(controller)}").with_limits(plants[-1], setup.tolerance)
     if run.settled:
         return run
     return run.with_stability(sampled_stability(setup.robot, setup.ticks.goal, controller, loop, plants[-1]))
