@@ -103,27 +103,6 @@ class Run:
         """All joints came within the tolerance of the goal and stayed."""
         return self.status == "settled"
 
-    def with_limits(self, robot: Robot, tolerance: float) -> Self:
-        """The run with the velocity and position limits that the robot exceeded, in the message too.
-
-        Args:
-            robot: the arm that moved.
-            tolerance: distance from a position limit that counts [rad or m].
-        """
-        limits, motion, found = robot.limits, self.trajectory, []
-        speeds = np.abs(motion.v) / limits.velocity
-        beyond = np.maximum(limits.position_lower - motion.q, motion.q - limits.position_upper)
-        for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
-            fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
-            if (part := speeds[fast, i]) > 1 + _FASTER:
-                found.append(f"{name} reaches {100 * part:.4g} % of its velocity limit at t = {motion.t[fast]:.4g} s")
-            if (way := beyond[far, i]) > tolerance:
-                where = f"{way:.4g} {'m' if slides else 'rad'} beyond its position limit"
-                found.append(f"{name} is {where} at t = {motion.t[far]:.4g} s")
-        if not found:
-            return self
-        return replace(self, limits_exceeded=tuple(found), message=f"{self.message}; but {'; '.join(found)}")
-
     def with_stability(self, stability: SampledStability) -> Self:
         """The run with the stability at its goal, in the message too if the loop is unstable."""
         if stability.stable:
@@ -186,6 +165,29 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         arrival_time=settled,
         unit=joint_unit(robot.slides),
     )
+
+
+def with_limits(run: Run, robot: Robot, tolerance: float) -> Run:
+    """The run with the velocity and position limits that the robot exceeded, in the message too.
+
+    Args:
+        run: of the arm.
+        robot: the arm that moved.
+        tolerance: distance from a position limit that counts [rad or m].
+    """
+    limits, motion, found = robot.limits, run.trajectory, []
+    speeds = np.abs(motion.v) / limits.velocity
+    beyond = np.maximum(limits.position_lower - motion.q, motion.q - limits.position_upper)
+    for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
+        fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
+        if (part := speeds[fast, i]) > 1 + _FASTER:
+            found.append(f"{name} reaches {100 * part:.4g} % of its velocity limit at t = {motion.t[fast]:.4g} s")
+        if (way := beyond[far, i]) > tolerance:
+            where = f"{way:.4g} {'m' if slides else 'rad'} beyond its position limit"
+            found.append(f"{name} is {where} at t = {motion.t[far]:.4g} s")
+    if not found:
+        return run
+    return replace(run, limits_exceeded=tuple(found), message=f"{run.message}; but {'; '.join(found)}")
 
 
 def settled_time(t: Array, error: Array, tolerance: float) -> float | None:
