@@ -1,6 +1,7 @@
 """Checks of an untrusted URDF, before Pinocchio reads it."""
 
 from collections.abc import Set
+from graphlib import CycleError, TopologicalSorter
 from xml.etree import ElementTree
 
 import numpy as np
@@ -225,15 +226,8 @@ def _check_tree(links: dict[str, ElementTree.Element], joints: dict[str, Element
     roots = [link for link in links if link not in parent]
     if len(roots) > 1:
         raise UrdfError(source, f"has {len(roots)} roots, {clipped(', '.join(roots[:5]))}; a robot is one tree")
-    reached = set(roots)
-    children: dict[str, list[str]] = {}
-    for down, up in parent.items():
-        children.setdefault(up, []).append(down)
-    stack = list(roots)
-    while stack:
-        for link in children.get(stack.pop(), []):
-            reached.add(link)
-            stack.append(link)
-    if len(reached) < len(links):
-        lost = sorted(set(links) - reached)
-        raise UrdfError(source, f"has a cycle through {clipped(', '.join(lost[:5]))}; a robot is one tree")
+    try:
+        TopologicalSorter({down: [up] for down, up in parent.items()}).prepare()
+    except CycleError as error:
+        around = clipped(", ".join(sorted(set(error.args[1]))[:5]))
+        raise UrdfError(source, f"has a cycle through {around}; a robot is one tree") from None
