@@ -151,14 +151,14 @@ def _searched(
 
     Kept, as variants of a problem ask for the same.
     """
-    frame, random = robot.frame(goal.frame), np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
     middle, (lower, upper) = np.array(near), map(np.array, ends)
     low = np.maximum(lower, np.minimum(middle, upper) - np.pi)
     high = np.minimum(upper, np.maximum(middle, lower) + np.pi)
     reached: list[Array] = []
     missed: list[tuple[float, float]] = []
     for start in [middle, *(random.uniform(low, high) for _ in range(_STARTS - 1))]:
-        q, error = _approach(robot, goal, frame, start, (lower, upper))
+        q, error = approached(robot, goal, start, (lower, upper))
         if np.linalg.norm(error) <= REACHED:
             reached.append(q)
         else:
@@ -183,34 +183,15 @@ def free_directions(robot: Robot, goal: GoalPose, q: Array) -> Array:
     return np.asarray(rows[rank:].T)
 
 
-def approached(robot: Robot, goal: GoalPose, near: Array, limits: JointLimits) -> tuple[Array, Array]:
-    """Inverse kinematics from nearby joint positions: the solution, or the nearest position reached.
-
-    Args:
-        robot: the arm.
-        goal: where the frame is to be.
-        near: joint positions to begin with [rad or m], shape (nv,).
-        limits: of the positions.
-
-    Returns:
-        The positions [rad or m], shape (nv,), and the frame's distance from the goal there [m, rad], shape (6,) or
-        (3,).
-    """
-    ends = limits.position_lower, limits.position_upper
-    return _approach(robot, goal, robot.frame(goal.frame), near, ends)
-
-
 def slid(robot: Robot, goal: GoalPose, q: Array, step: Array, limits: JointLimits) -> Array | None:
     """The joint positions near q + step that reach the goal, too; None: none was found. Each of shape (nv,)."""
-    moved, error = approached(robot, goal, q + step, limits)
+    moved, error = approached(robot, goal, q + step, (limits.position_lower, limits.position_upper))
     return moved if np.linalg.norm(error) <= REACHED else None
 
 
 def frame_placement(robot: Robot, frame: str, q: Array) -> pin.SE3:
     """Placement of a frame in the world at joint positions q [rad or m], shape (nv,)."""
-    fixed, data = robot.frame(frame), robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.configuration(q))
-    return data.oMi[fixed.parentJoint] * fixed.placement
+    return _placed(robot, robot.frame(frame), robot.model.createData(), q)
 
 
 def deviations_of(robot: Robot, goal: GoalPose, q: Array) -> Array:
@@ -224,13 +205,9 @@ def deviations_of(robot: Robot, goal: GoalPose, q: Array) -> Array:
     Returns:
         Shape (6,) or (m, 6).
     """
-    fixed, data, centre = robot.frame(goal.frame), robot.model.createData(), goal.pose
-    out = np.empty((*np.shape(q)[:-1], 6))
-    for here, one in zip(np.atleast_2d(out), np.atleast_2d(q), strict=True):
-        pin.forwardKinematics(robot.model, data, robot.configuration(one))
-        off = centre.actInv(data.oMi[fixed.parentJoint] * fixed.placement)
-        here[:3], here[3:] = off.translation, _turn(goal, off.rotation)
-    return out
+    fixed, data = robot.frame(goal.frame), robot.model.createData()
+    found = [_deviations(goal, goal._pose.actInv(_placed(robot, fixed, data, one))) for one in np.atleast_2d(q)]
+    return np.reshape(found, (*np.shape(q)[:-1], 6))
 
 
 def moving_directions(robot: Robot, goal: GoalPose) -> Flags:
@@ -244,12 +221,12 @@ def moving_directions(robot: Robot, goal: GoalPose) -> Flags:
     return np.asarray(most > REACHED)
 
 
-def _turn(goal: GoalPose, rotation: Array) -> Array:
-    """Rotation vector of a frame's deviation [rad], shape (3,): of its free axis, or else of all of it."""
+def _deviations(goal: GoalPose, off: pin.SE3) -> Array:
+    """Deviations of a frame placed at `off` in that of the goal [m, rad], shape (6,): see `GoalPose`."""
     if goal.axis is None:
-        return np.asarray(pin.log3(rotation))
+        return np.concatenate([off.translation, pin.log3(off.rotation)])
     axis = np.eye(3)[goal.axis]
-    return swing(axis, rotation @ axis)
+    return np.concatenate([off.translation, swing(axis, off.rotation @ axis)])
 
 
 def _error(
@@ -290,7 +267,7 @@ def _outside(goal: GoalPose, off: pin.SE3, jacobian: Callable[[], Array]) -> tup
         off: the frame's placement in that of the goal.
         jacobian: returns that of the frame in its own axes, shape (6, nv).
     """
-    deviation, most = np.concatenate([off.translation, _turn(goal, off.rotation)]), goal.deviations
+    deviation, most = _deviations(goal, off), goal.deviations
 
     def by() -> Array:
         own = jacobian()
@@ -338,12 +315,21 @@ def _tolerance_of(tolerance: object, free: tuple[str, ...], placement: Placement
     return values if any(values) else ()
 
 
-def _approach(
-    robot: Robot, goal: GoalPose, frame: pin.Frame, start: Array, ends: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    """Joint positions after a Levenberg-Marquardt iteration within position limits, and the error there."""
-    data, (low, high) = robot.model.createData(), ends
-    q = np.clip(start, low, high)
+def approached(robot: Robot, goal: GoalPose, near: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Inverse kinematics from nearby joint positions: the solution, or the nearest position reached.
+
+    Args:
+        robot: the arm.
+        goal: where the frame is to be.
+        near: joint positions to begin with [rad or m], shape (nv,).
+        ends: lower and upper position limits [rad or m], each of shape (nv,).
+
+    Returns:
+        The positions [rad or m], shape (nv,), and the frame's distance from the goal there [m, rad], shape (6,) or
+        (3,).
+    """
+    frame, data, (low, high) = robot.frame(goal.frame), robot.model.createData(), ends
+    q = np.clip(near, low, high)
     error, by = _error(robot, goal, frame, data, q)
     jacobian, damping = by(), 1e-3
     for _ in range(_STEPS):

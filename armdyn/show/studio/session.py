@@ -162,7 +162,8 @@ class Session:
         """
         robot = self.robot
         goal = GoalPose(robot.tip, to.homogeneous if robot.nv >= 6 else to.translation)
-        q, error = approached(robot, goal, np.array(getattr(self.state, end)), self.setup.problem.limits)
+        limits, near = self.setup.problem.limits, np.array(getattr(self.state, end))
+        q, error = approached(robot, goal, near, (limits.position_lower, limits.position_upper))
         far, turned = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
         warnings: tuple[str, ...] = ()
         if max(far, turned) > _OUT_OF_REACH:
