@@ -94,12 +94,13 @@ _SIZES: dict[str, tuple[Any, tuple[str, ...]]] = {
     "sphere": (coal.Sphere, ("radius",)),
     "capsule": (coal.Capsule, ("radius", "halfLength")),
     "cylinder": (coal.Cylinder, ("radius", "halfLength")),
+    "half space": (coal.Halfspace, ("n", "d")),
 }
 """Classes of coal and their sizes, by the names that URDF, MuJoCo and `_collision/` have for them."""
 
 
 def sizes_of(geometry: Any) -> tuple[str, Array]:
-    """Kind of a convex solid of coal, and its half edges, or radius and half length [m].
+    """Kind of a convex solid of coal, and its half edges, or radius and half length [m], or normal and offset [m].
 
     Of any other solid the kind is "convex", and its corners, shape (m, 3), are the sizes.
     """

@@ -108,15 +108,17 @@ def _best_plane(part: Surface) -> tuple[float, int, float]:
 
 def _halves(part: Surface, axis: int, at: float) -> list[Surface]:
     """Split a surface at a plane into two."""
+    return [half for sign in (1, -1) if len((half := side_of_plane(part, axis, at, sign))[1])]
+
+
+def side_of_plane(surface: Surface, axis: int, at: float, sign: int) -> Surface:
+    """The part of a surface on one side of a plane across an axis: beyond it where the sign is 1, else before it."""
     import trimesh
 
-    normal, out = np.eye(3)[axis], []
-    for sign in (1, -1):
-        cut: Any = trimesh.intersections.slice_faces_plane
-        points, triangles, _ = cut(*part, plane_normal=sign * normal, plane_origin=at * normal)
-        if len(triangles):
-            out.append((points, triangles))
-    return out
+    cut: Any = trimesh.intersections.slice_faces_plane
+    normal = np.eye(3)[axis]
+    points, triangles, _ = cut(*surface, plane_normal=sign * normal, plane_origin=at * normal)
+    return points, triangles
 
 
 def _rough_volume(points: Array) -> float:

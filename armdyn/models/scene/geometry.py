@@ -83,8 +83,10 @@ def obstacle_solid(placement: Array, geometry: Any) -> dict[str, Any]:
 
 def _solid(geometry: Any, placement: Array, points: Array, radius: float) -> dict[str, Any]:
     """Arguments common to all solids; the caller adds its joint, or world, and its bounding geometry."""
+    import _armdyn_collision as collision
+
     return {
-        "shape": _shape(geometry),
+        "shape": collision.shape(*sizes_of(geometry)),
         "joint": 0,
         "placement": np.concatenate([placement[:3, :3].ravel(), placement[:3, 3]]),  # row after row
         "points": np.ascontiguousarray(points, dtype=float),
@@ -94,15 +96,6 @@ def _solid(geometry: Any, placement: Array, points: Array, radius: float) -> dic
         "ball": 0.0,
         "box": _NONE,
     }
-
-
-def _shape(geometry: Any) -> Any:
-    """Convert a convex geometry of coal's Python module for the C++ module."""
-    import _armdyn_collision as collision
-
-    if isinstance(geometry, coal.Halfspace):
-        return collision.shape("half space", np.append(geometry.n, geometry.d))
-    return collision.shape(*sizes_of(geometry))
 
 
 _POSES = 60

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armdyn.arrays import Array, Flags, Index
-from armdyn.models.scene.convex_parts import Surface, corners_of_hull, cut_where_it_saves
+from armdyn.models.scene.convex_parts import Surface, corners_of_hull, cut_where_it_saves, side_of_plane
 
 MOST_BOXES = 1000
 """Most boxes of a point cloud or a height map: a Panda's solve takes 2 s among 40 of them, 7 s among 900."""
@@ -146,12 +146,8 @@ def _area(a: Array, b: Array) -> Array:
 
 def _clipped(surface: Surface, planes: Sequence[Array], low: Index, high: Index) -> Surface:
     """The surface in a box of cells."""
-    import trimesh
-
-    cut: Any = trimesh.intersections.slice_faces_plane
     for axis, (first, last) in enumerate(zip(low, high, strict=True)):
         for sign, place in ((1, planes[axis][first] - _EDGE), (-1, planes[axis][last] + _EDGE)):
             if len(surface[1]):
-                normal = sign * np.eye(3)[axis]
-                surface = cut(*surface, plane_normal=normal, plane_origin=abs(normal) * place)[:2]
+                surface = side_of_plane(surface, axis, place, sign)
     return surface
