@@ -88,19 +88,15 @@ def obstacle_from(entry: Mapping[str, Any], where: str, folder: str | os.PathLik
             turned = entry.get("quaternion"), entry.get("rpy")
             arguments["placement"] = pose_of(entry.get("position", (0, 0, 0)), *turned, f"obstacle {name!r}")
         if "file" in entry:
-            arguments["path"] = _named_file(entry["file"], folder)
+            if folder is None:
+                raise ProblemError(f'"file" is {shown(entry["file"])}; a file of results names no others')
+            arguments["path"] = str(file_inside(folder, entry["file"]))
         if made is Group:
             arguments["members"] = _members(entry["members"], folder)
         obstacle: Obstacle = make(**arguments)
     except ArmdynError as error:
         raise ProblemError(f"{where}: {error}") from None
     return obstacle
-
-
-def _named_file(name: object, folder: str | os.PathLike[str] | None) -> str:
-    if folder is None:
-        raise ProblemError(f'"file" is {shown(name)}; a file of results names no others')
-    return str(file_inside(folder, name))
 
 
 def _members(entries: object, folder: str | os.PathLike[str] | None) -> list[Obstacle]:
