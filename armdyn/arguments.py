@@ -210,13 +210,18 @@ def number(
     if array is None or array.ndim:
         raise error(f"{name} is {shown(value)}; it must be a number{f' [{unit}]' if unit else ''}")
     one = float(array)
-    signed = sign == "any" or one > 0 or (sign == "not negative" and one == 0)
-    if math.isnan(one) or (finite and math.isinf(one)) or not signed:
-        raise error(f"{name} is {f'{shown(value)} {unit}'.rstrip()}; it must be {_RIGHT[sign, finite]}")
+    if right := right_instead(one, sign, finite):
+        raise error(f"{name} is {f'{shown(value)} {unit}'.rstrip()}; it must be {right}")
     if not least <= one <= most:
         right = f"it must be at most {most:g}" if math.isinf(least) else f"expected {least:g} to {most:g}"
         raise error(f"{name} is {f'{one:g} {unit}'.rstrip()}; {f'{right} {unit}'.rstrip()}")
     return one
+
+
+def right_instead(one: float, sign: Sign, finite: bool) -> str:
+    """What a number must be, in words, if it violates a condition of `number`; empty: it violates none."""
+    signed = sign == "any" or one > 0 or (sign == "not negative" and one == 0)
+    return _RIGHT[sign, finite] if math.isnan(one) or (finite and math.isinf(one)) or not signed else ""
 
 
 def numbers(value: object, name: str, expected: str = "numbers", *, error: type[ArmdynError] = ProblemError) -> Array:

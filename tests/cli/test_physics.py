@@ -88,7 +88,7 @@ def test_doctor_names_the_applied_friction(turntable):
     [
         (("--payload-frame", "arm"), "--payload KG"),
         (("--friction", "much"), "'much' is not a number"),
-        (("--damping", "-1"), "must not be negative"),
+        (("--damping", "-1"), "not negative"),
         (("--friction-width", "0"), "must be positive"),
         (("--friction-width", "0.1,0.2"), "--friction-width has shape (2,)"),
         (("--payload", "1", "--payload-com", "1,2"), "three finite numbers"),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from armdyn.arguments import Sign, numbers
+from armdyn.arguments import Sign, numbers, right_instead
 from armdyn.arrays import Array
 from armdyn.errors import ArmdynError, ProblemError, SpecError
 
@@ -49,10 +49,10 @@ def per_joint(
     if array.shape != (len(joints),) if joints is not None else array.ndim > 1 or not array.size:
         raise error(f"{name} has shape {array.shape}; expected {expected}")
     for i, number in enumerate(np.ravel(array)):
-        if right := _right_instead(float(number), finite, sign):
+        if right := right_instead(float(number), sign, finite):
             of = f" of joint {joints[i]!r}" if joints is not None else ""
             at = f" (index {i})" if array.ndim else ""
-            raise error(f"{name}{of} is {f'{number} {unit}'.rstrip()}{at}; it must {right}")
+            raise error(f"{name}{of} is {f'{number} {unit}'.rstrip()}{at}; it must be {right}")
     return array
 
 
@@ -76,14 +76,3 @@ def _expected(joints: Sequence[str] | None, scalar: bool) -> str:
     one = "one number or " if scalar and len(joints) > 1 else ""
     many = f"{one}{len(joints)}" if one else f"{len(joints)} number{'s' * (len(joints) > 1)}"
     return f"{many}, one per joint: {', '.join(joints)}"
-
-
-def _right_instead(number: float, finite: bool, sign: Sign) -> str:
-    """The violated condition on a number; empty: none."""
-    if np.isnan(number) and not finite:
-        return "be a number, not NaN"
-    if finite and not np.isfinite(number):
-        return "be finite"
-    if sign == "not negative" and number < 0:
-        return "not be negative"
-    return "be positive" if sign == "positive" and number <= 0 else ""

@@ -152,7 +152,7 @@ def test_overrides():
 @pytest.mark.parametrize("option", ["effort_limit", "velocity_limit", "armature"])
 @pytest.mark.parametrize(
     ("value", "words"),
-    [([1.0, 2.0], "shape (2,)"), (np.nan, "nan"), (-1.0, "must not be negative"), ([[1.0]], "shape (1, 1)")],
+    [([1.0, 2.0], "shape (2,)"), (np.nan, "nan"), (-1.0, "not negative"), ([[1.0]], "shape (1, 1)")],
 )
 def test_bad_overrides(option, value, words):
     with pytest.raises(SpecError, match=option) as caught:

@@ -38,7 +38,7 @@ def test_without_an_arm_any_number_of_joints_is_right():
         (
             -1.0,
             {"sign": "not negative", "unit": "N m"},
-            "x of joint 'shoulder' is -1.0 N m (index 0); it must not be neg",
+            "x of joint 'shoulder' is -1.0 N m (index 0); it must be finite and not neg",
         ),
         ([1.0, 0.0], {"sign": "positive"}, "x of joint 'elbow' is 0.0 (index 1); it must be positive"),
     ],
