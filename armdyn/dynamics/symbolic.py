@@ -72,11 +72,8 @@ class Dynamics:
             self.last_body = np.array(robot.model.inertias[robot.model.njoints - 1].toDynamicParameters())
         self._tree = (Tree.of(robot.model, joint, without_body=free_last_body), joint)
         friction = robot.friction
-        rubs: tuple[bytes, bytes, float | bytes] | tuple[()] = ()
-        if friction.present:
-            damping, coulomb = friction.per_joint(self.nv)
-            width = friction.width if isinstance(friction.width, float) else friction.width.tobytes()
-            rubs = (damping.tobytes(), coulomb.tobytes(), width)
+        rows = (*friction.per_joint(self.nv), np.broadcast_to(friction.width, self.nv)) if friction.present else ()
+        rubs = tuple(row.tobytes() for row in rows)
         self.functions = _with_friction(self._tree, *rubs) if rubs else _functions(*self._tree)
         present = tuple((self.last_body != 0).tolist())
         data = repr((self._tree, rubs, present, ca.CasadiMeta.version())).encode()
@@ -213,13 +210,10 @@ def _functions(tree: Tree, payload_joint: int) -> dict[str, ca.Function]:
 
 
 @built_once(maxsize=64)
-def _with_friction(
-    tree: tuple[Tree, int], damping: bytes, coulomb: bytes, width: float | bytes
-) -> dict[str, ca.Function]:
+def _with_friction(tree: tuple[Tree, int], damping: bytes, coulomb: bytes, width: bytes) -> dict[str, ca.Function]:
     """Dynamics of a tree with joint friction damping v + coulomb tanh(v / width)."""
     smooth = dict(_functions(*tree))
-    viscous, dry = (ca.DM(np.frombuffer(data)) for data in (damping, coulomb))
-    over = ca.DM(np.frombuffer(width)) if isinstance(width, bytes) else width
+    viscous, dry, over = (ca.DM(np.frombuffer(data)) for data in (damping, coulomb, width))
     for name in ("aba", "rnea", "nle"):
         function = smooth[name]
         names = function.name_in()
