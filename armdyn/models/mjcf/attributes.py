@@ -70,9 +70,9 @@ class Values:
         """One finite number."""
         return (self.numbers(key, 1) or [default])[0]
 
-    def positive(self, key: str, default: float) -> float:
-        """One finite number that is not negative."""
-        value = self.number(key, default)
+    def positive(self, key: str) -> float:
+        """One finite number that is not negative; 0 if it is missing."""
+        value = self.number(key, 0.0)
         if value < 0:
             raise UrdfError(self.source, f"{key} is {value}; it must not be negative", self.where)
         return value
@@ -221,8 +221,8 @@ class Compiler:
             automatic=values.word("autolimits", _FLAGS) == "true",
             inertia_from=values.word("inertiafromgeom", ("auto", *_FLAGS)),
             groups=(first, last),
-            least_mass=values.positive("boundmass", 0.0),
-            least_inertia=values.positive("boundinertia", 0.0),
+            least_mass=values.positive("boundmass"),
+            least_inertia=values.positive("boundinertia"),
         )
 
 

@@ -155,7 +155,7 @@ class Bare:
             unit = self.compiler.radians if joint.get("type") == "hinge" else 1.0
             joint.set("range", " ".join(repr(unit * bound) for bound in pair))
         for key in ("damping", "frictionloss", "armature"):
-            joint.set(key, repr(values.positive(key, 0.0)))
+            joint.set(key, repr(values.positive(key)))
         return joint
 
     def _inertial(self, inertial: Element, to: Element, where: str) -> None:
@@ -165,7 +165,7 @@ class Bare:
         if "fullinertia" in values.given and ROTATIONS.keys() & values.given.keys():
             raise UrdfError(values.source, "<inertial> has a fullinertia and is turned; one is enough", where)
         least = self.compiler.least_inertia
-        copy = SubElement(to, "inertial", mass=repr(max(values.positive("mass", 0.0), self.compiler.least_mass)))
+        copy = SubElement(to, "inertial", mass=repr(max(values.positive("mass"), self.compiler.least_mass)))
         place(values, self.compiler, copy)
         if full := values.numbers("fullinertia", 6):
             xx, yy, zz, xy, xz, yz = full
@@ -201,7 +201,7 @@ class Bare:
             place(values, self.compiler, copy)
         for key in ("mass", "density"):
             if key in values.given:
-                copy.set(key, repr(values.positive(key, 0.0)))
+                copy.set(key, repr(values.positive(key)))
                 break
 
 

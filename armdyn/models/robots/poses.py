@@ -106,7 +106,7 @@ def positions_of(robot: Arm, given: object, what: str, *, degrees: bool = False)
     if isinstance(given, str):
         parts: list[object] = [*given.split(",")]
         if len(parts) == 1 and not _is_position(given):
-            return [float(x) for x in pose_given(robot, given.strip(), what)]
+            return list(map(float, pose_given(robot, given.strip(), what)))
     elif isinstance(given, list | tuple):
         parts = [*given]
     else:

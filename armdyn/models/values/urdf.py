@@ -81,10 +81,10 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
             upper=spec.position_limit,
         )
         turns = {"axis": np.array([0.0, -1.0, 0.0]), "limit": limit}  # positive turns up
-        robot.joints.append(_joint(f"joint{i}", "revolute", parent, f"link{i}", _pose(x=reach), **turns))
+        robot.joints.append(yp.Joint(f"joint{i}", "revolute", parent, f"link{i}", _pose(x=reach), **turns))
         parent, reach = f"link{i}", link.length
     robot.links.append(yp.Link(name=TIP))
-    robot.joints.append(_joint(f"{TIP}_joint", "fixed", parent, TIP, _pose(x=reach)))
+    robot.joints.append(yp.Joint(f"{TIP}_joint", "fixed", parent, TIP, _pose(x=reach)))
     if payload is not None and payload.mass > 0:
         links = [link.name for link in robot.links[1:]]
         if (frame := payload.frame or TIP) not in links:
@@ -92,7 +92,7 @@ def urdf_from_spec(spec: ArmSpec, payload: Payload | None = None) -> str:
         place = np.eye(4)
         place[:3, 3] = payload.com
         robot.links.append(_load(payload))
-        robot.joints.append(_joint("payload_joint", "fixed", frame, "payload", place))
+        robot.joints.append(yp.Joint("payload_joint", "fixed", frame, "payload", place))
     tree = yp.URDF(robot=robot, build_scene_graph=False, load_meshes=False).write_xml()
     text = etree.tostring(tree, pretty_print=True, encoding="unicode")
     return re.sub(r'(?<=[" ])-0\.0(?=[" ])', "0.0", text)
@@ -104,12 +104,6 @@ def _visual(name: str, origin: np.ndarray, color: str, **shape: object) -> yp.Vi
     own = color if color in _COLORS else "link1"
     material = yp.Material(name=color, color=yp.Color(rgba=np.array(_COLORS[own])))
     return yp.Visual(name=name, origin=origin, geometry=yp.Geometry(**shape), material=material)
-
-
-def _joint(name: str, kind: str, parent: str, child: str, origin: np.ndarray, **more: object) -> yp.Joint:
-    import yourdfpy as yp
-
-    return yp.Joint(name=name, type=kind, parent=parent, child=child, origin=origin, **more)
 
 
 def _base() -> yp.Link:
