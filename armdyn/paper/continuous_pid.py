@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 from armdyn.arrays import Array
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import LinearPlant, closed_loop_matrix, eigenvalues, plant_at_goal
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.run import Run, Status
 from armdyn.dynamics import forward_dynamics
@@ -109,7 +109,7 @@ class ContinuousLoop:
         """
         goal, nv = np.asarray(self.goal, dtype=float), self.robot.nv
         if self.dynamics is None:
-            arm = ArmAtGoal.of(self.robot, goal, "acceleration")
+            plant = plant_at_goal(self.robot, goal, "acceleration")
         else:
             acceleration, rest, columns = self.acceleration(), np.zeros(nv), []
             for step in _STEP * np.eye(nv):
@@ -118,8 +118,9 @@ class ContinuousLoop:
                     for k in (1, 2)
                 )
                 columns.append((8 * near - far) / (12 * _STEP))
-            arm = ArmAtGoal(np.eye(nv), np.column_stack(columns), np.zeros((nv, nv)))
-        return float(eigenvalues(closed_loop_matrix(arm, *self.coefficients))[0].real)
+            plant = LinearPlant(np.eye(2 * nv, k=nv), np.eye(2 * nv, nv, -nv))
+            plant.A[nv:, :nv] = np.column_stack(columns)
+        return float(eigenvalues(closed_loop_matrix(plant, *self.coefficients))[0].real)
 
 
 def simulate(

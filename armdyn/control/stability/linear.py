@@ -164,13 +164,9 @@ def continuous_matrix(rest: Rest) -> Array:
     Raises:
         BeyondNumbersError: it is not finite.
     """
-    plant, law = rest.plant, rest.law
-    nv, k = plant.B.shape[1], law.used.size
-    A = np.zeros((k + 2 * nv, k + 2 * nv))
-    A[np.arange(k), k + law.used] = -1.0
-    A[k:, k:] = plant.A
+    law = rest.law
     with np.errstate(over="ignore", invalid="ignore"):
-        A[k:] += plant.B @ np.hstack([law.integral, law.q, law.v])
+        A = _closed(rest.plant, np.hstack([law.integral, law.q, law.v]), law.used)
     if not np.all(np.isfinite(A)):
         raise BeyondNumbersError(
             "the continuous loop exceeds the range of floating-point numbers; its gains are too large"
@@ -178,50 +174,49 @@ def continuous_matrix(rest: Rest) -> Array:
     return A
 
 
-class ArmAtGoal(NamedTuple):
-    """An arm under a PID output u, linearised at rest at a goal: δa = B u + S δq - F v.
+def _closed(plant: LinearPlant, gains: Array, used: NDArray[np.intp]) -> Array:
+    """Matrix of a loop with the output gains · (∫e of the joints `used`, q, v), gains of shape (nv, k + 2 nv)."""
+    k = used.size
+    A = np.zeros((k + len(plant.A),) * 2)
+    A[np.arange(k), k + used] = -1.0
+    A[k:, k:] = plant.A
+    A[k:] += plant.B @ gains
+    return A
+
+
+def plant_at_goal(robot: Robot, goal: Array, form: Form) -> LinearPlant:
+    """An arm under a PID output u, linearised at rest at a goal: d/dt (δq, δv) = A (δq, δv) + B δu.
 
     At rest the integral holds the arm up: D u = g for form "acceleration", u = g for "torque", nothing for
-    "computed_torque". "acceleration" multiplies by D at the *present* position, so only D⁻¹(-g) varies there: S is
-    taken at tau = 0; for "torque" at tau = g. "computed_torque" cancels gravity and friction: S = 0, F = 0.
+    "computed_torque". "acceleration" multiplies by D at the *present* position, so only D⁻¹(-g) varies there: A is
+    taken at tau = 0; for "torque" at tau = g. "computed_torque" cancels gravity and friction. But for "torque" the
+    lower half of B is I.
+
+    Args:
+        robot: the arm.
+        goal: [rad or m], shape (nv,).
+        form: see `Form`.
     """
-
-    B: Array
-    """Shape (nv, nv): D⁻¹ for form "torque", else I."""
-    S: Array
-    """∂a/∂q under a constant output [1/s²], shape (nv, nv)."""
-    F: Array
-    """D⁻¹ ∂tau_f/∂v at rest, of the joints' friction [1/s], shape (nv, nv)."""
-
-    @classmethod
-    def of(cls, robot: Robot, goal: Array, form: Form) -> Self:
-        """Linearise an arm at its goal, by Pinocchio's analytic derivatives of the articulated-body algorithm.
-
-        Args:
-            robot: the arm.
-            goal: [rad or m], shape (nv,).
-            form: see `Form`.
-        """
-        nv, one = robot.nv, np.eye(robot.nv)
-        if form == "computed_torque":
-            return cls(one, 0 * one, 0 * one)
-        rest = np.zeros(nv)
-        holding = inverse_dynamics(robot)(goal, rest, rest) if form == "torque" else rest
-        A, B = linearised(robot, goal, rest, holding)
-        return cls(B[nv:] if form == "torque" else one, A[nv:, :nv], -A[nv:, nv:])
+    nv = robot.nv
+    B = np.eye(2 * nv, nv, -nv)
+    if form == "computed_torque":
+        return LinearPlant(np.eye(2 * nv, k=nv), B)
+    rest = np.zeros(nv)
+    plant = LinearPlant(*linearised(robot, goal, rest, robot.holding_torque(goal) if form == "torque" else rest))
+    return plant if form == "torque" else plant._replace(B=B)
 
 
-def closed_loop_matrix(arm: ArmAtGoal, kp: Array, ki: Array, kd: Array) -> Array:
+def closed_loop_matrix(plant: LinearPlant, kp: Array, ki: Array, kd: Array) -> Array:
     """Matrix A of the loop linearised at its goal, ẋ = A x, with x = (∫e, q - goal, v).
 
         ⎡ 0      -I       0       ⎤
-        ⎢ 0       0       I       ⎥   with K = diag(k).
+        ⎢ 0       0       I       ⎥   with K = diag(k), and S, -F and B the lower halves of the plant's matrices.
         ⎣ B Ki   S - B Kp -B Kd - F⎦
 
     Effort limits do not enter: A describes the loop while no torque saturates.
 
     Args:
-        arm: B, S and F.
+        plant: of `plant_at_goal`.
         kp: gains of u = kp e + ki ∫e dt - kd v, shape (nv,); likewise the others.
         ki: integral gains.
         kd: derivative gains.
@@ -231,16 +226,8 @@ def closed_loop_matrix(arm: ArmAtGoal, kp: Array, ki: Array, kd: Array) -> Array
         integral acts on nothing and is left out. Such a joint does not come to rest at the goal under
         gravity; A then says how it would move about the goal if gravity were held there.
     """
-    (B, S, F), nv = arm, kp.size
-    A = np.block(
-        [
-            [np.zeros((nv, nv)), -np.eye(nv), np.zeros((nv, nv))],
-            [np.zeros((nv, 2 * nv)), np.eye(nv)],
-            [B * ki, S - B * kp, -B * kd - F],
-        ]
-    )
-    kept = np.r_[np.flatnonzero(ki > 0), nv : 3 * nv]
-    return np.asarray(A[np.ix_(kept, kept)])
+    used = np.flatnonzero(ki > 0)
+    return _closed(plant, np.hstack([np.diag(ki)[:, used], -np.diag(kp), -np.diag(kd)]), used)
 
 
 def eigenvalues(A: Array) -> NDArray[np.complex128]:
@@ -277,4 +264,4 @@ def closed_loop_eigenvalues(
     goal = pose_given(expect_robot(robot), q_goal, "q_goal")
     one_of(form, FORMS, "form")
     per_joint = expect(gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)").per_joint(robot.nv)
-    return eigenvalues(closed_loop_matrix(ArmAtGoal.of(robot, goal, form), *per_joint))
+    return eigenvalues(closed_loop_matrix(plant_at_goal(robot, goal, form), *per_joint))

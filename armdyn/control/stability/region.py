@@ -12,7 +12,7 @@ from armdyn.arguments import Checked, checked, expect, interval, number, numbers
 from armdyn.arrays import Array, Flags
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, Pid, PidGains
 from armdyn.control.loop.loop import Loop, expect_loop
-from armdyn.control.stability.linear import ArmAtGoal, Rest, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import Rest, closed_loop_matrix, eigenvalues, plant_at_goal
 from armdyn.control.stability.sampled import SampledLoop
 from armdyn.errors import ProblemError
 from armdyn.models.robots.poses import pose_given
@@ -63,8 +63,9 @@ class GainRegion(Checked):
         if expect_robot(robot).nv != 1:
             raise ProblemError(f"{robot.name} has {robot.nv} joints; a gain region in closed form is for one joint")
         one_of(form, FORMS, "form")
-        B, S, F = (float(part.item()) for part in ArmAtGoal.of(robot, pose_given(robot, q_goal, "q_goal"), form))
-        return cls(1 / B, -S / B, F / B)
+        A, B = plant_at_goal(robot, pose_given(robot, q_goal, "q_goal"), form)
+        stiffness, damping = -A[1] / B[1]
+        return cls(1 / B[1, 0], stiffness, damping)
 
     def polynomial(self, kp: float, ki: float, kd: float) -> tuple[float, ...]:
         """Characteristic polynomial of the loop, highest power first; of degree 2 without ki."""
@@ -120,11 +121,11 @@ def least_stable_factor(
     low, high = interval(factors, "factors", sign="positive")
     one_of(form, FORMS, "form")
     kp, ki, kd = expect(gains, PidGains, "gains", "PidGains(kp=…, ki=…, kd=…)").per_joint(robot.nv)
-    arm = ArmAtGoal.of(robot, goal, form)
+    plant = plant_at_goal(robot, goal, form)
 
     def growth(log_factor: float) -> float:
         factor = float(np.exp(log_factor))
-        return float(eigenvalues(closed_loop_matrix(arm, factor * kp, factor * ki, factor * kd))[0].real)
+        return float(eigenvalues(closed_loop_matrix(plant, factor * kp, factor * ki, factor * kd))[0].real)
 
     count = int(np.ceil(_PER_DECADE * np.log10(high / low))) + 1
     scan = np.linspace(np.log(low), np.log(high), count)
@@ -186,11 +187,11 @@ def gain_plane(
     i, how = number(ki, "ki", sign="not negative"), expect_loop(loop, Loop())
     growth, radius = np.empty((d.size, p.size)), np.empty((d.size, p.size))
     one, two = (Rest.of(robot, goal, Pid(PidGains(x, i, x), form, feedforward=False), how) for x in (1.0, 2.0))
-    arm = ArmAtGoal.of(robot, goal, form)
+    plant = plant_at_goal(robot, goal, form)
     for place in np.ndindex(growth.shape):
         kp_here, kd_here = float(p[place[1]]), float(d[place[0]])
         gains = PidGains(kp_here, i, kd_here).per_joint(robot.nv)
-        growth[place] = eigenvalues(closed_loop_matrix(arm, *gains))[0].real
+        growth[place] = eigenvalues(closed_loop_matrix(plant, *gains))[0].real
         radius[place] = SampledLoop.of(_between(one, two, kp_here, kd_here), how).radius
     return GainPlane(p, d, i, growth, radius)
 

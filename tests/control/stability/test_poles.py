@@ -6,7 +6,7 @@ import pytest
 
 from armdyn.control import PidGains, closed_loop_eigenvalues
 from armdyn.control.laws.pid import DEFAULT_GAINS
-from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix
+from armdyn.control.stability.linear import closed_loop_matrix, plant_at_goal
 from armdyn.dynamics import Dynamics
 from armdyn.errors import ProblemError
 from oracles import PinDynamics, robot_named
@@ -64,7 +64,7 @@ def test_matrix_is_the_jacobian_of_the_loop(name, form):
     rest = np.concatenate([held / ki, goal, np.zeros(n)])
     assert np.abs(np.array(ca.Function("f", [x], [rate])(rest))).max() < 1e-9
     expected = np.array(ca.Function("A", [x], [ca.jacobian(rate, x)])(rest))
-    got = closed_loop_matrix(ArmAtGoal.of(robot, goal, form), kp, ki, kd)
+    got = closed_loop_matrix(plant_at_goal(robot, goal, form), kp, ki, kd)
     # Two exact derivatives: the difference is rounding, times the condition of D.
     np.testing.assert_allclose(got, expected, atol=1e-10 * np.abs(expected).max())
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix, eigenvalues
+from armdyn.control.stability.linear import closed_loop_matrix, eigenvalues, plant_at_goal
 from armdyn.control.stability.region import GainRegion, least_stable_factor
 from armdyn.control.stability.routh import routh_table
 from armdyn.errors import ProblemError
@@ -17,7 +17,7 @@ ROUNDING = 1e-13
 
 def growth(arm, gains):
     """Largest real part of the eigenvalues [1/s], and the norm of the matrix that they are of."""
-    A = closed_loop_matrix(arm, *PidGains(*gains).per_joint(len(arm.B)))
+    A = closed_loop_matrix(arm, *PidGains(*gains).per_joint(arm.B.shape[1]))
     return eigenvalues(A)[0].real, np.linalg.norm(A)
 
 
@@ -47,7 +47,7 @@ def test_against_eigenvalues_at_random_gains(form):
     random, verdicts, within = np.random.default_rng(7), [], 0
     for _ in range(100):
         robot, goal, _ = random_case(random)
-        arm, region = ArmAtGoal.of(robot, goal, form), GainRegion.of(robot, goal, form)
+        arm, region = plant_at_goal(robot, goal, form), GainRegion.of(robot, goal, form)
         for _ in range(50):
             gains = random_gains(random)
             stable = bool(region.stable(*gains))
@@ -77,7 +77,7 @@ def test_poles_on_the_boundary_are_imaginary(form):
     region = GainRegion.of(robot, goal, form)
     for kp in (20.0, 30.0, 300.0):
         kd = float(region.least_kd(kp, ki))
-        largest, norm = growth(ArmAtGoal.of(robot, goal, form), (kp, ki, kd))
+        largest, norm = growth(plant_at_goal(robot, goal, form), (kp, ki, kd))
         # A root moves by about 1/norm times the rounding of kd.
         assert abs(largest) < 1e-9 * norm
         # s = ± i √((kp + k) / m) then.
@@ -107,7 +107,7 @@ def test_the_papers_gains_times_a_factor(name, measured):
         robot, poses = example(name, grams=grams)
         factor = least_stable_factor(robot, poses["q_goal"], PAPER)
         assert scanned / 1.04 - 0.005 < factor < scanned + 0.005
-        arm = ArmAtGoal.of(robot, np.array(poses["q_goal"]), "acceleration")
+        arm = plant_at_goal(robot, np.array(poses["q_goal"]), "acceleration")
         below, above = (growth(arm, factor * side * np.array([30.0, 50.0, 10.0]))[0] for side in (1 - 1e-6, 1 + 1e-6))
         assert below > 0 > above
 

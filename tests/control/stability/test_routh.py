@@ -7,7 +7,7 @@ import pytest
 
 from armdyn.control import closed_loop_eigenvalues
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.linear import ArmAtGoal, closed_loop_matrix
+from armdyn.control.stability.linear import closed_loop_matrix, plant_at_goal
 from armdyn.control.stability.routh import characteristic_polynomial, routh_table
 from armdyn.errors import ProblemError
 from pid_loops import example
@@ -100,7 +100,7 @@ def test_several_joints_against_eigenvalues(name, form):
     """Exact polynomial and table of the closed loop's matrix; eigenvalues are wrong by 1e-9 of the largest at most."""
     robot, poses = example(name, grams=100.6)
     goal, random = np.array(poses["q_goal"]), np.random.default_rng(3)
-    arm = ArmAtGoal.of(robot, goal, form)
+    arm = plant_at_goal(robot, goal, form)
     verdicts = set()
     for _ in range(100):
         gains = PidGains(*(tuple(10 ** random.uniform(-1, 3, robot.nv)) for _ in range(3)))
