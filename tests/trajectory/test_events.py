@@ -5,6 +5,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -216,17 +217,17 @@ def test_a_franka_arm_takes_no_load_in_motion():
 
 
 @pytest.mark.parametrize(
-    ("made", "moved", "said"),
+    ("make", "moved", "said"),
     [
-        (UrScript(transition=-1), UR, "transition is -1 s"),
-        (UrScript(), cycle(6, part=ad.Load(1.0, frame="ee_link")), "a load of 1 kg is in the frame 'ee_link'; ur"),
-        (UrRtde(), cycle(6, part=ad.Load(1.0, frame="ee_link")), "ur-rtde takes it in that of the flange, tool0"),
-        (PandaPython(), cycle(7), "panda-python takes it in that of the flange, link8"),
+        (partial(UrScript, transition=-1), UR, "transition is -1 s"),
+        (UrScript, cycle(6, part=ad.Load(1.0, frame="ee_link")), "a load of 1 kg is in the frame 'ee_link'; ur"),
+        (UrRtde, cycle(6, part=ad.Load(1.0, frame="ee_link")), "ur-rtde takes it in that of the flange, tool0"),
+        (PandaPython, cycle(7), "panda-python takes it in that of the flange, link8"),
     ],
 )  # fmt: skip
-def test_loads_that_a_controller_does_not_take(made, moved, said):
+def test_loads_that_a_controller_does_not_take(make, moved, said):
     with pytest.raises(TrajectoryError, match=re.escape(said)):
-        made.text(moved.resample(made.rate))
+        (made := make()).text(moved.resample(made.rate))
 
 
 def test_a_payload_of_pieces_whose_loads_are_not_known():

@@ -9,6 +9,7 @@ import runpy
 import sys
 import types
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -66,21 +67,21 @@ def test_urscript_sets_the_payload_before_it_moves():
 
 
 @pytest.mark.parametrize(
-    ("made", "rate", "said"),
+    ("make", "rate", "said"),
     [
-        (UrScript(), 100, "not 500 or 125 per second"),
-        (UrScript(), None, "not 500 or 125 per second"),
-        (UrScript(gain=99), 500, "gain is 99; URScript takes 100 to 2000"),
-        (UrScript(lookahead=0.3), 500, "lookahead is 0.3; URScript takes 0.03 to 0.2"),
-        (UrScript(payload=-1), 500, "payload is -1"),
-        (UrScript(payload=1, payload_com=(0, 0)), 500, "payload_com has 2 numbers"),
-        (UrRtde(tolerance=0), 500, "tolerance is 0 rad"),
-        (PandaPython(), 1000, "the motion has 6 joints; panda-python is for arms of 7"),
+        (UrScript, 100, "not 500 or 125 per second"),
+        (UrScript, None, "not 500 or 125 per second"),
+        (partial(UrScript, gain=99), 500, "gain is 99; URScript takes 100 to 2000"),
+        (partial(UrScript, lookahead=0.3), 500, "lookahead is 0.3; URScript takes 0.03 to 0.2"),
+        (partial(UrScript, payload=-1), 500, "payload is -1"),
+        (partial(UrScript, payload=1, payload_com=(0, 0)), 500, "payload_com has 2 numbers"),
+        (partial(UrRtde, tolerance=0), 500, "tolerance is 0 rad"),
+        (PandaPython, 1000, "the motion has 6 joints; panda-python is for arms of 7"),
     ],
 )
-def test_motions_that_a_controller_refuses(made, rate, said):
+def test_motions_that_a_controller_refuses(make, rate, said):
     with pytest.raises(TrajectoryError, match=re.escape(said)):
-        made.text(UR.resample(rate))
+        make().text(UR.resample(rate))
 
 
 @pytest.mark.parametrize(("made", "rate", "joints"), [(UrScript, 500, 6), (UrRtde, 500, 6), (PandaPython, 1000, 7)])

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from armdyn.arguments import flag
+from armdyn.arguments import Checked, checked, flag
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory.formats.output_format import joint_names
 
@@ -18,7 +18,7 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @dataclass(frozen=True)
-class Mujoco:
+class Mujoco(Checked):
     """A keyframe per stamp, to include in a model: https://mujoco.readthedocs.io/en/stable/XMLreference.html.
 
     Attributes:
@@ -29,7 +29,7 @@ class Mujoco:
     suffix: ClassVar[str] = ".xml"
     summary: ClassVar[str] = "keyframes and motors, to include in a model"
 
-    motors: bool = True
+    motors: bool = checked(flag, True)
 
     def text(self, samples: Samples) -> str:
         """See `Samples.to_mjcf`.
@@ -44,7 +44,7 @@ class Mujoco:
             )
         names = [_attribute(name) for name in joint_names(samples)]
         lines = [f"<mujoco model={_attribute(samples.name or 'motion')}>"]
-        if flag(self.motors, "motors"):
+        if self.motors:
             lines += ["  <actuator>", *(f"    <motor name={name} joint={name}/>" for name in names), "  </actuator>"]
         lines.append("  <keyframe>")
         for t, q, v, tau in zip(*(getattr(samples, what).tolist() for what in ("t", "q", "v", "tau")), strict=True):

@@ -7,9 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from armdyn.arguments import number
+from armdyn.arguments import checked, number
 from armdyn.errors import TrajectoryError
-from armdyn.trajectory.formats.streams import EVENT_REMARK, PieceStart, Stream, program, python_program, start_tolerance
+from armdyn.trajectory.formats.streams import EVENT_REMARK, PieceStart, Stream, program, python_program
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,14 +43,13 @@ class PandaPython(Stream):
     flange: ClassVar[str] = "link8"
     joints: ClassVar[int] = 7
 
-    tolerance: float = 0.01
+    tolerance: float = checked(number, 0.01, unit="rad", sign="positive", error=TrajectoryError)
 
     def text(self, samples: Samples) -> str:
         """Text of the program.
 
         Raises:
-            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or a field is wrong; or an event
-                occurs in motion.
+            TrajectoryError: the motion has not seven joints, is not sampled at 1 kHz, or an event occurs in motion.
         """
         events = self.events(samples)
         for event in events:
@@ -62,7 +61,7 @@ class PandaPython(Stream):
                 )
         constants = {
             "RATE": (self.rate_of(samples, (self.rate,)), "[Hz]"),
-            "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
+            "TOLERANCE": (self.tolerance, "[rad]"),
             "APPROACH_SPEED": (0.1, "part of the arm's velocity limits"),
             "MOST_LATE": (20, "ticks"),
             "MOST_OFF": (0.1, "[rad]"),
@@ -83,6 +82,15 @@ _RANGES = {"lookahead": (0.03, 0.2), "gain": (100.0, 2000.0)}
 
 _PLAIN = re.compile("[^A-Za-z0-9 _.-]")
 """Characters that a name in a program does not have."""
+
+
+def _servoj(value: object, name: str) -> float:
+    """An argument of servoj, within `_RANGES`."""
+    low, high = _RANGES[name]
+    if not low <= (given := number(value, name, error=TrajectoryError)) <= high:
+        raise TrajectoryError(f"{name} is {given:g}; URScript takes {low:g} to {high:g}")
+    return given
+
 
 _LATE = 3
 """Lookahead times for which the last target is kept: a first-order lag is then within 5 % of its last step."""
@@ -115,19 +123,12 @@ class UrScript(Stream):
     flange: ClassVar[str] = "tool0"
     joints: ClassVar[int] = 6
 
-    lookahead: float = 0.1
-    gain: float = 300.0
-    transition: float = 0.0
+    lookahead: float = checked(_servoj, 0.1)
+    gain: float = checked(_servoj, 300.0)
+    transition: float = checked(number, 0.0, unit="s", sign="not negative", error=TrajectoryError)
 
     def settling(self, rate: float) -> int:
-        """Ticks for which the last target is kept.
-
-        Raises:
-            TrajectoryError: lookahead or gain is out of URScript's range.
-        """
-        for name, (low, high) in _RANGES.items():
-            if not low <= number(getattr(self, name), name, error=TrajectoryError) <= high:
-                raise TrajectoryError(f"{name} is {getattr(self, name):g}; URScript takes {low:g} to {high:g}")
+        """Ticks for which the last target is kept."""
         return round(_LATE * self.lookahead * rate)
 
     def late_events(self, samples: Samples, rate: float) -> list[PieceStart]:
@@ -150,18 +151,18 @@ class UrScript(Stream):
 
     def _functions(self, events: Sequence[PieceStart]) -> list[str]:
         """Script of the functions that events call."""
-        over = number(self.transition, "transition", unit="s", sign="not negative", error=TrajectoryError)
         text = program("urscript_event") if any(event.kind for event in events) else ""
         if any(event.load is not None for event in events):
-            text += program("urscript_load").replace("TRANSITION", f", {_number(over)}" if over else "")
+            text += program("urscript_load").replace(
+                "TRANSITION", f", {_number(self.transition)}" if self.transition else ""
+            )
         return text.splitlines()
 
     def text(self, samples: Samples) -> str:
         """The program: payload, way to the start, stream, stop.
 
         Raises:
-            TrajectoryError: the motion has not six joints, is not sampled at 500 or 125 Hz, or a field is out of
-                URScript's range.
+            TrajectoryError: the motion has not six joints, or is not sampled at 500 or 125 Hz.
         """
         rate, load = self.rate_of(samples, UR_RATES), self.load()
         rows = [_vector(row) for row in samples.q.tolist()]
@@ -210,7 +211,7 @@ class UrRtde(UrScript):
     suffix: ClassVar[str] = ".py"
     summary: ClassVar[str] = "a Python program for ur_rtde"
 
-    tolerance: float = 0.01
+    tolerance: float = checked(number, 0.01, unit="rad", sign="positive", error=TrajectoryError)
 
     def text(self, samples: Samples) -> str:
         """Text of the program.
@@ -223,12 +224,12 @@ class UrRtde(UrScript):
             raise TrajectoryError("transition is of urscript: setTargetPayload of ur_rtde changes a load at once")
         constants = {
             "RATE": (rate, "[Hz]"),
-            "TOLERANCE": (start_tolerance(self.tolerance), "[rad]"),
+            "TOLERANCE": (self.tolerance, "[rad]"),
             "APPROACH_VELOCITY": (APPROACH["v"], "[rad/s]"),
             "APPROACH_ACCELERATION": (APPROACH["a"], "[rad/s^2]"),
             "SETTLING": (self.settling(rate), "ticks"),
-            "LOOKAHEAD": (float(self.lookahead), "[s]: the arm is about so late"),
-            "GAIN": (float(self.gain), "of servoJ"),
+            "LOOKAHEAD": (self.lookahead, "[s]: the arm is about so late"),
+            "GAIN": (self.gain, "of servoJ"),
             "PAYLOAD": (self.load(), "mass [kg], centre of mass from the flange [m]"),
             "EVENTS": ([tuple(one) for one in self.late_events(samples, rate)], EVENT_REMARK),
         }

@@ -7,7 +7,7 @@ import re
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from armdyn.arguments import number
+from armdyn.arguments import Checked, checked, number
 from armdyn.errors import TrajectoryError
 from armdyn.trajectory.formats.output_format import joint_names
 
@@ -28,7 +28,7 @@ _NO_YAML = re.compile("[^\x20-\x7e\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U0001000
 
 
 @dataclass(frozen=True)
-class Ros2:
+class Ros2(Checked):
     """The message as JSON that is YAML of the same meaning, a point per line.
 
     PyYAML, which ROS reads with, takes 1e-05 for text and 1.0e-05 for a number: YAML 1.1 wants the point.
@@ -38,13 +38,16 @@ class Ros2:
 
     Attributes:
         tolerance: largest allowed `deviation` [rad or m].
+
+    Raises:
+        TrajectoryError: the tolerance is no positive number.
     """
 
     name: ClassVar[str] = "ros2"
     suffix: ClassVar[str] = ".json"
     summary: ClassVar[str] = "a JointTrajectory message"
 
-    tolerance: float = 1e-3
+    tolerance: float = checked(number, 1e-3, unit="rad or m", sign="positive", error=TrajectoryError)
 
     def deviation(self, samples: Samples, motion: Trajectory) -> float:
         """Largest distance of ros2_control's quintic spline through the points from the motion [rad or m].
@@ -60,11 +63,10 @@ class Ros2:
         at = np.unique(np.concatenate([steps.ravel(), np.clip(motion.t - motion.t[0], 0, samples.t[-1])]))
         spline, _, _ = interpolated(samples.t, (samples.q, samples.v, samples.a), at)
         off = float(np.max(np.abs(spline - motion(motion.t[0] + at).q)))
-        most = number(self.tolerance, "tolerance", unit="rad or m", sign="positive", error=TrajectoryError)
-        if off > most:
+        if off > self.tolerance:
             raise TrajectoryError(
                 f"between these points ros2_control's spline is up to {off:.2g} rad or m off the motion, more than "
-                f"{most:g}: give a higher `rate` or `tolerance`"
+                f"{self.tolerance:g}: give a higher `rate` or `tolerance`"
             )
         return off
 

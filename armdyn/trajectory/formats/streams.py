@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from armdyn.arguments import each, number, several
+from armdyn.arguments import Checked, checked, each, number
 from armdyn.errors import TrajectoryError
 
 if TYPE_CHECKING:
@@ -34,8 +34,16 @@ class PieceStart(NamedTuple):
     """Mass [kg], centre of mass [m] and Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg m²] in the flange's frame; None: it stays."""
 
 
+def _centre(value: object, name: str) -> tuple[float, ...]:
+    """Centre of mass of a payload, three numbers."""
+    com = each(value, name, number, unit="m", error=TrajectoryError)
+    if len(com) != 3:
+        raise TrajectoryError(f"{name} has {len(com)} numbers; it is x, y, z [m]")
+    return com
+
+
 @dataclass(frozen=True)
-class Stream:
+class Stream(Checked):
     """A program that sends one row of samples per tick. The last step is as long as the others.
 
     Of a motion of several pieces the program adds their loads to the payload that is set on the robot, such as its
@@ -44,6 +52,9 @@ class Stream:
     Attributes:
         payload: mass set in the controller [kg]; None: the controller's own setting stays.
         payload_com: its centre of mass from the flange, in the flange's axes [m].
+
+    Raises:
+        TrajectoryError: a field is no such number, or out of its range.
     """
 
     name: ClassVar[str]
@@ -52,22 +63,12 @@ class Stream:
     joints: ClassVar[int]
     """Number of joints of the arms whose controllers run the program."""
 
-    payload: float | None = None
-    payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    payload: float | None = checked(number, None, unit="kg", sign="not negative", error=TrajectoryError)
+    payload_com: tuple[float, ...] = checked(_centre, (0.0, 0.0, 0.0))
 
     def load(self) -> tuple[float, list[float]] | None:
-        """Mass [kg] and centre of mass [m] of the payload, if one is given.
-
-        Raises:
-            TrajectoryError: they are not one number and three.
-        """
-        if self.payload is None:
-            return None
-        mass = number(self.payload, "payload", unit="kg", sign="not negative", error=TrajectoryError)
-        com = several(self.payload_com, "payload_com", error=TrajectoryError)
-        if len(com) != 3:
-            raise TrajectoryError(f"payload_com has {len(com)} numbers; it is x, y, z [m]")
-        return mass, list(each(com, "payload_com", number, unit="m", error=TrajectoryError))
+        """Mass [kg] and centre of mass [m] of the payload, if one is given."""
+        return None if self.payload is None else (self.payload, list(self.payload_com))
 
     def events(self, samples: Samples) -> list[PieceStart]:
         """The pieces at whose start something occurs: an event, or a change of the load.
@@ -126,15 +127,6 @@ class Stream:
 
 EVENT_REMARK = "tick, kind, name; mass [kg], centre of mass from the flange [m], inertia [kg m^2] of the load"
 """Of `PieceStart` in a program."""
-
-
-def start_tolerance(value: object) -> float:
-    """The field `tolerance` of a program: the largest distance of a joint from the start [rad].
-
-    Raises:
-        TrajectoryError: it is no positive number.
-    """
-    return number(value, "tolerance", unit="rad", sign="positive", error=TrajectoryError)
 
 
 def program(name: str) -> str:
