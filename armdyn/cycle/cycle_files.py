@@ -51,18 +51,6 @@ class CycleFile:
     options: MinimumTimeOptions
     table: Table
 
-    @contextmanager
-    def locating_errors(self) -> Iterator[None]:
-        """Context that adds the step's line in the file to errors about a step.
-
-        Raises:
-            ProblemError: the complaint, with its line.
-        """
-        try:
-            yield
-        except CycleError as error:
-            raise _with_line(self.table, error) from None
-
 
 def read_cycle(path: str | os.PathLike[str]) -> Cycle:
     """Read a cycle from a TOML file; see docs/cycles.md.
@@ -108,10 +96,8 @@ def cycle_from(file: Table, robot: Robot) -> Cycle:
             raise ProblemError("[cycle] has no start: joint positions, a pose's name, or a goal pose")
         given = conditions_from(table, robot)
         start = _place(table, "start", robot)
-        try:
+        with locating_steps(file):
             return Cycle(robot, **{**given, "start": start, "steps": steps})
-        except CycleError as error:
-            raise _with_line(file, error) from None
 
 
 def keys_of(step: Mapping[str, object]) -> tuple[str, ...]:
@@ -119,12 +105,20 @@ def keys_of(step: Mapping[str, object]) -> tuple[str, ...]:
     return next((_KEYS[kind] for kind in _KINDS if kind in step), ())
 
 
-def _with_line(file: Table, error: CycleError) -> ProblemError:
-    """An error about a step, with the line of its table; of the start or the way back, with that key's line."""
-    steps = file.tables("steps")
-    if 0 < error.step <= len(steps):
-        return steps[error.step - 1].error("", str(error))
-    return file.table("cycle").error("closed" if error.step else "start", str(error))
+@contextmanager
+def locating_steps(file: Table) -> Iterator[None]:
+    """Context that adds the line of its table to an error about a step; to one about start or way back that key's line.
+
+    Raises:
+        ProblemError: the complaint, with its line.
+    """
+    try:
+        yield
+    except CycleError as error:
+        steps = file.tables("steps")
+        if 0 < error.step <= len(steps):
+            raise steps[error.step - 1].error("", str(error)) from None
+        raise file.table("cycle").error("closed" if error.step else "start", str(error)) from None
 
 
 def _part(table: Table, name: str) -> Payload:

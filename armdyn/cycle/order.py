@@ -136,11 +136,8 @@ def order_of_many(lengths: Array) -> tuple[float, tuple[int, ...]]:
     count, edge = rows.size, np.arange(rows.size)
     leaves = csr_matrix((np.ones(count), (rows, edge)), shape=(m, count))
     enters = csr_matrix((np.ones(count), (columns, edge)), shape=(m, count))
-    constraints, bound, tours = (
-        [LinearConstraint(leaves, 1, 1), LinearConstraint(enters, 1, 1)],
-        np.inf,
-        list[list[int]](),
-    )
+    constraints = [LinearConstraint(leaves, 1, 1), LinearConstraint(enters, 1, 1)]
+    bound, tours = np.inf, list[list[int]]()
     for _ in range(_CUTS):
         found = milp(
             lengths[allowed], integrality=np.ones(count), bounds=Bounds(0, 1), constraints=constraints,

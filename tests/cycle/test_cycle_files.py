@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armdyn as ad
-from armdyn.cycle.cycle_files import read_cycle_file
+from armdyn.cycle.cycle_files import locating_steps, read_cycle_file
 from armdyn.errors import ProblemError
 from cycles import BOLT
 
@@ -112,5 +112,5 @@ def test_faults_found_by_the_solve_is_reported_with_its_line(tmp_path, old, new,
     path = tmp_path / "cell.toml"
     path.write_text(BOLT.replace(old, new, 1))
     read = read_cycle_file(path)
-    with pytest.raises(ProblemError, match=said), read.locating_errors():
+    with pytest.raises(ProblemError, match=said), locating_steps(read.table):
         ad.solve_cycle(read.cycle, read.options)

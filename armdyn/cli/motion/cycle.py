@@ -113,7 +113,7 @@ def _solve(
 ) -> Answer:
     """Solve the cycle of a file, and write its files."""
     from armdyn.cycle import cycle_costs, solve_cycle
-    from armdyn.cycle.cycle_files import OPTIONS, read_cycle_file
+    from armdyn.cycle.cycle_files import OPTIONS, locating_steps, read_cycle_file
     from armdyn.cycle.summary import cycle_summary
     from armdyn.optimal.problem.status import Status
 
@@ -124,7 +124,7 @@ def _solve(
     for kind in (FORMATS[each] for each in formats):
         if issubclass(kind, Stream):  # at once, not after the solve
             kind.check_joints(robot.nv)
-    with working(f"cycle of {robot.name}") as progress, read.locating_errors():
+    with working(f"cycle of {robot.name}") as progress, locating_steps(read.table):
         solution = solve_cycle(read.cycle, options, progress)
         stopped = solution.status is Status.INTERRUPTED
         found = cycle_costs(solution, None, progress) if costs and solution.usable and not stopped else ()
