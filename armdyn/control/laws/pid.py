@@ -10,7 +10,7 @@ import numpy as np
 
 from armdyn.arguments import MOST_MEMBERS, Checked, checked, expect, flag, one_of, whole
 from armdyn.arrays import Array
-from armdyn.control.laws.readings import Readings, Reference, law_function, reference_of, table
+from armdyn.control.laws.readings import Readings, law_function, reference_of, table
 from armdyn.control.loop.loop import Law, Loop, expect_motors
 from armdyn.control.loop.references import Ticks
 from armdyn.dynamics import Dynamics
@@ -125,7 +125,7 @@ class Pid(Checked):
         inertia = np.ones(nv) if self.form == "torque" else np.diag(dynamics.crba(ticks.goal))
         return Law(law_function(nv, loop.delay, columns, torque), table(columns), ki * inertia)
 
-    def _compensated(self, dynamics: Dynamics, reference: Reference) -> Array:
+    def _compensated(self, dynamics: Dynamics, reference: Ticks) -> Array:
         """Torque that the law compensates, at the reference's states [N m or N], shape (n, nv)."""
         if self.form == "computed_torque":
             return dynamics.along("nle", reference.q, reference.v)

@@ -1,8 +1,7 @@
 """Inputs of a law: readings of the loop, the reference in the loop's own measurements, rows of a table."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -74,21 +73,8 @@ def table(columns: Mapping[str, Array]) -> Array:
     return np.hstack([np.broadcast_to(column, (count, column.shape[-1])) for column in columns.values()])
 
 
-class Reference(NamedTuple):
-    """Rows of a law; the last for good."""
-
-    q: Array
-    """Positions at the tick of reading [rad or m], shape (n, nv)."""
-    v: Array
-    """Velocity as the loop measures it on an arm that follows exactly [rad/s or m/s], shape (n, nv)."""
-    a: Array
-    """Mean acceleration over the tick on which the torque is felt [rad/s² or m/s²], shape (n, nv)."""
-    tau: Array
-    """Mean torque over that tick [N m or N], shape (n, nv)."""
-
-
-def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
-    """Reference as a law reads it, in the loop's own measurements.
+def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Ticks:
+    """Reference as a law reads it, in the loop's own measurements: the rows of a law, the last for good.
 
     A filtered velocity lags by some ticks. An arm that follows exactly is to have no velocity error, so the
     reference's velocity is led through the same filter, and rows are added until it has come to rest.
@@ -97,6 +83,10 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
         robot: that is to make the motion.
         ticks: the motion.
         loop: whose velocity filter and delay apply.
+
+    Returns:
+        q at the tick of reading; v as the loop measures it on an arm that follows exactly; a and tau as means over the
+        tick on which the torque is felt.
 
     Raises:
         ProblemError: another number of joints; another rate than the loop's.
@@ -110,7 +100,7 @@ def reference_of(robot: Robot, ticks: Ticks, loop: Loop) -> Reference:
     more = _rows_to_rest(loop) if loop.velocity == "filtered" else 0
     q, v, a, tau = (extended(rows, more) for rows in (ticks.q, ticks.v, ticks.a, ticks.tau))
     seen = _filtered(q, v[0], loop) if loop.velocity == "filtered" else v
-    return Reference(q, seen, _acting(a, loop), _acting(tau, loop))
+    return replace(ticks, q=q, v=seen, a=_acting(a, loop), tau=_acting(tau, loop))
 
 
 def extended(rows: Array, more: int) -> Array:

@@ -89,12 +89,8 @@ class Setup:
         ticks = Ticks.of(robots[-1], reference, loop.rate)
         start = np.concatenate([reference.q[0], reference.v[0]])
         if q_start is not None:
-            rest = np.zeros(robot.nv)
-            v = (
-                rest
-                if v_start is None
-                else per_joint(v_start, robot.joint_names, "v_start", error=ProblemError, scalar=False)
-            )
+            v = np.zeros(robot.nv) if v_start is None else v_start
+            v = per_joint(v, robot.joint_names, "v_start", error=ProblemError, scalar=False)
             start = np.concatenate([pose_given(robot, q_start, "q_start"), v])
         duration = number(duration, "duration", unit="s", sign="positive")
         duration = duration if duration >= ticks.duration else ticks.duration + LONGER
