@@ -259,9 +259,8 @@ class Signals:
         tau, q = at_even_times(log.tau), at_even_times(log.q)
         if log.v is None:
             v = smooth(q, 1)
-            a = np.gradient(
-                v, step, axis=0
-            )  # a kernel of order 2 that is cut off has a mean, which q / step² would show
+            # A kernel of order 2 that is cut off has a mean, which q / step² would show.
+            a = np.gradient(v, step, axis=0)
         else:
             v = at_even_times(log.v)
             v, a = smooth(v, 0), smooth(v, 1)
