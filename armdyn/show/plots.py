@@ -70,48 +70,48 @@ def plot_trajectories(
         )
     if captions is not None and len(captions) != len(trajectories):
         raise TrajectoryError(f"{len(captions)} captions for {len(trajectories)} trajectories")
-    with rc_context(LOOK):
-        figure = plot_panels(trajectories, limits, unresolved)
-        named = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
-        runs = named if captions is None else list(captions)
-        runs = [run + (UNRESOLVED if k in unresolved else "") for k, run in enumerate(runs)]
-        put_head(figure, title, run_handles(runs) if len(runs) > 1 or unresolved else ())
+    figure = plot_panels(trajectories, limits, unresolved)
+    named = [f"{one.name or f'trajectory {k + 1}'}, {one.duration:.4g} s" for k, one in enumerate(trajectories)]
+    runs = named if captions is None else list(captions)
+    runs = [run + (UNRESOLVED if k in unresolved else "") for k, run in enumerate(runs)]
+    put_head(figure, title, run_handles(runs) if len(runs) > 1 or unresolved else ())
     return figure
 
 
+@rc_context(LOOK)
 def plot_panels(
     trajectories: Sequence[Trajectory], limits: JointLimits | None, unresolved: Collection[int] = ()
 ) -> Figure:
     """Panels of `plot_trajectories`, without title and legend above them."""
     joints = trajectories[0].v.shape[1]
     groups = scales(limits, joints)
-    with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, 7.6 + 1.7 * (len(groups) - 1)), layout="constrained")
-        axes = list(figure.subplots(2 + len(groups), 1, sharex=True))
-        every = tuple(range(joints))
-        panels = [Panel(axes[0], "position", "rad", every), Panel(axes[1], "velocity", "rad/s", every)]
-        panels += [Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
-        for k, (trajectory, style) in enumerate(zip(trajectories, styles(len(trajectories)), strict=True)):
-            _draw(panels, trajectory, style)
-            if k not in unresolved:
-                _draw_switches(panels, trajectory)
-        for panel in panels:
-            panel.axes.set_ylabel(f"{panel.quantity} [{panel.unit}]")
-            panel.axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.5, zorder=1)
-            panel.axes.margins(y=0.08)
-        axes[-1].set_xlabel("time [s]")
-        start = min(float(trajectory.t[0]) for trajectory in trajectories)
-        end = max(float(trajectory.t[-1]) for trajectory in trajectories)
-        axes[0].set_xlim(start, end + 0.01 * (end - start))
-        if limits is not None and not limits.actuators.constant and len(trajectories) == 1:
-            for panel in panels[2:]:
-                draw_ranges(panel, limits, trajectories[0])
-        limited = [limits is not None and draw_limits(panel, limits) for panel in panels]
-        figure.align_ylabels(axes)
-        _add_legend(figure, trajectories, any(limited), unresolved)
+    figure = Figure(figsize=(7.0, 7.6 + 1.7 * (len(groups) - 1)), layout="constrained")
+    axes = list(figure.subplots(2 + len(groups), 1, sharex=True))
+    every = tuple(range(joints))
+    panels = [Panel(axes[0], "position", "rad", every), Panel(axes[1], "velocity", "rad/s", every)]
+    panels += [Panel(ax, "torque", "N m", group) for ax, group in zip(axes[2:], groups, strict=True)]
+    for k, (trajectory, style) in enumerate(zip(trajectories, styles(len(trajectories)), strict=True)):
+        _draw(panels, trajectory, style)
+        if k not in unresolved:
+            _draw_switches(panels, trajectory)
+    for panel in panels:
+        panel.axes.set_ylabel(f"{panel.quantity} [{panel.unit}]")
+        panel.axes.axhline(0.0, color=INK, linewidth=0.5, alpha=0.5, zorder=1)
+        panel.axes.margins(y=0.08)
+    axes[-1].set_xlabel("time [s]")
+    start = min(float(trajectory.t[0]) for trajectory in trajectories)
+    end = max(float(trajectory.t[-1]) for trajectory in trajectories)
+    axes[0].set_xlim(start, end + 0.01 * (end - start))
+    if limits is not None and not limits.actuators.constant and len(trajectories) == 1:
+        for panel in panels[2:]:
+            draw_ranges(panel, limits, trajectories[0])
+    limited = [limits is not None and draw_limits(panel, limits) for panel in panels]
+    figure.align_ylabels(axes)
+    _add_legend(figure, trajectories, any(limited), unresolved)
     return figure
 
 
+@rc_context(LOOK)
 def put_head(figure: Figure, title: str | None, handles: Sequence[Line2D] = ()) -> None:
     """A title above the panels, and under it the legend of the line styles."""
     bold = {"size": 12, "weight": "bold"}
@@ -190,10 +190,10 @@ def svg_text(figure: Figure) -> str:
     return _rendered(figure, "svg").decode("utf-8")
 
 
+@rc_context(LOOK)
 def _rendered(figure: Figure, kind: str) -> bytes:
     buffer = BytesIO()
-    with rc_context(LOOK):
-        figure.savefig(buffer, format=kind, dpi=160, metadata=_UNDATED[kind])
+    figure.savefig(buffer, format=kind, dpi=160, metadata=_UNDATED[kind])
     return buffer.getvalue()
 
 
@@ -241,5 +241,4 @@ def _legend(figure: Figure, handles: Sequence[Line2D], place: _Place, **options:
     widest = max(len(str(handle.get_label())) for handle in handles)
     rows = -(-len(handles) // max(int((figure.get_figwidth() - 0.3) / (0.075 * widest + 0.6)), 1))
     columns = -(-len(handles) // rows)
-    with rc_context(LOOK):
-        figure.legend(handles=handles, loc=place, ncols=columns, handlelength=2.4, columnspacing=1.4, **options)
+    figure.legend(handles=handles, loc=place, ncols=columns, handlelength=2.4, columnspacing=1.4, **options)

@@ -177,6 +177,7 @@ def motion_picture(motion: Trajectory, limits: JointLimits | None, resolved: boo
     return _clear(figure)
 
 
+@rc_context(LOOK)
 def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
     """An arm's joints and tip, joined by lines, seen along the axis of the world in which it extends least.
 
@@ -187,20 +188,19 @@ def robot_picture(robot: Robot, poses: Sequence[Array]) -> Figure:
     lines = [_skeleton(robot, q) for q in poses]
     spread = np.ptp(np.concatenate(lines), axis=0)
     across, up = sorted(np.argsort(spread, kind="stable")[1:])  # z, where it is seen, goes up
-    with rc_context(LOOK):
-        figure = Figure(figsize=(3.4, 3.0), layout="constrained")
-        axes = figure.add_subplot()
-        for i, line in enumerate(lines):
-            shade = 1.0 if len(lines) == 1 else 0.35 + 0.65 * i / (len(lines) - 1)
-            last = i == len(lines) - 1
-            name = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
-            axes.plot(line[:, across], line[:, up], "-o", color=COLORS[0], alpha=shade, markersize=3.5, linewidth=1.8)
-            if name:
-                axes.annotate(name, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.margins(0.12)
-        axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")
-        axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
+    figure = Figure(figsize=(3.4, 3.0), layout="constrained")
+    axes = figure.add_subplot()
+    for i, line in enumerate(lines):
+        shade = 1.0 if len(lines) == 1 else 0.35 + 0.65 * i / (len(lines) - 1)
+        last = i == len(lines) - 1
+        name = "" if len(lines) == 1 else "start" if i == 0 else "goal" if last else f"via {i}"
+        axes.plot(line[:, across], line[:, up], "-o", color=COLORS[0], alpha=shade, markersize=3.5, linewidth=1.8)
+        if name:
+            axes.annotate(name, (line[-1, across], line[-1, up]), xytext=(4, 4), textcoords="offset points")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+    axes.set(xlabel=f"{_AXES[across]} [m]", ylabel=f"{_AXES[up]} [m]")
+    axes.set_title(literal(f"tip: {robot.tip[:40]}"), fontsize=9, color=INK)
     return _clear(figure)
 
 

@@ -36,13 +36,13 @@ def styles(count: int) -> list[Style]:
     return [STYLES[i % len(STYLES)] for i in range(count)]
 
 
+@rc_context(LOOK)
 def one_panel(title: str | None, height: float = 4.4) -> tuple[Figure, Axes]:
     """A figure with one panel, and a title above it if there is one."""
-    with rc_context(LOOK):
-        figure = Figure(figsize=(7.0, height), layout="constrained")
-        axes = figure.subplots()
-        if title:
-            axes.set_title(literal(title), fontsize=12, fontweight="bold")
+    figure = Figure(figsize=(7.0, height), layout="constrained")
+    axes = figure.subplots()
+    if title:
+        axes.set_title(literal(title), fontsize=12, fontweight="bold")
     return figure, axes
 
 

@@ -75,6 +75,7 @@ def plot_curve(
     return figure
 
 
+@rc_context(LOOK)
 def plot_map(
     rows: Sequence[Row], x: str, y: str, z: str, panel: str | None = None, *, named: Named = str,
     log: Collection[str] = (), title: str | None = None,
@@ -97,24 +98,23 @@ def plot_map(
     clipped = bool(numbers) and max(numbers) > high
     shared = len({(row[x], row[y], row[panel] if panel else None) for row in rows}) < len(rows)
     text = f"{named(z)}{', least of those at a place' if shared else ''}"
-    with rc_context(LOOK):
-        figure = Figure(figsize=(1.4 + 4.8 * len(values), 4.4), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(1, len(values), sharey=True))
-        drawn: Any = None
-        for axes, value in zip(panels, values, strict=True):
-            own = [row for row in rows if panel is None or row[panel] == value]
-            axes.set_xscale("log" if x in log else "linear")  # before the ticks, which it would undo
-            axes.set_yscale("log" if y in log else "linear")
-            drawn = _cells(axes, own, (x, y, z), (low, high), f"no {named(z).partition(' [')[0]}") or drawn
-            axes.grid(visible=False)
-            axes.set_xlabel(named(x))
-            if value is not None:
-                axes.set_title(literal(f"{panel} {value}"), fontsize=10)
-        panels[0].set_ylabel(named(y))
-        if drawn is not None:
-            figure.colorbar(drawn, ax=list(panels), label=text, extend="max" if clipped else "neither")
-        if title:
-            figure.suptitle(literal(title), fontsize=12, fontweight="bold")
+    figure = Figure(figsize=(1.4 + 4.8 * len(values), 4.4), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(values), sharey=True))
+    drawn: Any = None
+    for axes, value in zip(panels, values, strict=True):
+        own = [row for row in rows if panel is None or row[panel] == value]
+        axes.set_xscale("log" if x in log else "linear")  # before the ticks, which it would undo
+        axes.set_yscale("log" if y in log else "linear")
+        drawn = _cells(axes, own, (x, y, z), (low, high), f"no {named(z).partition(' [')[0]}") or drawn
+        axes.grid(visible=False)
+        axes.set_xlabel(named(x))
+        if value is not None:
+            axes.set_title(literal(f"{panel} {value}"), fontsize=10)
+    panels[0].set_ylabel(named(y))
+    if drawn is not None:
+        figure.colorbar(drawn, ax=list(panels), label=text, extend="max" if clipped else "neither")
+    if title:
+        figure.suptitle(literal(title), fontsize=12, fontweight="bold")
     return figure
 
 
