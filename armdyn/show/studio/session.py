@@ -23,7 +23,7 @@ from armdyn.optimal.minimum_time import solve_minimum_time
 from armdyn.optimal.problem.problem import MinimumTimeProblem
 from armdyn.optimal.task.options import MinimumTimeOptions
 from armdyn.show.report import write_report
-from armdyn.show.studio.solving import NewestFirst, Reply
+from armdyn.show.studio.solving import NewestFirst
 from armdyn.show.studio.state import StudioState, carrying, fitting_presets, posed, slider_limits
 
 End = Literal["start", "goal"]
@@ -181,7 +181,7 @@ class Session:
     def tick(self) -> None:
         """Take the solver's newest result, and save the state if it is time."""
         if (found := self._solver.newest()) is not None:
-            self._take(found)
+            self._take(*found)
         self._keep()
 
     def save_problem(self) -> Path:
@@ -225,9 +225,8 @@ class Session:
             raise ProblemError("there is no motion yet")
         return self.solution
 
-    def _take(self, found: Reply[StudioState, Solution | str]) -> None:
-        result = found.result
-        self.solved = found.request
+    def _take(self, state: StudioState, result: Solution | str | None) -> None:
+        self.solved = state
         if isinstance(result, Solution) and result.moves:
             self.solution, self.failed = result, ""
         elif isinstance(result, Solution):

@@ -5,7 +5,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Generic, Self, TypeVar
 
@@ -23,19 +22,6 @@ _POLL = 0.02
 """Polling period of the process and the requests [s]."""
 
 
-@dataclass(frozen=True)
-class Reply(Generic[Request, Result]):
-    """The result of a request.
-
-    Attributes:
-        request: it.
-        result: None: the process ended unexpectedly.
-    """
-
-    request: Request
-    result: Result | None
-
-
 class NewestFirst(Generic[Request, Result]):
     """Runs a function in a process of its own, for the newest of all waiting requests.
 
@@ -45,7 +31,7 @@ class NewestFirst(Generic[Request, Result]):
     def __init__(self, do: Callable[[Request], Result], first: Request):
         self._do = do
         self._waiting: Request | None = first
-        self._solved: Reply[Request, Result] | None = None
+        self._solved: tuple[Request, Result | None] | None = None
         self._since: float | None = None
         self._lock, self._wake, self._forked = threading.Lock(), threading.Event(), threading.Event()
         self._closed = False
@@ -75,8 +61,11 @@ class NewestFirst(Generic[Request, Result]):
         since = self._since
         return None if since is None else time.monotonic() - since
 
-    def newest(self) -> Reply[Request, Result] | None:
-        """The newest result, once; None: no new one."""
+    def newest(self) -> tuple[Request, Result | None] | None:
+        """The newest request that was done, and its result, once; None: no new one.
+
+        The result is None where the process ended unexpectedly.
+        """
         with self._lock:
             found, self._solved = self._solved, None
         return found
@@ -113,4 +102,4 @@ class NewestFirst(Generic[Request, Result]):
                         due = time.monotonic() + _RETRY
                 with self._lock:
                     for _, _, result in found:
-                        self._solved = Reply(what, None if result is None else result[0])
+                        self._solved = what, None if result is None else result[0]
