@@ -1,6 +1,7 @@
 """Plausibility checks of a log: units, order of the joints, torques rather than currents, dead channels."""
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.optimize import linear_sum_assignment
 
 from armdyn.arrays import Array
@@ -70,10 +71,7 @@ def _check_velocities(robot: Robot, log: Log) -> None:
     # Means over a twentieth of a second: differences of encoder steps are noise.
     every = max(1, int(0.05 / np.median(np.diff(log.t))))
     way = np.diff(log.q[::every], axis=0)
-    reach = np.concatenate(
-        [[np.zeros(log.v.shape[1])], np.cumsum((log.v[1:] + log.v[:-1]) / 2 * np.diff(log.t)[:, None], axis=0)]
-    )
-    summed = np.diff(reach[::every], axis=0)
+    summed = np.diff(cumulative_trapezoid(log.v, log.t, axis=0, initial=0)[::every], axis=0)
     for j, joint in enumerate(robot.joint_names):
         if np.ptp(log.q[:, j]) < MOVED:
             continue
