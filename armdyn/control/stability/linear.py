@@ -133,23 +133,13 @@ class Rest:
         goal = pose_given(robot, q_goal, "q_goal")
         rest = np.zeros(robot.nv)
         holding = inverse_dynamics(arm)(goal, rest, rest)
-        law = law_of(expect_controller(controller), robot, ticks_at_rest(robot, goal, expect_loop(loop).rate), loop)
+        ticks = Ticks.of(robot, set_point(robot, goal, expect_loop(loop).period), loop.rate)
+        law = law_of(expect_controller(controller), robot, ticks, loop)
         return cls(
             LinearPlant(*linearised(arm, goal, rest, holding)),
             LinearPlant(*linearised(robot, goal, rest, holding)),
             LawDerivatives.of(law, goal, holding, loop.delay),
         )
-
-
-def ticks_at_rest(robot: Robot, goal: Array, rate: float) -> Ticks:
-    """A reference that rests at a goal.
-
-    Args:
-        robot: that rests.
-        goal: [rad or m], shape (nv,).
-        rate: of the loop [Hz].
-    """
-    return Ticks.of(robot, set_point(robot, goal, 1.0 / rate), rate)
 
 
 def continuous_matrix(rest: Rest) -> Array:

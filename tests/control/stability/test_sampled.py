@@ -11,7 +11,8 @@ from armdyn.control.laws.linear import zero_order_hold
 from armdyn.control.laws.lqr import Lqr
 from armdyn.control.laws.pid import Pid, PidGains
 from armdyn.control.loop.loop import Controller, Law, Loop
-from armdyn.control.stability.linear import Rest, closed_loop_eigenvalues, continuous_matrix, ticks_at_rest
+from armdyn.control.loop.references import Ticks, set_point
+from armdyn.control.stability.linear import Rest, closed_loop_eigenvalues, continuous_matrix
 from armdyn.control.stability.sampled import sampled_loop
 from armdyn.dynamics import forward_dynamics, inverse_dynamics
 from armdyn.errors import ProblemError
@@ -58,7 +59,8 @@ class Tick:
     def __init__(self, robot, goal, controller, loop, plant):
         self.loop, self.goal, self.nv = loop, goal, robot.nv
         self.plant, self.model = forward_dynamics(plant), forward_dynamics(robot)
-        self.law = controller.law(robot, ticks_at_rest(robot, goal, loop.rate), loop)
+        ticks = Ticks.of(robot, set_point(robot, goal, loop.period), loop.rate)
+        self.law = controller.law(robot, ticks, loop)
         self.holding = inverse_dynamics(plant)(goal, np.zeros(self.nv), np.zeros(self.nv))
         self.integral = integral_at_rest(self.law, goal, self.holding, loop.delay)
 
