@@ -15,6 +15,7 @@ from armdyn.control.loop.loop import Controller, Loop
 from armdyn.control.tracking.run import Run
 from armdyn.control.tracking.track import Setup, expect_own_payload
 from armdyn.errors import ResultError
+from armdyn.files import attributes
 from armdyn.locks import cached_property
 from armdyn.models.robots.robot import Robot, expect_robot
 from armdyn.models.values.actuator_limits import torque_speed_entry
@@ -146,9 +147,8 @@ class PlantStudy(OwnTask):
         """Run one arm."""
         given: Any = {name: tuple(x) if isinstance(x, list) else x for name, x in settings.items()}
         run = self._run(PlantSample(**given), "plant")
-        facts = {name: one for name, one in run.summary().items() if name in _NUMBERS}
-        overshoot = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()
-        facts["overshoot"] = overshoot
+        facts = attributes(run, *_NUMBERS)
+        facts["overshoot"] = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
     def description(self) -> dict[str, object]:

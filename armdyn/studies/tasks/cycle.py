@@ -33,7 +33,6 @@ class CycleTask:
 
     name: ClassVar = "cycle"
     section: ClassVar = "cycle"
-    signs: ClassVar[Mapping[str, Any]] = {}
     outcomes: ClassVar = ("duration_s", "torque_squared")
     neighbours: ClassVar[Neighbours] = "off"
 
