@@ -80,7 +80,6 @@ class Page:
     def __init__(self, server: viser.ViserServer, session: Session):
         self._server, self._session = server, session
         self._notes: dict[str, Callable[[], object]] = {}
-        self._trouble: tuple[str, ...] = ()
         self._drawn: dict[str, object] = {}
         self._known: dict[str, object] = {}
         self._held: dict[str, float] = {}
