@@ -130,6 +130,13 @@ class RobotKeywords(TypedDict, total=False):
     package_dirs: Sequence[str | os.PathLike[str]]
 
 
+def _ends_of_arm(arm: object, name: str) -> tuple[str, ...]:
+    ends = several(arm, name, error=SpecError)
+    if len(ends) != 2 or not all(isinstance(end, str) for end in ends):
+        raise SpecError(f"{name} is {shown(arm)}; it must be (first, last), each the name of a joint or a link")
+    return tuple(map(str, ends))
+
+
 @brief
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotOptions(Checked):
@@ -170,8 +177,10 @@ class RobotOptions(Checked):
 
     payload: Payload | None = None
     tool: Tool | None = checked(expect, None, kind=Tool, hint="Tool(mass=…, tip=…)", error=SpecError)
-    lock: Mapping[str, float] | None = None
-    arm: tuple[str, str] | None = None
+    lock: Mapping[str, float] | None = checked(
+        expect, None, kind=Mapping, hint="joint name to position [rad or m]", error=SpecError
+    )
+    arm: tuple[str, str] | None = checked(_ends_of_arm, None)
     effort_limit: ArrayLike | None = None
     velocity_limit: ArrayLike | None = None
     torque_speed: Mapping[str, ArrayLike] | None = None
@@ -182,21 +191,10 @@ class RobotOptions(Checked):
     friction: FrictionValue | None = None
     friction_width: ArrayLike | None = None
     passive: Sequence[str] = ()
-    inertias: Mapping[str, ArrayLike] | None = None
+    inertias: Mapping[str, ArrayLike] | None = checked(
+        expect, None, kind=Mapping, hint="joint name to ten inertial parameters", error=SpecError
+    )
     package_dirs: Sequence[str | os.PathLike[str]] = checked(each, (), of=path, error=SpecError)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name, number in (("lock", "position [rad or m]"), ("inertias", "ten inertial parameters")):
-            if (given := getattr(self, name)) is not None:
-                expect(given, Mapping, name, f"joint name to {number}", error=SpecError)  # type: ignore[type-abstract]
-        if self.arm is not None:
-            ends = several(self.arm, "arm", error=SpecError)
-            if len(ends) != 2 or not all(isinstance(end, str) for end in ends):
-                raise SpecError(
-                    f"arm is {shown(self.arm)}; it must be (first, last), each the name of a joint or a link"
-                )
-            object.__setattr__(self, "arm", (str(ends[0]), str(ends[1])))
 
 
 def robot_options(payload: Payload | None, keywords: RobotKeywords) -> RobotOptions:
