@@ -123,13 +123,14 @@ def _compiler() -> str | None:
 def _library_of(recipe: "_Recipe[T]", compile_mode: bool | None, later: bool = False) -> T | None:
     """Load or build a recipe's library; None: continue without machine code."""
     build = bool(compile_mode) or (recipe.instructions <= _WORTH_IT and not later)
-    later = not build
     kept = cache_directory()
     try:
         try:
-            return _machine_code(recipe, protected(kept), build, later)
+            return _machine_code(recipe, protected(kept), build)
         except OSError as error:
             _warn_once(f"the cache of machine code, {kept}, is not used (ARMDYN_CACHE may name another)", error)
+        if not build:
+            return None
         with private_folder() as folder:  # not kept: a process needs each library once
             return _machine_code(recipe, folder, build)
     except (OSError, CompilerError) as error:
@@ -178,8 +179,8 @@ class _Recipe(Generic[T]):
             Path(copy).unlink()  # it stays loaded as long as it is used
 
 
-def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = False) -> T | None:
-    """Load the library from the folder; build it if it is damaged, or missing and requested; None: not built yet.
+def _machine_code(recipe: _Recipe[T], folder: Path, build: bool) -> T | None:
+    """Load the library from the folder; build it if it is damaged, or missing and requested; None: it is built later.
 
     Raises:
         OSError: the folder cannot be used: it is full, say, or nothing in it can be loaded.
@@ -192,8 +193,7 @@ def _machine_code(recipe: _Recipe[T], folder: Path, build: bool, later: bool = F
         with suppress(RuntimeError):  # whole, but not for this system: a home that several share
             return recipe.load(data, folder)
     if not (there or build):
-        if later:
-            build_later(library, recipe.compiler, recipe.source)
+        build_later(library, recipe.compiler, recipe.source)
         return None
     with part_of_time(0.5):  # the other half is for the solve
         if recipe.instructions * _EACH > left():
