@@ -37,6 +37,8 @@ _KEPT: dict[str, tuple[str, ...]] = {
 
 _MOVED = ("axis", "limit", "dynamics")
 """Elements of joints that move."""
+_OF_BODIES = ("origin", "mass", "inertia")
+"""Elements of an `<inertial>`."""
 
 _NOT_NEGATIVE = {
     "value": "mass is {} kg",
@@ -74,7 +76,9 @@ def parse_urdf(text: str, source: str) -> ElementTree.Element:
     if sum(joint.get("type") in MOVING for joint in joints.values()) > MAX_MOVING:
         raise UrdfError(source, f"has more than {MAX_MOVING} joints that move")
     for name, link in links.items():
-        _check_link(link, source, f"link {clipped(name)!r}")
+        if (inertial := link.find("inertial")) is not None:
+            for tag in _OF_BODIES:
+                _numbers(inertial, tag, source, f"link {clipped(name)!r}")
     for name, joint in joints.items():
         _check_joint(joint, source, f"joint {clipped(name)!r}", links)
     _check_tree(links, joints, source)
@@ -148,7 +152,7 @@ def _copy(parent: ElementTree.Element, tag: str, to: ElementTree.Element) -> Non
         kept = {key: " ".join(text.split()) for key, text in kept.items()}  # urdfdom stumbles over line ends
     copy = ElementTree.SubElement(to, tag, kept)
     if tag == "inertial":
-        for inside in ("origin", "mass", "inertia"):
+        for inside in _OF_BODIES:
             _copy(element, inside, copy)
 
 
@@ -184,12 +188,6 @@ def _numbers(parent: ElementTree.Element, tag: str, source: str, where: str) -> 
             raise UrdfError(source, f"{_NOT_NEGATIVE[key].format(values[0])}; it must not be negative", where)
         found[key] = values
     return found
-
-
-def _check_link(link: ElementTree.Element, source: str, where: str) -> None:
-    inertial = link.find("inertial")
-    for tag in () if inertial is None else ("origin", "mass", "inertia"):
-        _numbers(inertial, tag, source, where)  # type: ignore[arg-type]  # it is there
 
 
 def _check_joint(joint: ElementTree.Element, source: str, where: str, links: dict[str, ElementTree.Element]) -> None:
