@@ -61,10 +61,8 @@ def _rubbing(dynamics: Dynamics) -> ca.Function:
 
 
 class Tables(NamedTuple):
-    """Input arrays of the C++ loop; see `_bridge/loop.hpp`."""
+    """Input arrays of the C++ loop but for its arms' parameters; see `_bridge/loop.hpp`."""
 
-    plant_parameters: Array
-    model_parameters: Array
     rows: Array
     q_reference: Array
     start: Array
@@ -94,26 +92,25 @@ class Driven(NamedTuple):
     """One of "whole"; "diverged": a bound of the state was exceeded; "failed": no step was short enough."""
 
 
-def drive(
-    plant: ca.Function, law: ca.Function, model: ca.Function | None, tables: Tables, scalars: Mapping[str, object]
-) -> Driven:
+def drive(plant: Plant, law: ca.Function, model: Plant | None, tables: Tables, scalars: Mapping[str, object]) -> Driven:
     """Run a loop; it releases the interpreter's lock.
 
     Args:
-        plant: the arm that moves, a(q, v, tau, p).
+        plant: the arm that moves.
         law: the controller's, tau(q, v, integral, pending, row).
-        model: the observer's arm, like plant; None: there is no observer.
+        model: the observer's arm; None: there is no observer.
         tables: of the loop.
-        scalars: the single numbers of `_bridge/loop.hpp`, by name.
+        scalars: the single numbers of `_bridge/loop.hpp`, by name, without row_size.
     """
     import _armdyn_bridge as bridge
 
+    parameters = {"plant_parameters": plant.parameters, "model_parameters": model.parameters if model else np.empty(0)}
     found = bridge.simulate(
-        _callable(plant),
+        _callable(plant.function),
         _callable(law),
-        None if model is None else _callable(model),
-        {name: np.ascontiguousarray(table, dtype=float) for name, table in tables._asdict().items()},
-        dict(scalars),
+        None if model is None else _callable(model.function),
+        {name: np.ascontiguousarray(one, dtype=float) for name, one in (tables._asdict() | parameters).items()},
+        {**scalars, "row_size": tables.rows.shape[1]},
     )
     nv, ticks = tables.lower.size, found["ticks"]
     q, v, tau, estimate = (

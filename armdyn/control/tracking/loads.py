@@ -72,21 +72,13 @@ class ChangingLoad:
         """Run the loop.
 
         Args:
-            tables: of the loop; parameters and rows are those of the loads.
-            scalars: see `armdyn.dynamics.driven.drive`, without row_size.
+            tables: of the loop, with the rows of the last load.
+            scalars: see `armdyn.dynamics.driven.drive`.
         """
-        changes = len(self.loads) > 1
-        plant, model, law = (
-            (self.plant, self.model, self.law) if changes else (*self.loads[0][:2], self.loads[0].law.function)
-        )
-        tables = (self.tables(tables) if changes else tables._replace(rows=self.loads[0].law.rows))._replace(
-            plant_parameters=plant.parameters,
-            model_parameters=np.empty(0) if model is None else model.parameters,
-        )
-        observer = None if model is None else model.function
-        driven = drive(plant.function, law, observer, tables, {**scalars, "row_size": tables.rows.shape[1]})
-        if not changes:
-            return driven
+        if len(self.loads) == 1:
+            plant, model, law = self.loads[0]
+            return drive(plant, law.function, model, tables, scalars)
+        driven = drive(self.plant, self.law, self.model, self.tables(tables), scalars)
         nv = driven.q.shape[1] - len(self.loads)
         arrays = {name: getattr(driven, name)[:, :nv] for name in ("q", "v", "tau", "estimate", "clipped")}
         return driven._replace(**arrays)

@@ -174,8 +174,6 @@ class Setup:
             noise = np.random.default_rng(loop.seed if seed is None else seed).normal(0.0, loop.noise, (count, nv))
         first = np.clip(self.ticks.ahead(0)[np.minimum(np.arange(loop.delay), len(self.ticks.tau) - 1)], lower, upper)
         tables = Tables(
-            plant_parameters=np.empty(0),
-            model_parameters=np.empty(0),
             rows=self.law.rows,
             q_reference=self.ticks.q,
             start=np.concatenate([self.start, np.zeros(nv)]) if loop.hold == "continuous" else self.start,
