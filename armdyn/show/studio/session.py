@@ -251,22 +251,12 @@ class Session:
             return
         self._due = time.monotonic() + _SAVED
         try:
-            save_state(self.setup, self.folder, self.state)
+            content = {"format": _FORMAT, **_robot_of(self.setup), "state": self.state.entry()}
+            write_whole(self._file(STATE_FILE), (json.dumps(content, indent=1) + "\n").encode())
         except (ArmdynError, OSError) as error:
             self.unsaved = f"the state is not saved: {error}"
         else:
             self._kept, self.unsaved = self.state, ""
-
-
-def save_state(setup: SessionSetup, folder: Path, state: StudioState) -> Path:
-    """Write a state, whole or not at all.
-
-    Raises:
-        ArmdynError, OSError: it cannot be written.
-    """
-    content = {"format": _FORMAT, **_robot_of(setup), "state": state.entry()}
-    folder.mkdir(parents=True, exist_ok=True)
-    return write_whole(folder / STATE_FILE, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def restored(setup: SessionSetup, folder: Path) -> StudioState | None:
