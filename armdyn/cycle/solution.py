@@ -117,7 +117,24 @@ class CycleSolution:
 
     def __str__(self) -> str:
         """A paragraph: duration, verdict, limits that decide the time, bound."""
-        return _paragraph(self)
+        name = self.cycle.robot.name
+        if not self.legs:
+            return f"No motion was found for the cycle of {name}: {self.message}."
+        moves, rests = self.duration - self.cycle.dwell, self.cycle.dwell
+        parts = [
+            f"The fastest cycle found for {name} takes {self.duration:.6f} s: {len(self.legs)} moves of "
+            f"{moves:.6f} s and rests of {rests:.6g} s."
+        ]
+        if not self.usable:
+            parts.append(f"It is not executable: {self.message}.")
+        elif self.gap is not None:
+            parts.append(f"It is {gap_words(self.gap)}.")
+        if most := self.decides[:_MOST_LIMITS]:
+            parts.append(f"Its time is decided by {', '.join(f'{what} ({100 * part:.3g} %)' for what, part in most)}.")
+        if self.lower_bound is not None:
+            parts.append(f"No cycle is faster than {self.lower_bound:.6f} s.")
+        parts.append(f"It was solved in {self.solve_time:.1f} s; {self.branches} motions were solved on the way.")
+        return " ".join(parts)
 
     def _repr_parts(self) -> list[str]:
         """Words of `repr`."""
@@ -184,24 +201,3 @@ class CycleSolution:
             TrajectoryError: there is no motion.
         """
         return joined(self.cycle, [(one.leg, one.solution) for one in self.legs])
-
-
-def _paragraph(solution: CycleSolution) -> str:
-    name = solution.cycle.robot.name
-    if not solution.legs:
-        return f"No motion was found for the cycle of {name}: {solution.message}."
-    moves, rests = solution.duration - solution.cycle.dwell, solution.cycle.dwell
-    parts = [
-        f"The fastest cycle found for {name} takes {solution.duration:.6f} s: {len(solution.legs)} moves of "
-        f"{moves:.6f} s and rests of {rests:.6g} s."
-    ]
-    if not solution.usable:
-        parts.append(f"It is not executable: {solution.message}.")
-    elif solution.gap is not None:
-        parts.append(f"It is {gap_words(solution.gap)}.")
-    if most := solution.decides[:_MOST_LIMITS]:
-        parts.append(f"Its time is decided by {', '.join(f'{what} ({100 * part:.3g} %)' for what, part in most)}.")
-    if solution.lower_bound is not None:
-        parts.append(f"No cycle is faster than {solution.lower_bound:.6f} s.")
-    parts.append(f"It was solved in {solution.solve_time:.1f} s; {solution.branches} motions were solved on the way.")
-    return " ".join(parts)
