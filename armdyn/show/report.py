@@ -102,9 +102,6 @@ def write_report(
     from armdyn.show.page.motions import ShownMotion
     from armdyn.show.page.report import Subject, report_of, write_page
 
-    facts = [Facts({**result_head(robot), **summary}), *([Facts()] * (len(motions) - 1))]
-    moves = [
-        ShownMotion(motion.name or name, motion, known)
-        for (name, motion), known in zip(motions.items(), facts, strict=True)
-    ]
+    moves = [ShownMotion(motion.name or name, motion, Facts()) for name, motion in motions.items()]
+    moves[0] = replace(moves[0], facts=Facts({**result_head(robot), **summary}))
     return write_page(path, report_of(Subject.of(robot, obstacles), moves, title))

@@ -56,7 +56,7 @@ def plot_envelope(envelope: Envelope, title: str | None = None) -> Figure:
     if len(names) > 1:
         figure.supylabel("distance from the reference [rad or m]", fontsize=9.5)
     if title:
-        figure.suptitle(title, fontsize=12, fontweight="bold")
+        figure.suptitle(literal(title), fontsize=12, fontweight="bold")
     return figure
 
 

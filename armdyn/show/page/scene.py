@@ -78,7 +78,8 @@ def scene_data(
     shapes = {name: _red(one) if one.name in touching else one for name, one in named.items()}
     return {
         "joints": robot.nv,
-        "points": _named_points(robot),
+        # Of every frame its name, its joint, and its origin in that joint's frame [m].
+        "points": [(one.name, int(one.parentJoint), one.placement.translation.tolist()) for one in robot.model.frames],
         "tip": robot.tip,
         "planar": is_planar(robot),
         "reach": reach_of(robot),
@@ -199,10 +200,3 @@ def is_planar(robot: Robot) -> bool:
     """Whether it moves in the world's x-z plane: every joint turns about y."""
     speeds = pin.computeJointJacobians(robot.model, robot.model.createData(), pin.neutral(robot.model))
     return bool(np.all(np.abs(speeds[[1, 3, 5]]) < 1e-9))
-
-
-def _named_points(robot: Robot) -> list[tuple[str, int, list[float]]]:
-    """Every frame's name, its joint, and its origin in that joint's frame [m]."""
-    return [
-        (str(frame.name), int(frame.parentJoint), frame.placement.translation.tolist()) for frame in robot.model.frames
-    ]
