@@ -1,4 +1,4 @@
-"""Figures of a study: curves over a setting, maps over two settings, Pareto fronts."""
+"""Figures of sweeps: curves over a setting, maps over two settings, Pareto fronts, minimum time over payload."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Literal
@@ -22,6 +22,8 @@ _MAX_PANELS = 4
 _COLORS = "viridis"
 _MOST, _FAR = 0.9, 3.0
 """Upper quantile of a map's colours, and the ratio of the ranges above which it replaces the largest number."""
+_REACH = 0.3
+"""A tangent goes this part of the way to the neighbouring payloads."""
 _TICKED = 8
 """Most rows or columns of a map with a tick each."""
 
@@ -192,6 +194,40 @@ def _cells(axes: Axes, rows: Sequence[Row], columns: tuple[str, str, str], span:
         axes.plot(*np.array(sorted(missing)).T, "x", color=INK, markersize=5, label=none)
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False, borderaxespad=0.2)  # on no point
     return drawn
+
+
+@rc_context(LOOK)
+def plot_sweep(rows: Sequence[dict[str, Any]], title: str | None = None) -> Figure:
+    """Minimum time over payload, with the slope that each optimum's multipliers give.
+
+    Args:
+        rows: of increasing payloads, with the columns of sweep.csv; those that did not land are left out.
+        title: above the axes.
+
+    Returns:
+        A figure of its own: pyplot knows nothing of it.
+    """
+    landed = [row for row in rows if row["success"]]
+    grams = np.array([1e3 * row["payload_kg"] for row in landed])
+    times = np.array([row["duration_s"] for row in landed])
+    certified = np.array([row["certified"] for row in landed], dtype=bool)
+    figure, axes = one_panel(title, height=4.2)
+    axes.plot(grams, times, color=COLORS[0], linewidth=1, alpha=0.5)
+    for of, face, word in ((certified, COLORS[0], "certified"), (~certified, "white", "usable, not certified")):
+        if np.any(of):
+            axes.plot(grams[of], times[of], "o", color=COLORS[0], markerfacecolor=face, label=word, zorder=3)
+    slope: str | None = r"slope $\partial t_f/\partial m$ of the multipliers"
+    for k, row in enumerate(landed):
+        if len(landed) < 2 or not row["certified"] or row["ms_per_gram"] is None:
+            continue
+        ends = _REACH * (np.array([grams[max(k - 1, 0)], grams[min(k + 1, len(landed) - 1)]]) - grams[k])
+        rise = 1e-3 * row["ms_per_gram"] * ends
+        axes.plot(grams[k] + ends, times[k] + rise, color=COLORS[1], linewidth=2, zorder=4, label=slope)
+        slope = None
+    axes.set(xlabel="payload [g]", ylabel="minimum time [s]")
+    if landed:
+        axes.legend(loc="upper left")
+    return figure
 
 
 def figures_of(
