@@ -132,6 +132,12 @@ class MonteCarlo:
 
         return max(self._some(), key=badness)
 
+    @property
+    def beyond_limits(self) -> tuple[PlantRow, ...]:
+        """Arms that exceeded velocity or position limits on the way, settled or not; the fastest joint's first."""
+        beyond = (row for row in self.rows if row.limits_exceeded)
+        return tuple(sorted(beyond, key=lambda row: -np.inf if row.peak_velocity is None else -row.peak_velocity))
+
     def plant(self, k: int) -> Robot:
         """Arm number k, such as `worst.k`."""
         return self.question.plant(k)
@@ -180,6 +186,7 @@ class MonteCarlo:
             "success_rate_low": success.low,
             "success_rate_high": success.high,
             "settled_time": dict(zip(("median", "90 %", "99 %", "worst"), as_json(self.quantiles()), strict=True)),
+            "beyond_limits": len(self.beyond_limits),
             "worst": {"k": worst.k, "status": worst.status, "payload": worst.sample.payload},
             "interrupted": self.interrupted,
         }

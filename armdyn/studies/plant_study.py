@@ -25,7 +25,7 @@ from armdyn.studies.study import OwnTask
 from armdyn.studies.tasks.task import CaseResult
 from armdyn.trajectory import Trajectory
 
-FORMAT = "armdyn-monte-carlo-3"
+FORMAT = "armdyn-monte-carlo-4"
 _MOST = float(np.finfo(float).max)
 """Stands for infinity, which JSON does not have."""
 _NUMBERS = ("settled_time", "error_at_end", "peak_error", "peak_velocity", "saturated", "failed_time")
@@ -66,6 +66,7 @@ class PlantRow:
         saturated: [-].
         failed_time: [s].
         overshoot: [rad or m], shape (nv,).
+        limits_exceeded: in words, see `Run`.
     """
 
     k: int
@@ -78,12 +79,14 @@ class PlantRow:
     saturated: float | None
     failed_time: float | None
     overshoot: tuple[float, ...]
+    limits_exceeded: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, row: StudyRow, sample: PlantSample) -> Self:
         """The arm's row of the study."""
-        numbers = {name: row.facts[name] for name in _NUMBERS}
-        return cls(k=row.k, sample=sample, status=row.status, overshoot=tuple(row.facts["overshoot"]), **numbers)
+        facts: dict[str, Any] = {name: row.facts[name] for name in _NUMBERS}
+        facts |= {name: tuple(row.facts[name]) for name in ("overshoot", "limits_exceeded")}
+        return cls(k=row.k, sample=sample, status=row.status, **facts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +150,7 @@ class PlantStudy(OwnTask):
         """Run one arm."""
         given: Any = {name: tuple(x) if isinstance(x, list) else x for name, x in settings.items()}
         run = self._run(PlantSample(**given), "plant")
-        facts = attributes(run, *_NUMBERS)
+        facts = attributes(run, *_NUMBERS, "limits_exceeded")
         facts["overshoot"] = np.nan_to_num(run.overshoot, nan=_MOST, posinf=_MOST).tolist()
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 

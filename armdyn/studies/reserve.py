@@ -64,6 +64,11 @@ class Settling:
         """Number of plants that have settled."""
         return sum(t is not None for t in self.settled)
 
+    @property
+    def beyond_limits(self) -> int:
+        """Number of plants that exceeded velocity or position limits on the way, see `Run.limits_exceeded`."""
+        return sum(bool(run.limits_exceeded) for run in self.runs)
+
     def facts(self) -> dict[str, Any]:
         """The row as JSON; None: not every plant settles."""
         return {
@@ -72,6 +77,7 @@ class Settling:
             "duration": self.duration,
             "settled": self.count,
             "arms": len(self.settled),
+            "beyond_limits": self.beyond_limits,
             "mean": self.mean if self.count == len(self.settled) else None,
             "worst": self.worst if self.count == len(self.settled) else None,
         }

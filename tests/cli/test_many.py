@@ -6,11 +6,13 @@ import signal
 import subprocess
 import time
 
+import numpy as np
 import pytest
 
 import armdyn as ad
 from armdyn.studies.rows import read_rows
 from cli.command import COMMAND, answer, run_here
+from problems import POSES, paper_problem
 
 ARM = ("r", "--payload", "0.1006")
 MANY = ("monte-carlo", *ARM, "--ramp", "0.3", "--duration", "0.6", "--friction-range", "0,0.06")
@@ -60,12 +62,15 @@ def test_fewer_than_are_required_have_an_exit_code(tmp_path):
 
 
 def test_people_see_how_many_settle(tmp_path):
-    done = run_here(*MANY, "--out", tmp_path, "--count", 4, "--no-figure")
+    done = run_here(*MANY, "--out", tmp_path, "--count", 4, "--no-figure", "--velocity-limit", 5)
     assert done.returncode == 0
     words = " ".join(done.stdout.split())
     assert "r: 4 arms with lqr" in words
     assert "settled within 0.6 s" in words
     assert "95 % interval" in words
+    # The ramp's largest speed is 15/8 of its mean, of the paper's 1.73 rad in 0.3 s.
+    assert re.search(r"limits exceeded by 4 of 4 arms, .*: joint1 reaches 21\d\.\d % of its velocity limit", words)
+    assert json.loads((tmp_path / "result.json").read_text())["beyond_limits"] == 4
 
 
 @pytest.mark.parametrize(
@@ -151,8 +156,13 @@ def test_gains_are_chosen_on_half_of_the_likely_arms_and_one_of_them_is_tracked(
 
 @pytest.mark.slow
 def test_tune_prints_and_has_an_exit_code_where_arms_do_not_settle(tmp_path):
-    done = run_here(*TUNE, "--controller", "computed-torque", "--out", tmp_path, "--duration", "0.6")
-    words = " ".join(done.stdout.split())
+    file = tmp_path / "problem.toml"
+    file.write_text(paper_problem("r", velocity_limit=5.0, velocity_reserve=0.2).to_toml())
+    more = ("--duration", "0.6", "--out", tmp_path)
+    words = " ".join(run_here("tune", file, *TUNE[4:], "--controller", "computed-torque", *more).stdout.split())
+    least = np.ceil(1e4 * 15 / 8 * np.abs(np.subtract(*POSES["r"])).max() / 5) / 1e4  # the quintic's largest speed
+    assert ", 3 exceed velocity or position limits" in words
+    assert f"from {least:.4f} s on a ramp exceeds none: --ramp-range {least:.4f},2" in words
     assert "r: computed-torque, tuned" in words
     assert "to run it ComputedTorque(bandwidth=" in words
     unsettled = run_here(*TUNE, "--tolerance", "1e-9", "--out", tmp_path, "--json")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import armdyn as ad
@@ -74,7 +75,7 @@ class ArmOptions:
         Raises:
             ArmdynError: the arm cannot be read.
         """
-        return self.carrying(None) if self.of_file is None else self.of_file.robot
+        return self.carrying(None)
 
     @cached_property
     def of_file(self) -> ad.MinimumTimeProblem | None:
@@ -97,9 +98,13 @@ class ArmOptions:
         return tuple(self.joints.fit(arm if carried is None else arm.with_payload(carried)) for arm in arms)
 
     def carrying(self, mass: float | None) -> ad.Robot:
-        """The arm with another mass [kg] where its payload is; None: with its own."""
-        if self.file is not None:
-            return self.file.new_robot(mass)
+        """The arm with another mass [kg] where its payload is; None: with its own.
+
+        It has the whole limits of a problem file: the reserve is for feedback.
+        """
+        if self.file is not None and self.of_file is not None:
+            limits = self.of_file.variant(reserve=0.0, velocity_reserve=0.0).limits
+            return replace(self.file.new_robot(mass), limits=limits)
         return self.joints.fit(
             self.robot.read(self.payload.place.carried(self.payload.payload if mass is None else mass))
         )

@@ -149,8 +149,9 @@ def _write(
         files = [folder / ROWS, write_csv(rows, folder / TABLE)]
     files.append(motion.save(folder / "reference.npz"))
     if figure:
-        name = found.question.robot.name
-        drawn = plot_envelope(found.envelope(), f"{name}: {len(found.rows)} arms, {found.success().settled} settle")
+        beyond = f", {len(found.beyond_limits)} beyond limits" if found.beyond_limits else ""
+        title = f"{found.question.robot.name}: {len(found.rows)} arms, {found.success().settled} settle{beyond}"
+        drawn = plot_envelope(found.envelope(), title)
         files += save_figures(drawn, folder / "envelope", ("png", "pdf"))
     return save_results(folder, found.question.robot, summary, files)
 
@@ -159,10 +160,15 @@ def _words(found: ad.MonteCarlo, within: float, reference: ad.Trajectory) -> dic
     """A study in words."""
     times = [f"{time:.4f} s" if time < float("inf") else "never" for time in found.quantiles()]
     parts = zip(times, ("median", "90 %", "99 %", "worst"), strict=True)
-    worst = found.worst
+    worst, beyond = found.worst, found.beyond_limits
+    limits = {}
+    if beyond:
+        first = f"; most by arm {beyond[0].k}: {'; '.join(beyond[0].limits_exceeded)}"
+        limits["limits exceeded"] = f"by {len(beyond)} of {len(found.rows)} arms, settled or not{first}"
     return {
         "reference": f"{reference.duration:.4f} s",
         f"settled within {within:g} s": str(found.success(within)),
         "settled time": ", ".join(f"{time} ({part})" for time, part in parts),
         "worst arm": f"{worst.k}, {worst.sample.payload:.4g} times the payload, {worst.status.replace('_', ' ')}",
+        **limits,
     }

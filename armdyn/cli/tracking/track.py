@@ -131,5 +131,5 @@ def _words(run: ad.Run, reference: ad.Trajectory) -> dict[str, str]:
         **run.words(),
     }
     if run.failed_time is not None:
-        words["failed"] = f"at {run.failed_time:.3f} s"
+        words["far from the reference"] = f"by 20 tolerances or more, first at {run.failed_time:.3f} s"
     return words

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, facts_table, judged, working
@@ -115,12 +117,27 @@ def tune(
         "chosen": ", ".join(f"{name} {value:.5g}" for name, value in found.values.items()),
         "chosen on": str(found.training),
         "held out": "-" if found.held_out is None else str(found.held_out),
+        **_ramp_too_fast(model, found),
         "to run it": _to_run(found, family),
         "controllers run": str(found.evaluations),
         "results": str(folder),
     }
     shown = facts_table(f"{model.name}: {family.controller}, tuned", words)
     return judged(summary, shown, usable=bool(summary["success"]), files=files)
+
+
+def _ramp_too_fast(model: ad.Robot, found: ad.Tuned) -> dict[str, str]:
+    """The velocity limit that the chosen ramp exceeds most, and the shortest ramp that exceeds none."""
+    parts = np.abs(found.reference.v).max(axis=0) / model.limits.velocity
+    most = int(np.argmax(parts))
+    if parts[most] <= 1:
+        return {}
+    least = np.ceil(1e4 * parts[most] * found.reference.duration) / 1e4
+    name = model.joint_names[most]
+    return {
+        "velocity limits": f"the ramp takes {name} to {100 * parts[most]:.4g} % of its own; from {least:.4f} s on a "
+        f"ramp exceeds none: --ramp-range {least:.4f},{max(1.0, np.ceil(2 * least)):g}"
+    }
 
 
 def _to_run(found: ad.Tuned, family: FamilyOptions) -> str:

@@ -51,8 +51,8 @@ class Run:
             broke off before.
         peak_error: largest distance of a joint from the reference [rad or m].
         peak_velocity: largest speed of a joint as a part of its limit [-]; 0 without limits.
-        limits_exceeded: of `track`, velocity limits that were exceeded by more than 1 %, and position limits by more
-            than the tolerance, in words, with the time of the largest excess; a settled arm may have exceeded some.
+        limits_exceeded: velocity limits that were exceeded by more than 1 %, and position limits by more than the
+            tolerance, in words, with the time of the largest excess; a settled arm may have exceeded some.
         saturated: part of the time in which some torque was clipped [-]: until it settled, or the reference ended.
         failed_time: when a joint first was 20 tolerances from the reference, and farther than at the start, or when
             the run broke off [s]; None: never.
@@ -146,6 +146,9 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
     there = settled_time(t, errors.max(axis=1), tolerance) if driven.ended == "whole" else None
     status, message = _status(robot, driven, there, errors[-1], tolerance, float(t[-1]))
     settled = there if status == "settled" else None
+    speeds = np.abs(driven.v).max(axis=0) / robot.limits.velocity
+    if exceeded := _exceeded(robot, driven, speeds, t, tolerance):
+        message = f"{message}; {'and' if settled is None else 'but'} {'; '.join(exceeded)}"
     off = np.abs(driven.q - ticks.q[np.minimum(np.arange(len(t)), len(ticks.q) - 1)]).max(axis=1)
     lost = np.flatnonzero(off > max(_LOST * tolerance, float(off[0])))
     broke = float(t[-1]) if driven.ended != "whole" else None
@@ -158,36 +161,37 @@ def run_of(robot: Robot, driven: Driven, ticks: Ticks, tolerance: float, name: s
         settled_time=settled,
         error_at_end=_error_at(t, driven.q - ticks.goal, ticks.duration),
         peak_error=float(off.max()),
-        peak_velocity=float((np.abs(driven.v) / robot.limits.velocity).max()),
+        peak_velocity=float(speeds.max()),
         saturated=float(during.any(axis=1).mean()) if len(during) else 0.0,
         failed_time=float(t[lost[0]]) if lost.size else broke,
         overshoot=np.maximum(overshoot(driven.q, ticks.goal) - overshoot(ticks.q, ticks.goal), 0.0),
         arrival_time=settled,
         unit=joint_unit(robot.slides),
+        limits_exceeded=exceeded,
     )
 
 
-def with_limits(run: Run, robot: Robot, tolerance: float) -> Run:
-    """The run with the velocity and position limits that the robot exceeded, in the message too.
+def _exceeded(robot: Robot, driven: Driven, speeds: Array, t: Array, tolerance: float) -> tuple[str, ...]:
+    """Velocity and position limits that a motion exceeded, in words.
 
     Args:
-        run: of the arm.
         robot: the arm that moved.
+        driven: its motion.
+        speeds: largest of each joint, as a part of its limit [-], shape (nv,).
+        t: times [s], shape (n,).
         tolerance: distance from a position limit that counts [rad or m].
     """
-    limits, motion, found = robot.limits, run.trajectory, []
-    speeds = np.abs(motion.v) / limits.velocity
-    beyond = np.maximum(limits.position_lower - motion.q, motion.q - limits.position_upper)
+    (lower, upper), q, found = (robot.limits.position_lower, robot.limits.position_upper), driven.q, list[str]()
+    beyond = np.maximum(lower - q.min(axis=0), q.max(axis=0) - upper)
     for i, (name, slides) in enumerate(zip(robot.joint_names, robot.slides, strict=True)):
-        fast, far = int(np.argmax(speeds[:, i])), int(np.argmax(beyond[:, i]))
-        if (part := speeds[fast, i]) > 1 + _FASTER:
-            found.append(f"{name} reaches {100 * part:.4g} % of its velocity limit at t = {motion.t[fast]:.4g} s")
-        if (way := beyond[far, i]) > tolerance:
-            where = f"{way:.4g} {'m' if slides else 'rad'} beyond its position limit"
-            found.append(f"{name} is {where} at t = {motion.t[far]:.4g} s")
-    if not found:
-        return run
-    return replace(run, limits_exceeded=tuple(found), message=f"{run.message}; but {'; '.join(found)}")
+        if speeds[i] > 1 + _FASTER:
+            when = t[np.argmax(np.abs(driven.v[:, i]))]
+            found.append(f"{name} reaches {100 * speeds[i]:.4g} % of its velocity limit at t = {when:.4g} s")
+        if beyond[i] > tolerance:
+            when = t[np.argmax(np.maximum(lower[i] - q[:, i], q[:, i] - upper[i]))]
+            where = f"{beyond[i]:.4g} {'m' if slides else 'rad'} beyond its position limit"
+            found.append(f"{name} is {where} at t = {when:.4g} s")
+    return tuple(found)
 
 
 def settled_time(t: Array, error: Array, tolerance: float) -> float | None:

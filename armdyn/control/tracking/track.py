@@ -17,7 +17,7 @@ from armdyn.control.loop.loop import Controller, Law, Loop, expect_controller, e
 from armdyn.control.loop.references import Ticks
 from armdyn.control.stability.rate import sampled_stability
 from armdyn.control.tracking.loads import ChangingLoad, Loaded
-from armdyn.control.tracking.run import Run, run_of, with_limits
+from armdyn.control.tracking.run import Run, run_of
 from armdyn.dynamics.driven import Driven, Tables, limited, plant_of
 from armdyn.errors import ProblemError
 from armdyn.models.robots.loads import load_of, robots_of
@@ -281,7 +281,7 @@ def track(
     """
     setup = Setup.of(robot, reference, controller, loop, duration=duration, tolerance=tolerance, q_start=q_start)
     plants = _plants(setup.robots, reference, robot, plant)
-    run = with_limits(setup.run(plants, name=f"tracked by {_called(controller)}"), plants[-1], setup.tolerance)
+    run = setup.run(plants, name=f"tracked by {_called(controller)}")
     if run.settled:
         return run
     return run.with_stability(sampled_stability(setup.robot, setup.ticks.goal, controller, loop, plants[-1]))

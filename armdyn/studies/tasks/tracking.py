@@ -41,7 +41,7 @@ class TrackTask(ClosedLoopTask):
         facts = {
             "reference_s": motion.duration, "settled_time_s": run.settled_time, "failed_time_s": run.failed_time,
             "error_at_end": run.error_at_end, "peak_error": run.peak_error, "saturated": run.saturated,
-            "overshoot": float(np.max(run.overshoot)),
+            "overshoot": float(np.max(run.overshoot)), "limits_exceeded": "; ".join(run.limits_exceeded),
         }  # fmt: skip
         return CaseResult(status=str(run.status), good=run.settled, message=run.message, facts=facts)
 
@@ -81,7 +81,7 @@ class MonteCarloTask(ClosedLoopTask):
         facts = {
             "reference_s": motion.duration, "success_rate": rate.rate, "success_rate_low": rate.low,
             "success_rate_high": rate.high, "median_settled_time_s": median, "worst_settled_time_s": most,
-            "worst_arm": found.worst.k,
+            "worst_arm": found.worst.k, "beyond_limits": len(found.beyond_limits),
         }  # fmt: skip
         return CaseResult(status="done", good=rate.settled == rate.count, message=f"settled: {rate}", facts=facts)
 
@@ -145,7 +145,7 @@ class TuneTask(ClosedLoopTask):
         facts = {
             **found.values, "reference_s": found.reference.duration, "settled_time_s": worst.settled_time,
             "overshoot": worst.overshoot, "index": worst.index, "settled": worst.settled,
-            "arms": worst.count, "evaluations": found.evaluations,
+            "arms": worst.count, "beyond_limits": worst.beyond_limits, "evaluations": found.evaluations,
         }  # fmt: skip
         good = worst.settled == worst.count
         return CaseResult(status="settled" if good else "not_settled", good=good, message=found.message, facts=facts)
@@ -190,6 +190,7 @@ class ReserveTask(ClosedLoopTask):
         facts = {
             "best_reserve": best.reserve, "duration_s": best.duration, "settled_time_s": best.worst,
             "mean_settled_time_s": best.mean, "settled": best.count, "arms": len(best.settled),
+            "beyond_limits": best.beyond_limits,
         }  # fmt: skip
         good = best.count == len(best.settled)
         message = f"reserve {best.reserve:g}: the last of {len(best.settled)} arms settles after {best.worst:.4f} s"

@@ -34,6 +34,7 @@ class Performance:
         count: of arms.
         settled_time: of the worst arm [s]; inf if one does not settle.
         overshoot: of the worst arm's worst joint, as a part of the largest travel of a joint [-].
+        beyond_limits: number of arms that exceed velocity or position limits on the way, see `Run.limits_exceeded`.
     """
 
     index: float
@@ -41,6 +42,7 @@ class Performance:
     count: int
     settled_time: float
     overshoot: float
+    beyond_limits: int = 0
 
     def cost(self, most: float) -> float:
         """Cost that the search minimises: the index, more beyond an overshoot.
@@ -56,7 +58,9 @@ class Performance:
     def __str__(self) -> str:
         """The performance in words."""
         time = f"worst settled time {self.settled_time:.4f} s" if self.settled == self.count else "not all settle"
-        return f"{self.settled} of {self.count} settle, {time}, overshoot {100 * self.overshoot:.2f} % of the travel"
+        beyond = f", {self.beyond_limits} exceed velocity or position limits" if self.beyond_limits else ""
+        over = f"overshoot {100 * self.overshoot:.2f} % of the travel"
+        return f"{self.settled} of {self.count} settle, {time}, {over}{beyond}"
 
 
 def performance_of(setup: Setup, plants: Sequence[Robot], index: Index) -> Performance:
@@ -77,6 +81,7 @@ def performance_of(setup: Setup, plants: Sequence[Robot], index: Index) -> Perfo
         count=len(runs),
         settled_time=max(times),
         overshoot=over / travel if travel else (np.inf if over else 0.0),
+        beyond_limits=sum(bool(run.limits_exceeded) for run in runs),
     )
 
 

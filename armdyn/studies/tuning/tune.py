@@ -26,7 +26,7 @@ from armdyn.studies.tuning.families import ControllerFamily, Ramps, Values, by_n
 from armdyn.studies.tuning.index import INDICES, Index, Performance, performance_of
 from armdyn.trajectory import Trajectory
 
-FORMAT = "armdyn-tune-1"
+FORMAT = "armdyn-tune-2"
 _WITHOUT_EFFECT = ("time_limit", "workers", "file")
 """Options without an effect on the controllers that are tried."""
 _NEVER = 1e6

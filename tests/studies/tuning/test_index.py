@@ -72,4 +72,8 @@ def test_worth_is_of_the_worst_arm():
     assert (found.settled, found.count) == (6, 6)
     travel = np.abs(np.subtract(*POSES["rr"])).max()
     assert found.overshoot == pytest.approx(max(run.overshoot.max() for run in runs) / travel)
+    # The ramp's largest speed is 15/8 of its mean.
+    slow, speed = [arm.with_limits(None, 15 / 8 * travel / 0.45 / 1.1) for arm in arms[:2]], "2 exceed velocity"
+    assert found.beyond_limits == 0 and speed not in str(found)
+    assert speed in str(performance_of(setup, [*slow, arms[2]], "settled"))
     assert performance_of(setup, arms, "ise").index == max(index_of(run, setup, "ise") for run in runs)
