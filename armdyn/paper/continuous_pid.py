@@ -18,8 +18,9 @@ from scipy.integrate import LSODA, OdeSolution
 from scipy.optimize import brentq
 
 from armdyn.arrays import Array
+from armdyn.control.laws.linear import LinearPlant
 from armdyn.control.laws.pid import PidGains
-from armdyn.control.stability.linear import LinearPlant, closed_loop_matrix, eigenvalues, plant_at_goal
+from armdyn.control.stability.linear import closed_loop_matrix, eigenvalues, plant_at_goal
 from armdyn.control.tracking.arrival import Arrival
 from armdyn.control.tracking.run import Run, Status
 from armdyn.dynamics import forward_dynamics

@@ -23,7 +23,16 @@ class Steps(NamedTuple):
     """Shape (n, m, nv)."""
 
 
-def linearised(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+class LinearPlant(NamedTuple):
+    """An arm near states: d/dt (δq, δv) = A (δq, δv) + B δtau."""
+
+    A: Array
+    """Shape (…, 2 nv, 2 nv) [1/s, 1/s²]; at rest gravity's slope and that of the joints' friction."""
+    B: Array
+    """Shape (…, 2 nv, nv), D⁻¹ [1/(kg m²) or 1/kg] in its lower half."""
+
+
+def linearised(robot: Robot, q: Array, v: Array, tau: Array) -> LinearPlant:
     """d/dt (δq, δv) = A (δq, δv) + B δtau at states, with Pinocchio's derivatives of the articulated-body algorithm.
 
     J. Carpentier, N. Mansard: Analytical Derivatives of Rigid Body Dynamics Algorithms, RSS 2018. The joints'
@@ -34,13 +43,10 @@ def linearised(robot: Robot, q: Array, v: Array, tau: Array) -> tuple[Array, Arr
         q: position [rad or m], shape (…, nv).
         v: velocity [rad/s or m/s], shape (…, nv).
         tau: torque [N m or N], shape (…, nv).
-
-    Returns:
-        A [1/s, 1/s²], shape (…, 2 nv, 2 nv), and B, with D⁻¹ [1/(kg m²) or 1/kg] in its lower half, (…, 2 nv, nv).
     """
     _, by_q, by_v, inverse = forward_dynamics_derivatives(robot)(q, v, tau)
     none, one = np.zeros_like(inverse), np.broadcast_to(np.eye(robot.nv), inverse.shape)
-    return np.block([[none, one], [by_q, by_v]]), np.concatenate([none, inverse], axis=-2)
+    return LinearPlant(np.block([[none, one], [by_q, by_v]]), np.concatenate([none, inverse], axis=-2))
 
 
 def plant_steps(robot: Robot, ticks: Ticks) -> Steps:

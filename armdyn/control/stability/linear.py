@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from armdyn.arguments import expect, one_of
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import linearised
+from armdyn.control.laws.linear import LinearPlant, linearised
 from armdyn.control.laws.pid import DEFAULT_GAINS, FORMS, Form, PidGains
 from armdyn.control.loop.loop import Controller, Law, Loop, expect_controller, expect_loop, law_of
 from armdyn.control.loop.references import Ticks, set_point
@@ -26,15 +26,6 @@ _NEAR = 1e-12
 
 class BeyondNumbersError(ProblemError):
     """A loop exceeds the range of floating-point numbers: its gains, friction or period are too large."""
-
-
-class LinearPlant(NamedTuple):
-    """An arm near rest: d/dt (δq, δv) = A (δq, δv) + B δtau, as `linearised` gives it."""
-
-    A: Array
-    """Shape (2 nv, 2 nv): gravity's slope and that of the joints' friction; Coriolis torques are quadratic in v."""
-    B: Array
-    """Shape (2 nv, nv), D⁻¹ [1/(kg m²)] in its lower half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +127,8 @@ class Rest:
         ticks = Ticks.of(robot, set_point(robot, goal, expect_loop(loop).period), loop.rate)
         law = law_of(expect_controller(controller), robot, ticks, loop)
         return cls(
-            LinearPlant(*linearised(arm, goal, rest, holding)),
-            LinearPlant(*linearised(robot, goal, rest, holding)),
+            linearised(arm, goal, rest, holding),
+            linearised(robot, goal, rest, holding),
             LawDerivatives.of(law, goal, holding, loop.delay),
         )
 
@@ -192,7 +183,7 @@ def plant_at_goal(robot: Robot, goal: Array, form: Form) -> LinearPlant:
     if form == "computed_torque":
         return LinearPlant(np.eye(2 * nv, k=nv), B)
     rest = np.zeros(nv)
-    plant = LinearPlant(*linearised(robot, goal, rest, robot.holding_torque(goal) if form == "torque" else rest))
+    plant = linearised(robot, goal, rest, robot.holding_torque(goal) if form == "torque" else rest)
     return plant if form == "torque" else plant._replace(B=B)
 
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from armdyn.arguments import expect
 from armdyn.arrays import Array
-from armdyn.control.laws.linear import zero_order_hold
+from armdyn.control.laws.linear import LinearPlant, zero_order_hold
 from armdyn.control.loop.loop import Controller, Loop, expect_loop
-from armdyn.control.stability.linear import BeyondNumbersError, LinearPlant, Rest
+from armdyn.control.stability.linear import BeyondNumbersError, Rest
 from armdyn.errors import ProblemError
 from armdyn.models.robots.robot import Robot
 from armdyn.reprs import brief
