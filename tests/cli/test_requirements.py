@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from armdyn.cli.motion.words import missing_of, requirements_of
+from armdyn.cli.motion.require import missing_of, requirements_of
 from armdyn.errors import ProblemError
 from armdyn.optimal.answer.words import standing
 from problems import solved
@@ -31,8 +31,7 @@ def no_extremal(solution):
     [("gap:0.5%", 0.005), ("gap:0.005", 0.005), (" gap: 2 % ", 0.02), ("gap:0", 0.0), ("gap:1e-4", 1e-4)],
 )
 def test_a_gap_is_a_part_or_per_cent(text, most):
-    (required,) = requirements_of([text])
-    assert required.kind == "gap" and required.most == pytest.approx(most, rel=1e-15)
+    assert requirements_of([text]) == {text.strip(): pytest.approx(most, rel=1e-15)}
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from armdyn.cli.console import Answer, cut_short, done, escape, facts_table, jud
 from armdyn.cli.export import KINDS, sampled, usual_rate
 from armdyn.cli.invocation import invocation
 from armdyn.cli.motion.mintime import CurveOptions
-from armdyn.cli.motion.words import missing_words, requirements_of
+from armdyn.cli.motion.require import largest_gap, missing_words
 from armdyn.cli.options.groups import OUTPUT, SOLVER, TASK, argument, flag, group, option
 from armdyn.cli.options.results import ResultOptions, Written
 from armdyn.errors import FileError, ProblemError
@@ -47,8 +47,7 @@ def _largest_gap(text: str, option: str) -> float:
     """The gap of --require, as a part of the lower bound."""
     if not text.startswith("gap:"):
         raise ProblemError(f"{option} {text}: of a cycle the gap can be required, such as gap:1%")
-    (one,) = requirements_of([text])
-    return one.most
+    return largest_gap(text)
 
 
 def cycle(

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import armdyn as ad
 from armdyn.cli.console import Answer, cut_short, facts_table, judged, working
-from armdyn.cli.motion.words import REQUIRE, missing_of, missing_words, requirements_of, solution_words, title_words
+from armdyn.cli.motion.require import REQUIRE, missing_of, missing_words, requirements_of
+from armdyn.cli.motion.words import solution_words, title_words
 from armdyn.cli.options.groups import LIMITS, SOLVER, flag, given, group, option
 from armdyn.cli.options.joints import carried_facts, carried_words, friction_facts, friction_words, reserve_words
 from armdyn.cli.options.results import ResultOptions
@@ -203,7 +204,7 @@ def mintime(
     armdyn mintime results/identify-rrr/identified.toml --q-start 0,0,0 --q-goal 1,0,0 --for-tracking
     armdyn mintime ur5 --q-start home --q-goal 90deg,-45deg,60deg,-90deg,0,0 --preset ur5[/]
     """
-    required = requirements_of(require or ())
+    required = requirements_of(require)
     from armdyn.optimal.answer.solution import minimum_time_summary
     from armdyn.optimal.answer.words import standing
 

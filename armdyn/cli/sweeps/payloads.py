@@ -11,7 +11,7 @@ from typing import Any
 import armdyn as ad
 from armdyn.cli.console import Answer, Shown, escape, interrupted, judged, table, working
 from armdyn.cli.invocation import in_options
-from armdyn.cli.motion.words import Requirement, missing_of
+from armdyn.cli.motion.require import missing_of
 from armdyn.cli.options.joints import reserve_words
 from armdyn.cli.sweeps.study import SweepResults
 from armdyn.optimal.answer.solution import reserve_summary
@@ -33,7 +33,7 @@ def run_payloads(
     name: str,
     problems: Mapping[float, ad.MinimumTimeProblem],
     options: ad.MinimumTimeOptions,
-    required: Sequence[Requirement],
+    required: Mapping[str, float | None],
     results: SweepResults,
 ) -> Answer:
     """Solve one motion with several payloads, unless done before, and write table, figure and motions.
@@ -42,7 +42,7 @@ def run_payloads(
         name: of the robot, as it was given.
         problems: by payload [kg], increasing.
         options: of every search.
-        required: of every motion.
+        required: of every motion, as of `requirements_of`.
         results: files that are written.
     """
     first = next(iter(problems.values()))

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import armdyn as ad
 from armdyn import models
 from armdyn.cli.console import Answer
-from armdyn.cli.motion.words import REQUIRE, requirements_of
+from armdyn.cli.motion.require import REQUIRE, requirements_of
 from armdyn.cli.options.groups import ROBOT, SOLVER, Numbers, argument, given, group, option
 from armdyn.cli.options.robot import PayloadPlace, RobotArgument, kind_of_file, known_names
 from armdyn.cli.options.task import FastArmOptions, refuse_with_a_file
@@ -123,6 +123,6 @@ def sweep(
         raise ProblemError("--workers, --scheduler, --again, --sync and --parquet are for a study file, STUDY.toml")
     from armdyn.cli.sweeps.payloads import run_payloads  # the studies take time to load
 
-    required = requirements_of(require or ())
+    required = requirements_of(require)
     problems = {mass: task.problem(mass) for mass in task.payload.masses(name)}
     return run_payloads(name, problems, search.options(task.solver_options), required, results)
