@@ -14,11 +14,10 @@ from armdyn.cli.console import NOT_USABLE, Answer, Shown, done, escape, facts_ta
 from armdyn.cli.options.groups import argument, flag, option
 from armdyn.cli.options.robot import PartOptions
 from armdyn.cli.repair import repaired
+from armdyn.cli.robots import Facts, which
 from armdyn.errors import ProblemError
 from armdyn.files import as_json
 from armdyn.reprs import joint_unit
-
-Facts = dict[str, object]
 
 _PACKAGES = ("armdyn", "pin", "casadi", "numpy", "scipy", "yourdfpy", "meshcat", "matplotlib")
 _AGREE = 1e-10
@@ -200,8 +199,7 @@ def _remarks(robot: ad.Robot) -> list[str]:
         remarks.insert(0, f"repaired model: the inertia of {robot.repaired} is not as published")
     for finding, found in findings.items():
         if found:
-            names = "all joints" if len(found) == len(joints) else ", ".join(str(j["name"]) for j in found)
-            remarks.append(f"{finding} ({names})")
+            remarks.append(f"{finding} ({which([j['name'] for j in found], robot.joint_names)})")
     return remarks
 
 
@@ -230,11 +228,11 @@ def _table(robot: ad.Robot, joints: list[Facts]) -> Shown:
             return "no motor"
         if lower is None or upper is None:
             return "-" if lower is upper else f"{show(lower)} … {show(upper)}"
-        return f"±{show(upper)}" if -lower == upper else f"{show(lower)} … {show(upper)}"  # type: ignore[operator]
+        return f"±{show(upper)}" if -lower == upper else f"{show(lower)} … {show(upper)}"
 
     rows = [
         (
-            str(joint["name"]),
+            joint["name"],
             between(joint, "position"),
             show(joint["velocity"]),
             between(joint, "effort"),

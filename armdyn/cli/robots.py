@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import armdyn as ad
 from armdyn import models
@@ -13,7 +14,7 @@ from armdyn.cli.options.robot import PartOptions, known_names
 from armdyn.errors import ArmdynError
 from armdyn.reprs import joint_unit
 
-Facts = dict[str, object]
+Facts = dict[str, Any]
 
 _LIMITS = ("position", "velocity", "effort")
 _HEADS = ("name", ">dof", ">q", ">v", ">τ", ">locked", "remarks")
@@ -109,27 +110,26 @@ def _facts(name: str, progress: Callable[[str], None]) -> Facts:
 
 
 def _row(facts: Facts) -> list[str]:
-    name = str(facts["name"])
-    missing, joints = facts.get("missing"), facts.get("joints")
-    if not isinstance(missing, dict) or not isinstance(joints, list):
-        return [name, *[""] * 5, str(facts["reason"])]
+    name = facts["name"]
+    if not facts["loads"]:
+        return [name, *[""] * 5, facts["reason"]]
+    missing, joints = facts["missing"], facts["joints"]
     every, some, none = _marks()
     marks = [every if not missing[k] else none if len(missing[k]) == len(joints) else some for k in _LIMITS]
     remarks = [] if facts["robot"] == facts["name"] else [f"of {facts['robot']}"]
     if missing["effort"]:
-        remarks.append(f"needs --effort-limit ({_which(missing['effort'], joints)})")
+        remarks.append(f"needs --effort-limit ({which(missing['effort'], joints)})")
     if facts["passive"]:
-        remarks.append(f"no motor ({_which(facts['passive'], joints)})")
+        remarks.append(f"no motor ({which(facts['passive'], joints)})")
     if facts["continuous"]:
-        remarks.append(f"no end stops ({_which(facts['continuous'], joints)})")
-    locked = facts["locked"]
-    return [name, str(facts["dof"]), *marks, str(len(locked) or ""), "; ".join(remarks)]  # type: ignore[arg-type]
+        remarks.append(f"no end stops ({which(facts['continuous'], joints)})")
+    return [name, str(facts["dof"]), *marks, str(len(facts["locked"]) or ""), "; ".join(remarks)]
 
 
 def _marks() -> tuple[str, ...]:
     return tuple(_MARKS if console.shows(_MARKS) else _PLAIN_MARKS)
 
 
-def _which(some: object, joints: list[str]) -> str:
-    names = list(some) if isinstance(some, list) else []
-    return "all joints" if len(names) == len(joints) else ", ".join(names)
+def which(some: Sequence[str], joints: Sequence[str]) -> str:
+    """Names of some of a robot's joints, in words."""
+    return "all joints" if len(some) == len(joints) else ", ".join(some)
