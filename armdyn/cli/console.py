@@ -52,11 +52,6 @@ class Terminal:
 
         return Console(stderr=self._stderr, highlight=False, emoji=False)
 
-    @property
-    def is_terminal(self) -> bool:
-        """Whether it is a terminal."""
-        return self.rich.is_terminal
-
     def shows(self, text: str) -> bool:
         """Whether its encoding has all characters of a text."""
         try:
@@ -168,7 +163,7 @@ def write_json(facts: Mapping[str, object]) -> None:
 def working(what: str) -> Iterator[Callable[[str], None]]:
     """Show a spinner on standard error; yields the function that updates its text."""
     interrupts.at(what)
-    if console.quiet or not errors.is_terminal:
+    if console.quiet or not errors.rich.is_terminal:
         yield lambda text: interrupts.at(f"{what}: {text}")
         return
     with errors.rich.status(escape(what)) as status:
@@ -212,7 +207,7 @@ class Bar:
 @contextmanager
 def progress_bar(name: str, total: int) -> Iterator[Bar]:
     """Show a progress bar with a name and a count, if standard error is a terminal."""
-    if console.quiet or not errors.is_terminal:
+    if console.quiet or not errors.rich.is_terminal:
         yield Bar(None, total)
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn

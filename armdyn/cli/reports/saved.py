@@ -115,15 +115,3 @@ def _refuse_degrees(robot: ad.Robot, file: Path, q: Array) -> None:
             f"[{limits.position_lower[j]:.4g}, {limits.position_upper[j]:.4g}] rad: these are degrees; positions are "
             f"radians, in a table also degrees in columns named 'q{j + 1} [deg]'"
         )
-
-
-def checked(robot: ad.Robot, motion: Trajectory) -> Facts:
-    """Checks of a bare motion: whether it satisfies limits, and whether its torques lead to its end.
-
-    Args:
-        robot: with the limits that hold.
-        motion: of it.
-    """
-    from armdyn.optimal.gap import check_motion
-
-    return Facts(check_motion(robot, motion).facts())

@@ -19,7 +19,7 @@ import numpy as np
 
 from armdyn.cli.options.path_constraints import obstacles_of
 from armdyn.cli.options.robot import PartOptions, ends_of
-from armdyn.cli.reports.saved import Saved, checked, is_given, motion_of, read_saved
+from armdyn.cli.reports.saved import Saved, is_given, motion_of, read_saved
 from armdyn.errors import ArmdynError, ArmdynWarning, FileError, ProblemError, TrajectoryError
 from armdyn.models import PLANAR_ARMS, JointLimits, Payload, Robot
 from armdyn.models.robots.loads import is_motion_of
@@ -222,7 +222,12 @@ def read_moves(paths: Sequence[Path], spec: SubjectSpec) -> tuple[Subject, list[
     results = [own[path] if path in own else _planned(path, subject) for path in paths]
     moves = _named(results)
     if (robot := subject.robot) is not None:
-        moves = [move if move.facts.values else replace(move, facts=checked(robot, move.motion)) for move in moves]
+        from armdyn.optimal.gap import check_motion
+
+        moves = [
+            move if move.facts.values else replace(move, facts=Facts(check_motion(robot, move.motion).facts()))
+            for move in moves
+        ]
         first, arms = _arms(results[0]), {robot.model_hash}
         arms |= first if is_motion_of(robot, results[0].motion) or robot.model_hash in first else set()
         for one in results:
