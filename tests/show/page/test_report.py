@@ -12,6 +12,7 @@ import pytest
 import armdyn as ad
 from armdyn.errors import TrajectoryError
 from armdyn.show.page.facts import Facts
+from armdyn.show.page.joints import compared
 from armdyn.show.page.motions import ShownMotion
 from armdyn.show.page.report import Report, Subject, report_html, report_of
 from armdyn.show.page.sections import td
@@ -101,6 +102,9 @@ def test_a_number_has_the_same_digits_everywhere():
     assert said.count("+2068.3 %") == 2 and "e+03" not in said
     tracked = verdict_of(Facts({"peak_error": 0.1, "settled_time": 0.3, "peak_velocity": 0.04664}))
     assert ("keeps position and speed limits", True, "largest speed 4.66 % of its limit") in tracked.checks
+    beyond = {"peak_error": 0.1, "settled_time": 0.3, "peak_velocity": 1.2, "limits_exceeded": ["j1: 120 %"]}
+    rows = compared([move, replace(move, facts=Facts(beyond))], robot.limits)
+    assert rows[1].verdict == "Settled, but exceeded its limits"
 
 
 def test_a_section_alone_between_wide_ones_takes_the_whole_width():
