@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import armdyn as ad
 from armdyn.arguments import one_of
 from armdyn.cli.console import Answer, facts_table, judged, working
@@ -128,6 +126,8 @@ def tune(
 
 def _ramp_too_fast(model: ad.Robot, found: ad.Tuned) -> dict[str, str]:
     """The velocity limit that the chosen ramp exceeds most, and the shortest ramp that exceeds none."""
+    import numpy as np
+
     parts = np.abs(found.reference.v).max(axis=0) / model.limits.velocity
     most = int(np.argmax(parts))
     if parts[most] <= 1:
