@@ -19,7 +19,7 @@ from armdyn.optimal.problem.problem import MinimumTimeProblem, expect_problem
 from armdyn.optimal.problem.status import Status, Stop, stopping
 from armdyn.optimal.refine.bang import minimum_time
 from armdyn.optimal.refine.constrained import constrained, with_clearances, without_obstacles
-from armdyn.optimal.refine.curves import curves
+from armdyn.optimal.refine.curves import cruise, curves
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.profiles import profiles
 from armdyn.optimal.refine.slowing import slowed
@@ -32,6 +32,7 @@ from armdyn.parallel import ForkPool, concurrently, job_pool, one_blas_thread
 
 METHODS: dict[Method, Callable[[Task], tuple[list[Optimum], SearchResult]]] = {
     "profiles": profiles,
+    "cruise": cruise,
     "arcs": minimum_time,
     "time-energy": time_energy,
     "mesh": constrained,

@@ -46,7 +46,7 @@ class RefinedCurve:
     calm: float = 0.0
 
 
-def refine_curve(task: Task, guess: Curve, rough: bool = False) -> RefinedCurve:
+def refine_curve(task: Task, guess: Curve, rough: bool = False, by_steps: bool = False) -> RefinedCurve:
     """The fastest curve near a guess, within its torque limits and path constraints everywhere.
 
     An excess of a torque between two points becomes a margin of the limit there, and the program is solved again.
@@ -56,15 +56,18 @@ def refine_curve(task: Task, guess: Curve, rough: bool = False) -> RefinedCurve:
         guess: initial guess.
         rough: whether `calm_curve` continues from the result: then its duration is the fastest, and its torques may
             exceed their limits slightly.
+        by_steps: do not fall back on IPOPT if sequential convexification does not converge.
     """
-    spec = CurveSpec.of(task)
-    return _refined(task, guess, spec, task.policy.curves.calm_excess if rough else task.policy.curves.small_excess)
+    little = task.policy.curves.calm_excess if rough else task.policy.curves.small_excess
+    return _refined(task, guess, CurveSpec.of(task), little, by_steps=by_steps)
 
 
-def _refined(task: Task, guess: Curve, spec: CurveSpec, little: float, near: Solved | None = None) -> RefinedCurve:
+def _refined(
+    task: Task, guess: Curve, spec: CurveSpec, little: float, near: Solved | None = None, by_steps: bool = False
+) -> RefinedCurve:
     enough = little if can_be_slowed(task.problem) else 0.0
     tightening = Tightening(task, guess, spec, enough)
-    solved = solve_curve(task, guess, spec, near, tightening)
+    solved = solve_curve(task, guess, spec, near, tightening, by_steps)
     over = tightening.over_at(solved.result.x)
     return _in_rounds(task, solved, tightening.spec if solved.in_steps else spec, enough, over)
 

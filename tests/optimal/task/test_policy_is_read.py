@@ -243,6 +243,10 @@ def a_curve_after_an_interrupt():
     curves(replace(task, progress=lambda text: task.stop.interrupt()))
 
 
+def curves_that_do_not_converge():
+    curves(noted(between("rr", velocity_limit=5.0)).with_options(max_iterations=1))
+
+
 def guesses_for_two_workers():
     list(in_batches([], noted(between("rrr")).with_options(workers=2)))
 
@@ -302,6 +306,7 @@ CALLS = (
     goals_as_coarse_curves,
     a_guess_with_ramps,
     a_curve_after_an_interrupt,
+    curves_that_do_not_converge,
     guesses_for_two_workers,
     a_torque_that_hovers,
     a_neighbour_of_a_study,

@@ -32,10 +32,10 @@ from armdyn.optimal.task.policy.switching import (
 from armdyn.optimal.task.policy.tuned import by_kind, rows
 from armdyn.optimal.task.tableau import Scheme
 
-Method = Literal["profiles", "arcs", "time-energy", "mesh", "curves"]
-"""Refinement methods: every joint's own fastest profile; switching times of bang-bang torques; smooth torques where
-effort has a weight; collocation, tightened until the replay satisfies the path constraints; B-splines with inverse
-dynamics."""
+Method = Literal["profiles", "cruise", "arcs", "time-energy", "mesh", "curves"]
+"""Refinement methods: every joint's own fastest profile; the straight path's curve, for a lower bound to prove;
+switching times of bang-bang torques; smooth torques where effort has a weight; collocation, tightened until the replay
+satisfies the path constraints; B-splines with inverse dynamics."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class StrategyPolicy:
     methods: tuple[Method, ...] = by_kind(
         "methods",
         "tried in turn until an optimum is certified: beyond three joints idle joints leave arcs undetermined, and "
-        "only curves are used; where velocity limits shape the motion curves are often proven, and come first; "
+        "only curves are used; where velocity limits shape the motion a curve is often proven, and comes first; "
         "profiles are the optimum where rates are limited more than torques, and take a tenth of a second",
     )
     fallback: tuple[Method, ...] = by_kind(
@@ -211,7 +211,8 @@ def _strategy(problem: MinimumTimeProblem, motors: bool, speed_limited: bool) ->
     alone = motors and (problem.robot.nv > 3 or problem.relative_effort_weight > 0 or problem.regional)
     constrained = bool(set(problem.path_constraint_names) - {"obstacles", "self-collision"})
     own: Method = "mesh" if constrained else "time-energy" if problem.pays_effort else "arcs"
-    first: tuple[Method, ...] = ("curves",) if alone or (speed_limited and motors and not constrained) else ()
+    free = motors and not (constrained or problem.pays_effort)
+    first: tuple[Method, ...] = ("curves",) if alone else ("cruise",) if speed_limited and free else ()
     profiled: tuple[Method, ...] = ("profiles",) if motors and _has_profiles(problem) else ()
     return StrategyPolicy(
         methods=(*profiled, *(first if alone else (*first, own))),
