@@ -12,7 +12,7 @@ from armdyn.optimal.landing.shooting import replay_on_goal
 from armdyn.optimal.problem.status import Budget
 from armdyn.optimal.proof.certificate import GOAL_TOLERANCE, HAMILTONIAN_TOLERANCE, SWITCHING_TOLERANCE
 from armdyn.optimal.proof.pontryagin import pontryagin
-from armdyn.optimal.refine.land import land_extremal
+from armdyn.optimal.refine.land import land_extremal, with_adjoint_check
 from armdyn.optimal.refine.motion_mesh import ResolvedMotions, mesh_optimum
 from armdyn.optimal.refine.optimum import Optimum
 from armdyn.optimal.refine.slowing import least_slowing
@@ -46,9 +46,12 @@ def resolve(task: Task, attempt: Attempt, budget: Budget, resolved: ResolvedMoti
     """
     known = list[Optimum]()
     for found in _optima(task, attempt, budget, resolved):
-        known += found
+        # Costates may stray from the adjoint equations although all signs are right: checked by another integrator.
         if certified := [one for one in found if one.certificate.ok]:
-            return min(certified, key=partial(rank, task))
+            best = with_adjoint_check(task, min(certified, key=partial(rank, task)))
+            if best.certificate.ok:
+                return best
+        known += found
     # Uncertified arcs are kept only if their motion is the better one.
     return min(known, key=partial(rank, task))
 
