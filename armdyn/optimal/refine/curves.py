@@ -87,13 +87,14 @@ def curves(task: Task) -> tuple[list[Optimum], SearchResult]:
 
 
 def cruise(task: Task) -> tuple[list[Optimum], SearchResult]:
-    """The straight path's curve by sequential convexification, which takes 0.05 s; no motion if that does not converge.
+    """The straight path's curve by sequential convexification, in 0.05 s; no motion if that does not converge.
 
     Args:
         task: a problem whose fastest motion is shaped by velocity limits: its lower bound often proves the curve.
     """
     found = refine_curve(task, straight_curve(task, task.policy.curves.intervals), _calms(task), by_steps=True)
-    return ([_calm(task, found)] if found.solved.converged else []), SearchResult(())
+    fast = found.excess <= task.policy.curves.most_excess and (found.solved.converged or task.stop)
+    return ([_calm(task, found)] if fast else []), SearchResult(())
 
 
 def _optima_met(task: Task, found: Sequence[RefinedCurve]) -> str:
